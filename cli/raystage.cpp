@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// `raystage COMMAND ...` runs the executable raystage-COMMAND beside itself, so that each command
+// loads only the libraries it uses.
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "raystage_version.h"
+
+namespace {
+
+struct Command {
+  std::string_view name, summary;
+};
+
+constexpr Command kCommands[] = {
+    {"import",
+     "make a take of images or movies: a manifest, a COLMAP model, a NeRF transforms.json"},
+    {"simulate", "make a take of a simulated scene, with its truth"},
+    {"sync", "align the free-running cameras of a take in time"},
+    {"info", "say what a take holds and what it lacks"},
+    {"render", "render a shot as an EXR sequence"},
+    {"evaluate", "render views whose truth is known; measure error and time"},
+    {"preview", "turn an EXR sequence into a movie and a contact sheet"},
+};
+
+void print_help(std::FILE* stream) {
+  std::fputs(
+      "Raystage records light field video from a camera array and renders it for film.\n\n"
+      "Usage: raystage COMMAND [OPTION...]      raystage COMMAND --help for its options\n\n"
+      "Commands:\n",
+      stream);
+  for (const Command& command : kCommands) {
+    std::fprintf(stream, "  %-10s %s\n", command.name.data(), command.summary.data());
+  }
+  std::fputs(
+      "\nOptions:\n"
+      "  -h, --help     print this\n"
+      "  --version      print the version\n\n"
+      "Exit codes: 0 everything asked for exists whole, 1 failed, 2 bad usage or input,\n"
+      "3 some frames failed, 33 out of memory, 128+n stopped by signal n.\n",
+      stream);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string_view command = argc > 1 ? argv[1] : "";
+  if (command == "--version") {
+    std::puts("raystage " RAYSTAGE_VERSION);
+    return 0;
+  }
+  if (command == "--help" || command == "-h" || command == "help") {
+    print_help(stdout);
+    return 0;
+  }
+  if (command.empty()) {
+    print_help(stderr);
+    return 2;
+  }
+  for (const Command& known : kCommands) {
+    if (known.name != command) continue;
+    std::error_code error;
+    const auto here = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
+    const std::string program = (here / ("raystage-" + std::string(command))).string();
+    execv(program.c_str(), argv + 1);
+    std::fprintf(stderr, "raystage: %s: cannot be run: %s. Reinstall raystage.\n", program.c_str(),
+                 std::strerror(errno));
+    return 1;
+  }
+  std::fprintf(stderr, "raystage: there is no command '%s'. See raystage --help.\n", argv[1]);
+  return 2;
+}

@@ -1,0 +1,28 @@
+# SPDX-License-Identifier: Apache-2.0
+# Every library we stand on, under the target names used by the folders.
+# The Debian packages that hold them are listed, with what each is for, in scripts/packages.txt.
+
+find_package(PkgConfig REQUIRED)
+find_package(Threads REQUIRED)
+find_package(Eigen3 3.4 CONFIG REQUIRED)           # Eigen3::Eigen
+find_package(TBB CONFIG REQUIRED)                  # TBB::tbb
+find_package(nlohmann_json 3.11 CONFIG REQUIRED)   # nlohmann_json::nlohmann_json
+find_package(CLI11 CONFIG REQUIRED)                # CLI11::CLI11
+find_package(fmt CONFIG REQUIRED)                  # fmt::fmt
+find_package(OpenEXR 3.1 CONFIG REQUIRED)          # OpenEXR::OpenEXR
+find_package(OpenImageIO 2.4 CONFIG REQUIRED)      # OpenImageIO::OpenImageIO
+find_package(embree 3 CONFIG REQUIRED)             # embree
+pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # PkgConfig::TURBOJPEG
+pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)                   # PkgConfig::ZSTD
+pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)               # PkgConfig::XXHASH
+pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)                     # PkgConfig::HWY
+pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET
+                  libavformat libavcodec libavutil libswscale)             # PkgConfig::FFMPEG
+if(RAYSTAGE_TESTS)
+  find_package(GTest REQUIRED)                     # GTest::gtest_main
+  find_package(rapidcheck REQUIRED)                # rapidcheck
+endif()
+if(RAYSTAGE_BENCHMARKS)
+  find_package(benchmark REQUIRED)                 # benchmark::benchmark
+  find_package(OpenCV 4.6 CONFIG REQUIRED COMPONENTS core imgproc) # opencv_core opencv_imgproc
+endif()

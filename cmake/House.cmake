@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+# One library per folder, its links listed by hand; a test stands beside its source.
+
+# raystage_library(NAME SOURCES ... LINKS ...)
+#   Static library raystage_NAME of the folder it is called in. LINKS are public: what a header
+#   shows, its users may use.
+function(raystage_library NAME)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINKS" ${ARGN})
+  add_library(raystage_${NAME} STATIC ${ARG_SOURCES})
+  target_link_libraries(raystage_${NAME} PUBLIC raystage_compiler ${ARG_LINKS})
+endfunction()
+
+# raystage_test(NAME SOURCES ... LINKS ... [LABELS ...])
+#   One GoogleTest executable for a folder's tests; every TEST becomes a ctest of its own.
+function(raystage_test NAME)
+  if(NOT RAYSTAGE_TESTS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINKS;LABELS" ${ARGN})
+  add_executable(raystage_${NAME}_test ${ARG_SOURCES})
+  target_link_libraries(raystage_${NAME}_test PRIVATE raystage_compiler ${ARG_LINKS}
+                        GTest::gtest_main GTest::gmock)
+  target_compile_definitions(raystage_${NAME}_test PRIVATE
+    RAYSTAGE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" RAYSTAGE_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
+  gtest_discover_tests(raystage_${NAME}_test DISCOVERY_MODE PRE_TEST
+    PROPERTIES LABELS "${NAME};${ARG_LABELS}" TIMEOUT 300)
+endfunction()
+include(GoogleTest)
+
+# raystage_command(NAME SOURCES ... LINKS ...)
+#   The executable raystage-NAME, which `raystage NAME` runs.
+function(raystage_command NAME)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINKS" ${ARGN})
+  add_executable(raystage-${NAME} ${ARG_SOURCES})
+  target_link_libraries(raystage-${NAME} PRIVATE raystage_compiler ${ARG_LINKS})
+endfunction()

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "images/image_file.h"
+
+#include <OpenImageIO/imageio.h>
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage {
+
+RgbImage read_image(const std::filesystem::path& file) {
+  const auto input = OIIO::ImageInput::open(file.string());
+  if (!input) {
+    throw Error::bad_input("the image cannot be read: " + OIIO::geterror(), file.string(),
+                           "Check that the file exists and is an image");
+  }
+  const OIIO::ImageSpec& spec = input->spec();
+  const int channels = spec.nchannels;
+  std::vector<std::uint8_t> codes(static_cast<std::size_t>(spec.width) * spec.height * channels);
+  if (!input->read_image(0, 0, 0, channels, OIIO::TypeDesc::UINT8, codes.data())) {
+    throw Error::bad_input("the image is damaged: " + input->geterror(), file.string(),
+                           "Replace the file");
+  }
+  RgbImage image{spec.width, spec.height, {}};
+  image.pixels.resize(static_cast<std::size_t>(spec.width) * spec.height * 3);
+  for (std::size_t pixel = 0; pixel < image.pixels.size() / 3; ++pixel) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::size_t source = channels >= 3 ? c : 0;
+      image.pixels[pixel * 3 + c] = codes[pixel * static_cast<std::size_t>(channels) + source];
+    }
+  }
+  return image;
+}
+
+void write_image(const RgbImage& image, const std::filesystem::path& file) {
+  const auto output = OIIO::ImageOutput::create(file.extension().string());
+  if (!output) {
+    throw Error::bad_input("no image format has this extension", file.string(), "Use .png");
+  }
+  TemporaryFile temporary(file);
+  const OIIO::ImageSpec spec(image.width, image.height, 3, OIIO::TypeDesc::UINT8);
+  if (!output->open(temporary.path().string(), spec) ||
+      !output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) || !output->close()) {
+    throw Error::failed("the image cannot be written: " + output->geterror(), file.string(),
+                        "Check the folder's permissions and the room on the disk");
+  }
+  temporary.commit();
+}
+
+}  // namespace raystage

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "render/view.h"
+#include "store/take.h"
+#include "store/timeline.h"
+
+namespace raystage {
+
+/// How rays are reconstructed.
+struct Reconstruction {
+  std::string method = "focal_plane";
+  /// a x + b y + c z + d = 0 in the world; (0, 0, 0, 1) lies at infinity. See plane_in_front_of().
+  Eigen::Vector4d focal_plane{0, 0, 0, 1};
+};
+
+struct RendererSettings {
+  std::size_t cache_bytes = std::size_t{1} << 30;  ///< decoded source frames kept in memory
+  std::vector<int> left_out;      ///< cameras of the take that must not contribute
+  bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
+  bool reference = false;         ///< the slow, obvious implementation, ray by ray
+};
+
+/// Renders views of a take. Many threads may call render() at once (frames in flight); the pixels do
+/// not depend on how many threads there are. Uses the TBB arena it is called in.
+class LightFieldRenderer {
+ public:
+  /// Throws Error (bad input) for an unknown method or no camera left. Keeps a reference to `take`.
+  LightFieldRenderer(const Take& take, const RendererSettings& settings);
+  ~LightFieldRenderer();
+
+  RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
+                      const Reconstruction& reconstruction) const;
+
+  /// Throws Error (bad input) naming the methods there are, unless `method` is one.
+  static void check_method(std::string_view method);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace raystage

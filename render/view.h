@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "rig/camera_model.h"
+#include "rig/pose.h"
+#include "schemas/geometry.h"
+
+namespace raystage {
+
+/// The camera that was never on the set. Pixel centres at +0.5, y down; looks down -z.
+struct VirtualCamera {
+  int width = 0, height = 0;  ///< pixels
+  Intrinsics intrinsics;      ///< distortion is honoured, at the per-ray reference's speed
+  Pose pose;
+};
+
+/// `geometry` as views.json and rig.json hold it.
+VirtualCamera virtual_camera_from_geometry(const CameraGeometry& geometry);
+/// Square pixels, principal point in the middle. `horizontal_fov`: full angle, radians, (0, pi).
+VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_fov,
+                                      const Pose& pose);
+
+/// What rendering a view took.
+struct RenderStatistics {
+  double plan_ms = 0;    ///< geometry, and finding the source pixels that contribute
+  double decode_ms = 0;  ///< wall-clock time in which frames were decoded
+  double render_ms = 0;  ///< wall-clock time of the sampling
+  std::int64_t pixels_decoded = 0;   ///< entropy-decoded source pixels, all cameras
+  std::int64_t pixels_needed = 0;    ///< distinct source pixels with a weight; only counted on request
+  int cameras_used = 0;              ///< that contribute to some pixel
+};
+
+/// A reconstructed view, row-major from the top left.
+struct RenderedView {
+  int width = 0, height = 0;
+  /// R, G, B, A: scene-linear Rec.709 primaries, premultiplied. A = sum of the weights of the
+  /// cameras that saw the ray (1 where all did, 0 where none).
+  std::vector<float> rgba;
+  /// As A, but against the whole rig: below 1 also where a camera that belongs here has no frame at
+  /// this instant and others stood in for it.
+  std::vector<float> coverage;
+  /// Planar depth along the view's axis, metres, of the surface the rays were looked up on;
+  /// +infinity where A is 0.
+  std::vector<float> z;
+  RenderStatistics statistics;
+};
+
+}  // namespace raystage

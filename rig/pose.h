@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "schemas/geometry.h"
+
+namespace raystage {
+
+/// A rigid placement of a camera: x_in_world = rotation * x_in_camera + position.
+/// Camera x right, y up, looks down -z; world right-handed, metres, y up.
+struct Pose {
+  Eigen::Matrix3d world_from_camera_rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+
+  Eigen::Vector3d world_from_camera(const Eigen::Vector3d& x_in_camera) const {
+    return world_from_camera_rotation * x_in_camera + position;
+  }
+  Eigen::Vector3d camera_from_world(const Eigen::Vector3d& x_in_world) const {
+    return world_from_camera_rotation.transpose() * (x_in_world - position);
+  }
+  /// Unit vector the camera looks along, in the world.
+  Eigen::Vector3d viewing_direction() const { return -world_from_camera_rotation.col(2); }
+};
+
+/// The rotation is taken as it stands: documents are checked for rigidity when they are read.
+Pose pose_from_matrix(const Matrix4& world_from_camera);
+Matrix4 matrix_from_pose(const Pose& pose);
+
+}  // namespace raystage

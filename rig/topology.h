@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <span>
+#include <vector>
+
+namespace raystage {
+
+/// Who neighbours whom in the array (thesis 4.1.2): the cells between which rays are interpolated.
+/// The dimension is what the camera centres span, coincident cameras counted once.
+struct Topology {
+  enum class Kind {
+    kTriangles,  ///< the usual array: cells of three cameras
+    kSegments,   ///< collinear cameras: cells of two, each standing for an endless strip along `up`
+    kPoint       ///< one distinct centre: one cell of one camera, valid for every ray
+  };
+  /// Indices into the centres; the unused ones are -1. Triangles run counter-clockwise as seen from
+  /// the side that `normal` points to.
+  using Cell = std::array<int, 3>;
+
+  Kind kind = Kind::kPoint;
+  std::vector<Cell> cells;
+  /// Unit normal of the best-fit plane of the centres, turned towards the back of the cameras
+  /// (against the mean viewing direction).
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
+  /// Unit, in the plane, across the line of a kSegments array.
+  Eigen::Vector3d up = Eigen::Vector3d::UnitY();
+};
+
+/// Delaunay triangulation of the centres projected on their best-fit plane. Predicates are exact
+/// (centres snapped to 2^-26 of the extent), so co-circular centres, as in a regular grid, give one
+/// deterministic triangulation. Centres closer than 1e-9 of the extent (or coincident) are one: the
+/// first stands for them; all closer than 1e-7 of the extent to a line are collinear.
+/// `viewing_directions`: unit, world, one per centre. Throws Error (bad input) without a centre.
+Topology delaunay_topology(std::span<const Eigen::Vector3d> centres,
+                           std::span<const Eigen::Vector3d> viewing_directions);
+
+/// A grid's own topology: each cell of four neighbours split along its shorter diagonal (ties: from
+/// lower row and column to higher). `rows`, `columns`: place of each centre; missing places leave
+/// holes that are closed by Delaunay of what remains. Falls back to delaunay_topology when places
+/// repeat or the grid is a line.
+Topology grid_topology(std::span<const Eigen::Vector3d> centres,
+                       std::span<const Eigen::Vector3d> viewing_directions,
+                       std::span<const int> rows, std::span<const int> columns);
+
+}  // namespace raystage

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace raystage {
+
+/// A name in the target's folder, unique per host, process and call, that becomes the target when
+/// commit() renames it; the destructor removes it otherwise. Two hosts on one target end in one
+/// whole file.
+class TemporaryFile {
+ public:
+  explicit TemporaryFile(std::filesystem::path target);
+  ~TemporaryFile();
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  /// Flushes to disk and renames. Throws Error (failed) when the disk refuses; nothing is left
+  /// then.
+  void commit();
+
+ private:
+  std::filesystem::path target_, path_;
+  bool committed_ = false;
+};
+
+/// Writes a whole file under a temporary name and renames it. Throws Error (failed): full disk, no
+/// permission, missing folder; the old file, if any, is untouched then.
+void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes);
+void write_file_atomically(const std::filesystem::path& target, std::string_view text);
+
+/// The whole file. Throws Error (bad input) when it cannot be read.
+std::string read_file(const std::filesystem::path& file);
+
+/// Creates the folder and its parents. Throws Error (failed) where that is refused.
+void create_folder(const std::filesystem::path& folder);
+
+}  // namespace raystage

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+
+namespace raystage {
+
+/// A 4x4 matrix, row-major, for column vectors (translation in the last column).
+using Matrix4 = std::array<double, 16>;
+
+/// Brown-Conrady lens distortion on normalised image coordinates (x/z, y/z, y down), as OpenCV
+/// counts its coefficients. Unitless.
+struct Distortion {
+  double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
+  bool operator==(const Distortion&) const = default;
+};
+
+/// Pinhole intrinsics in pixels. Image origin at the top-left corner of the top-left pixel, y down,
+/// pixel centres at +0.5.
+struct Intrinsics {
+  double fx = 1, fy = 1, cx = 0, cy = 0;
+  Distortion distortion;
+  bool operator==(const Intrinsics&) const = default;
+};
+
+/// One camera as the documents hold it.
+/// `world_from_camera`: rigid; camera x right, y up, looks down -z; metres.
+struct CameraGeometry {
+  std::string id;
+  int width = 0, height = 0;  ///< pixels
+  Intrinsics intrinsics;
+  Matrix4 world_from_camera{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  std::optional<int> row, column;  ///< place in a grid, where there is one
+  bool operator==(const CameraGeometry&) const = default;
+};
+
+/// Distances in front of the array between which the scene lies, metres; far may be infinite.
+struct DepthRange {
+  double near = 0, far = 0;
+  bool operator==(const DepthRange&) const = default;
+};
+
+}  // namespace raystage

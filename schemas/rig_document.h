@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "schemas/geometry.h"
+
+namespace raystage {
+
+/// Photometric response of a camera per channel R, G, B (thesis eq. 4.1): what a reference camera
+/// would have shown = brightness + contrast * shown, both on linear light, full scale 1.
+struct PhotometricResponse {
+  std::array<double, 3> contrast{1, 1, 1};
+  std::array<double, 3> brightness{0, 0, 0};
+  bool operator==(const PhotometricResponse&) const = default;
+};
+
+/// schema "raystage/rig/1" (TAKE/rig.json): the physical array.
+struct RigDocument {
+  struct Camera {
+    CameraGeometry geometry;
+    PhotometricResponse photometric;
+  };
+  std::string name;
+  std::string topology = "auto";  ///< "auto" | "grid" | "delaunay": who neighbours whom
+  std::vector<Camera> cameras;
+};
+
+RigDocument read_rig(const std::filesystem::path& file);
+void write_rig(const RigDocument& rig, const std::filesystem::path& file);
+
+}  // namespace raystage

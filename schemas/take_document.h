@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "schemas/geometry.h"
+#include "schemas/time.h"
+
+namespace raystage {
+
+/// schema "raystage/take/1" (TAKE/take.json): one recording on a rig. Camera i here is camera i of
+/// rig.json, with the same id.
+struct TakeDocument {
+  struct Camera {
+    std::string id;
+    std::string archive;  ///< Matroska file, relative to the take, e.g. "archive/r0c0.mkv"
+    std::string journal;  ///< e.g. "archive/r0c0.journal"
+    std::string node;     ///< ingest node whose clock stamped the frames; may be empty
+  };
+  std::string name;
+  std::string created_by;     ///< program and version
+  Nanoseconds epoch_utc = 0;  ///< time 0 of every archive, since 1970
+  double nominal_fps = 0;
+  std::string color_space;             ///< of the JPEG codes: "srgb_texture"
+  std::string clock = "host";          ///< "host" | "device" | "simulated" | "manifest"
+  std::string time_marks = "unknown";  ///< "exposure_start|middle|end", "arrival", "unknown"
+  bool arbitrary_scale = false;
+  std::optional<DepthRange> depth_range;
+  std::vector<Camera> cameras;
+};
+
+TakeDocument read_take(const std::filesystem::path& file);
+void write_take(const TakeDocument& take, const std::filesystem::path& file);
+
+}  // namespace raystage

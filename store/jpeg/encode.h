@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "store/jpeg/decode.h"
+
+namespace raystage {
+
+struct JpegEncodeSettings {
+  int quality = 95;  ///< 1-100, libjpeg's scale
+  enum class Chroma { k444, k422, k420 } chroma = Chroma::k444;
+  /// MCUs between restart markers; -1: chosen by default_restart_interval(); 0: none.
+  int restart_interval = -1;
+};
+
+/// The largest divisor of the MCU row that makes segments of at most 32 pixels in width (a whole
+/// MCU at least): fine enough that a rectangle costs little more than itself, at 2-4 % of the
+/// bytes.
+int default_restart_interval(int mcus_per_row, int mcu_width);
+
+/// Encodes 8-bit RGB once. Throws Error (bad input) for sizes outside 1-65535 or wrong settings.
+std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettings& settings);
+
+/// The same picture with restart markers every `restart_interval` MCUs (-1: the default): the
+/// quantised coefficients are carried over untouched, so every pixel decodes to the same value. A
+/// progressive file becomes baseline. APPn and COM markers are kept. Throws Error (bad input) for a
+/// damaged frame.
+std::vector<std::byte> add_restart_markers(std::span<const std::byte> jpeg, int restart_interval,
+                                           std::string_view name);
+
+}  // namespace raystage

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace raystage {
+
+/// Where things are in a JPEG file: what decoding parts of it needs. Holds no pixel bytes itself.
+///
+/// A baseline scan with restart markers is a row of independent `segments` of `restart_interval`
+/// MCUs each, in raster order (a segment may run on into the next MCU row). ITU-T T.81 B.2.4.4.
+struct JpegLayout {
+  int width = 0, height = 0;               ///< pixels
+  int components = 0;                      ///< 1 or 3
+  int h[3] = {1, 1, 1}, v[3] = {1, 1, 1};  ///< sampling factors per component
+  int mcu_width = 8, mcu_height = 8;       ///< pixels
+  int mcus_per_row = 0, mcu_rows = 0;
+  int restart_interval = 0;   ///< MCUs per segment; 0: no restart markers
+  bool baseline_ycc = false;  ///< 8-bit Huffman baseline, one interleaved scan, grey or YCbCr: what
+                              ///< region decoding needs besides restart markers
+  std::size_t sof_offset = 0;   ///< of the SOF marker's 0xFF
+  std::size_t scan_offset = 0;  ///< first byte of entropy-coded data
+  std::size_t scan_end = 0;     ///< one past the last (the marker after it, or the file's end)
+  std::vector<std::uint32_t> segment_offset;  ///< first byte of each segment, then scan_end + 2
+
+  bool regions_decodable() const { return baseline_ycc && restart_interval > 0; }
+  int mcu_count() const { return mcus_per_row * mcu_rows; }
+};
+
+/// Reads the markers; finds the segments by scanning for RSTn. Throws Error (bad input) with the
+/// byte offset where the file is no JPEG, is cut short (no EOI), has the wrong number of segments,
+/// or is larger than 65535 on a side. `name` stands in the error.
+JpegLayout parse_jpeg_layout(std::span<const std::byte> jpeg, std::string_view name);
+
+}  // namespace raystage

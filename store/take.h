@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <vector>
+
+#include "rig/rig.h"
+#include "schemas/take_document.h"
+#include "store/archive.h"
+
+namespace raystage {
+
+/// A take on disk, opened for reading. Archives are opened when first asked for; const members may
+/// be called from many threads at once.
+class Take {
+ public:
+  /// Throws Error (bad input) where take.json or rig.json is missing, wrong, or they disagree.
+  explicit Take(std::filesystem::path folder);
+  ~Take();
+  Take(Take&&) noexcept;
+  Take& operator=(Take&&) noexcept;
+
+  const std::filesystem::path& folder() const;
+  const TakeDocument& document() const;
+  const Rig& rig() const;
+  int camera_count() const;
+  /// Index of a camera by id, -1 where there is none.
+  int camera_index(std::string_view id) const;
+  const ArchiveReader& archive(int camera) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Writes a new take: everything goes to a folder with a temporary name beside the target, which
+/// commit() renames, so a take is there whole or not at all.
+class TakeWriter {
+ public:
+  /// Throws Error (failed) where `folder` exists already or its parent cannot be written to.
+  /// camera.archive and camera.journal of the document are filled in here (archive/ID.mkv); ids
+  /// that are no safe file names are refused (bad input).
+  TakeWriter(std::filesystem::path folder, TakeDocument take, RigDocument rig);
+  ~TakeWriter();  ///< removes what was not committed
+  TakeWriter(const TakeWriter&) = delete;
+  TakeWriter& operator=(const TakeWriter&) = delete;
+
+  /// Different cameras may be written from different threads.
+  ArchiveWriter& archive(int camera);
+  /// The folder under its temporary name, for further files (truth images, views.json).
+  const std::filesystem::path& working_folder() const;
+  /// Closes the archives, writes the documents, renames the folder.
+  void commit();
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace raystage

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <vector>
+
+#include "schemas/time.h"
+#include "store/take.h"
+
+namespace raystage {
+
+/// The frames of one instant: per camera an index into ArchiveReader::frames(), or -1 for absent.
+struct FrameSelection {
+  Nanoseconds time_ns = 0;
+  std::vector<std::int32_t> frame;      ///< one per camera of the take
+  std::vector<Nanoseconds> difference;  ///< frame time - time_ns; 0 where absent
+  /// Latest minus earliest frame time of the cameras present.
+  Nanoseconds spread() const;
+  int present() const;
+};
+
+/// Nearest frame of each camera within `tolerance` of `time`, else absent.
+FrameSelection select_frames(const Take& take, Nanoseconds time, Nanoseconds tolerance);
+
+/// The resynchronised table of a take: ticks at a constant rate.
+struct Timeline {
+  double fps = 0;
+  Nanoseconds tolerance = 0;
+  std::vector<FrameSelection> ticks;
+};
+
+/// Ticks at `fps` (0: detected as the median over all frame intervals; nominal rate where there are
+/// too few), from the first instant by which half of the cameras run to the last such. Tolerance 0
+/// means half a frame time. A frame is used for one tick only: the nearest.
+Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance);
+
+/// TAKE/timeline.zst; layout in docs/formats.md. Atomic. Reproducible: same take, same bytes.
+void write_timeline(const Timeline& timeline, const std::filesystem::path& take_folder);
+/// Throws Error (bad input): missing (run `raystage sync`), damaged, of a future version, or not of
+/// this take.
+Timeline read_timeline(const Take& take);
+
+}  // namespace raystage

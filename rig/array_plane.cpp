@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig/array_plane.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+constexpr double kCoincident = 1e-9;
+constexpr double kCollinear = 1e-7;
+constexpr double kGridUnits = 67108864.0;  // 2^26 in the extent
+
+using Points = std::vector<Eigen::Vector3d>;
+
+// Turned so that its largest component is positive: the same for a line given from either end.
+Eigen::Vector3d with_largest_positive(const Eigen::Vector3d& v) {
+  Eigen::Index largest = 0;
+  v.cwiseAbs().maxCoeff(&largest);
+  return v(largest) < 0 ? Eigen::Vector3d(-v) : v;
+}
+
+// Unit vector across `normal`, as near to a world axis as may be: an array parallel to the world's
+// axes keeps its rows and columns exact.
+Eigen::Vector3d world_axis_across(const Eigen::Vector3d& normal, int axis) {
+  const int other = axis == 0 ? 1 : 0;
+  const Eigen::Vector3d chosen = Eigen::Vector3d::Unit(std::abs(normal(axis)) < 0.9 ? axis : other);
+  return (chosen - normal * normal.dot(chosen)).normalized();
+}
+
+Eigen::Vector3d main_direction(const Points& points) {
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : points) mean += p;
+  mean /= static_cast<double>(points.size());
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  for (const Eigen::Vector3d& p : points) covariance += (p - mean) * (p - mean).transpose();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> solver(covariance);
+  return solver.eigenvectors().col(2).normalized();
+}
+
+double largest_spread(const Points& points) {
+  double spread = 0;
+  for (const Eigen::Vector3d& p : points) spread = std::max(spread, (p - points[0]).norm());
+  return spread;
+}
+
+// The centres without what they have along `direction`.
+Points across(const Points& points, const Eigen::Vector3d& direction) {
+  Points result;
+  for (const Eigen::Vector3d& p : points) result.push_back(p - direction * direction.dot(p));
+  return result;
+}
+
+// Farthest any of the points lies from the line along `direction` through their mean.
+double distance_from_line(const Points& points, const Eigen::Vector3d& direction) {
+  const Points flat = across(points, direction);
+  Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+  for (const Eigen::Vector3d& p : flat) mean += p;
+  mean /= static_cast<double>(flat.size());
+  double distance = 0;
+  for (const Eigen::Vector3d& p : flat) distance = std::max(distance, (p - mean).norm());
+  return distance;
+}
+
+void keep_distinct_snapped(ArrayPlane& plane, const Points& scaled) {
+  std::vector<int> distinct;
+  for (std::size_t i = 0; i < scaled.size(); ++i) {
+    const GridPoint point{std::llround(plane.along.dot(scaled[i]) * kGridUnits),
+                          std::llround(plane.up.dot(scaled[i]) * kGridUnits)};
+    if (std::ranges::find(plane.snapped, point) != plane.snapped.end()) continue;
+    plane.snapped.push_back(point);
+    distinct.push_back(plane.distinct[i]);
+  }
+  plane.distinct = std::move(distinct);
+}
+
+}  // namespace
+
+ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
+                           std::span<const Eigen::Vector3d> viewing_directions) {
+  assert(centres.size() == viewing_directions.size());
+  if (centres.empty()) {
+    throw Error::bad_input("there is no camera to make a topology of", "rig",
+                           "Keep at least one camera");
+  }
+  Eigen::AlignedBox3d box;
+  Eigen::Vector3d viewing = Eigen::Vector3d::Zero();
+  for (std::size_t i = 0; i < centres.size(); ++i) {
+    if (!centres[i].allFinite() || !viewing_directions[i].allFinite()) {
+      throw Error::bad_input("camera " + std::to_string(i) + " has a pose that is not finite",
+                             "rig", "Check the calibration");
+    }
+    box.extend(centres[i]);
+    viewing += viewing_directions[i];
+  }
+  const double extent = box.diagonal().norm();
+  const Eigen::Vector3d towards_back =
+      viewing.norm() > 1e-9 ? Eigen::Vector3d(-viewing.normalized()) : -viewing_directions[0];
+
+  ArrayPlane plane;
+  Points scaled;  // distinct centres from the first, in extents
+  for (std::size_t i = 0; i < centres.size(); ++i) {
+    const Eigen::Vector3d p =
+        extent > 0 ? Eigen::Vector3d((centres[i] - centres[0]) / extent) : Eigen::Vector3d::Zero();
+    const bool repeated = std::ranges::any_of(
+        scaled, [&](const Eigen::Vector3d& q) { return (p - q).norm() < kCoincident; });
+    if (repeated) continue;
+    scaled.push_back(p);
+    plane.distinct.push_back(static_cast<int>(i));
+  }
+
+  if (scaled.size() == 1) {
+    plane.normal = towards_back;
+    plane.along = world_axis_across(plane.normal, 0);
+    plane.up = plane.normal.cross(plane.along);
+    plane.snapped = {GridPoint{}};
+    return plane;
+  }
+
+  const Eigen::Vector3d line = with_largest_positive(main_direction(scaled));
+  if (distance_from_line(scaled, line) < kCollinear) {
+    plane.dimension = 1;
+    plane.along = line;
+    const Eigen::Vector3d back = towards_back - line * line.dot(towards_back);
+    plane.normal =
+        back.norm() > 1e-9 ? Eigen::Vector3d(back.normalized()) : world_axis_across(line, 2);
+    plane.up = plane.normal.cross(plane.along);
+    keep_distinct_snapped(plane, scaled);
+    return plane;
+  }
+
+  // The second direction from what the first leaves over: exact even for a nearly straight array.
+  plane.dimension = 2;
+  Points rest = across(scaled, line);
+  const double spread = largest_spread(rest);
+  for (Eigen::Vector3d& p : rest) p /= spread;
+  plane.normal = with_largest_positive(line.cross(main_direction(rest)).normalized());
+  if (plane.normal.dot(towards_back) < 0) plane.normal = -plane.normal;
+  plane.along = world_axis_across(plane.normal, 0);
+  plane.up = plane.normal.cross(plane.along);
+  keep_distinct_snapped(plane, scaled);
+  return plane;
+}
+
+}  // namespace raystage

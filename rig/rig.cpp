@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig/rig.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+#include "schemas/error.h"
+
+namespace raystage {
+
+Eigen::Vector3d Rig::centre() const {
+  // From the first camera, so that an array far from the origin loses nothing.
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Camera& camera : cameras) sum += camera.pose.position - cameras[0].pose.position;
+  return cameras[0].pose.position + sum / static_cast<double>(cameras.size());
+}
+
+Eigen::Vector3d Rig::mean_viewing_direction() const {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Camera& camera : cameras) sum += camera.pose.viewing_direction();
+  // Cameras that look all around have no common direction; the first one's is as good as any.
+  if (sum.norm() <= 1e-9) return cameras[0].pose.viewing_direction().normalized();
+  return sum.normalized();
+}
+
+Rig rig_from_document(const RigDocument& document) {
+  if (document.cameras.empty()) {
+    throw Error::bad_input("the rig holds no camera", document.name, "Give at least one camera");
+  }
+  Rig rig;
+  rig.topology_kind = document.topology;
+  for (const RigDocument::Camera& camera : document.cameras) {
+    const CameraGeometry& geometry = camera.geometry;
+    if (document.topology == "grid" && !(geometry.row && geometry.column)) {
+      throw Error::bad_input("the camera has no row and column, but the rig's topology is \"grid\"",
+                             "camera " + geometry.id,
+                             "Give its place in the grid, or the topology \"auto\"");
+    }
+    rig.cameras.push_back({geometry.id, CameraModel(geometry),
+                           pose_from_matrix(geometry.world_from_camera), camera.photometric,
+                           geometry.row, geometry.column});
+  }
+  return rig;
+}
+
+Topology topology_of(const Rig& rig, std::span<const int> cameras) {
+  std::vector<Eigen::Vector3d> centres, directions;
+  std::vector<int> rows, columns;
+  for (const int index : cameras) {
+    const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(index)];
+    centres.push_back(camera.pose.position);
+    directions.push_back(camera.pose.viewing_direction());
+    if (camera.row && camera.column) {
+      rows.push_back(*camera.row);
+      columns.push_back(*camera.column);
+    }
+  }
+  const bool grid = rig.topology_kind != "delaunay" && rows.size() == cameras.size();
+  Topology topology = grid ? grid_topology(centres, directions, rows, columns)
+                           : delaunay_topology(centres, directions);
+  for (Topology::Cell& cell : topology.cells) {
+    for (int& corner : cell) {
+      if (corner >= 0) corner = cameras[static_cast<std::size_t>(corner)];
+    }
+  }
+  return topology;
+}
+
+Eigen::Vector4d plane_in_front_of(const Rig& rig, double depth) {
+  assert(!std::isnan(depth));
+  if (std::isinf(depth)) return {0, 0, 0, 1};
+  const Eigen::Vector3d normal = rig.mean_viewing_direction();
+  return {normal.x(), normal.y(), normal.z(), -(normal.dot(rig.centre()) + depth)};
+}
+
+double best_focal_depth(DepthRange range) {
+  if (!(range.near > 0 && range.far >= range.near && std::isfinite(range.near))) {
+    throw Error::bad_input("the depth range has no middle", "depth_range",
+                           "Give 0 < near <= far, in metres; far may be infinite");
+  }
+  return 2 / (1 / range.near + 1 / range.far);
+}
+
+}  // namespace raystage

@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig/rig.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+RigDocument document_of_grid(int rows, int columns) {
+  RigDocument document;
+  document.name = "test";
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      RigDocument::Camera camera;
+      camera.geometry.id = std::to_string(row) + "_" + std::to_string(column);
+      camera.geometry.width = 320;
+      camera.geometry.height = 240;
+      camera.geometry.intrinsics = {300, 300, 160, 120, {}};
+      camera.geometry.world_from_camera[3] = 0.1 * column;
+      camera.geometry.world_from_camera[7] = -0.1 * row;
+      camera.geometry.row = row;
+      camera.geometry.column = column;
+      document.cameras.push_back(camera);
+    }
+  }
+  return document;
+}
+
+TEST(Pose, MatrixRoundTrip) {
+  Pose pose;
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  pose.position = {1, -2, 3};
+  const Pose back = pose_from_matrix(matrix_from_pose(pose));
+  EXPECT_EQ(back.world_from_camera_rotation, pose.world_from_camera_rotation);
+  EXPECT_EQ(back.position, pose.position);
+  const Eigen::Vector3d x(0.3, 0.2, -4);
+  EXPECT_NEAR((pose.camera_from_world(pose.world_from_camera(x)) - x).norm(), 0, 1e-14);
+  EXPECT_EQ(Pose{}.viewing_direction(), Eigen::Vector3d(0, 0, -1));
+}
+
+TEST(Rig, CentreAndDirection) {
+  const Rig rig = rig_from_document(document_of_grid(3, 3));
+  EXPECT_NEAR((rig.centre() - Eigen::Vector3d(0.1, -0.1, 0)).norm(), 0, 1e-15);
+  EXPECT_EQ(rig.mean_viewing_direction(), Eigen::Vector3d(0, 0, -1));
+}
+
+TEST(Rig, RefusesUnusableDocuments) {
+  EXPECT_THROW(rig_from_document(RigDocument{}), Error);
+  RigDocument document = document_of_grid(2, 2);
+  document.cameras[1].geometry.intrinsics.fx = -1;
+  EXPECT_THROW(rig_from_document(document), Error);
+  document = document_of_grid(2, 2);
+  document.topology = "grid";
+  document.cameras[3].geometry.row.reset();
+  EXPECT_THROW(rig_from_document(document), Error);
+}
+
+TEST(Rig, TopologyOfSomeCamerasIndexesTheRig) {
+  RigDocument document = document_of_grid(3, 3);
+  const std::vector<int> without_first{1, 2, 3, 4, 5, 6, 7, 8};
+  for (const char* kind : {"auto", "grid", "delaunay"}) {
+    document.topology = kind;
+    const Topology topology = topology_of(rig_from_document(document), without_first);
+    EXPECT_EQ(topology.cells.size(), 7U) << kind;
+    for (const auto& cell : topology.cells) {
+      for (const int corner : cell) EXPECT_TRUE(corner >= 1 && corner <= 8);
+    }
+  }
+  const std::vector<int> one{5};
+  EXPECT_EQ(topology_of(rig_from_document(document), one).cells.at(0), (Topology::Cell{5, -1, -1}));
+}
+
+TEST(Rig, AutoTakesDelaunayWithoutPlaces) {
+  RigDocument document = document_of_grid(3, 3);
+  document.cameras[4].geometry.column.reset();
+  const std::vector<int> all{0, 1, 2, 3, 4, 5, 6, 7, 8};
+  EXPECT_EQ(topology_of(rig_from_document(document), all).cells.size(), 8U);
+}
+
+TEST(Rig, PlaneInFront) {
+  RigDocument document = document_of_grid(3, 3);
+  const Rig rig = rig_from_document(document);
+  const Eigen::Vector4d plane = plane_in_front_of(rig, 8);
+  EXPECT_NEAR(plane.head<3>().norm(), 1, 1e-15);
+  EXPECT_NEAR(plane.dot(Eigen::Vector4d(5, 7, -8, 1)), 0, 1e-12);
+  EXPECT_EQ(plane_in_front_of(rig, std::numeric_limits<double>::infinity()),
+            Eigen::Vector4d(0, 0, 0, 1));
+}
+
+TEST(Rig, BestFocalDepth) {
+  EXPECT_DOUBLE_EQ(best_focal_depth({2, 6}), 3);
+  EXPECT_DOUBLE_EQ(best_focal_depth({4, std::numeric_limits<double>::infinity()}), 8);
+  EXPECT_DOUBLE_EQ(best_focal_depth({5, 5}), 5);
+  EXPECT_THROW(best_focal_depth({0, 5}), Error);
+  EXPECT_THROW(best_focal_depth({5, 4}), Error);
+  EXPECT_THROW(best_focal_depth({std::nan(""), 4}), Error);
+}
+
+}  // namespace
+}  // namespace raystage

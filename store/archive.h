@@ -25,7 +25,7 @@ enum class FrameStatus : std::uint8_t {
 };
 const char* name_of(FrameStatus status);
 
-/// One record of the journal (32 bytes on disk, layout in docs/formats.md).
+/// One record of the journal (32 bytes on disk, layout in docs/formats/journal.md).
 struct FrameRecord {
   Nanoseconds time_ns = 0;   ///< since the take's epoch
   std::uint64_t offset = 0;  ///< of the JPEG bytes in the archive; 0 when not stored
@@ -66,9 +66,12 @@ class ArchiveWriter {
 
 /// Reads one camera's archive. The journal is the index; where it is missing, torn or behind, the
 /// Matroska file is scanned instead. A file cut at any byte gives every whole frame.
-/// Const members may be called from many threads at once.
+/// Const members may be called from many threads at once. The archive is mapped: if someone cuts it
+/// short meanwhile, touching the lost part ends the process with SIGBUS.
 class ArchiveReader {
  public:
+  /// Throws Error (bad input): no Matroska file, another time scale, a journal of a future version
+  /// or of another archive.
   ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal);
   ~ArchiveReader();
   ArchiveReader(ArchiveReader&&) noexcept;
@@ -84,12 +87,16 @@ class ArchiveReader {
   /// The JPEG bytes of frame i, mapped from the file: valid as long as the reader.
   /// Nothing is checked but the bounds; see verify_frame.
   std::span<const std::byte> jpeg(int frame) const;
-  /// Whether the bytes of frame i still have the journal's XXH3.
+  /// Whether the bytes of frame i still have the journal's XXH3; false where it holds none.
   bool verify_frame(int frame) const;
 
   const ArchiveWriter::Description& description() const;
   bool was_closed() const;      ///< false: the recording ended in a crash or still runs
   std::uint64_t bytes() const;  ///< size of the archive
+  /// Frames that the journal does not list; found by scanning, their xxh3 is 0 (unknown).
+  int recovered_frames() const;
+  /// Records of the journal that were torn, rotten, or at odds with the archive.
+  int damaged_records() const;
 
  private:
   struct State;

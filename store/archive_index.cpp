@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/archive_index.h"
+
+#include <xxhash.h>
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "schemas/error.h"
+#include "store/journal.h"
+#include "store/matroska.h"
+
+namespace raystage {
+namespace {
+
+using Bytes = std::span<const std::byte>;
+
+// Takes records in file order and keeps the stored ones increasing in time and offset.
+class Merger {
+ public:
+  Merger(Bytes archive, std::size_t first_cluster, ArchiveIndex& index)
+      : archive_(archive), cursor_(first_cluster), index_(index) {}
+
+  void add(const FrameRecord& record) {
+    if (record.time_ns <= last_time_ || record.time_ns > matroska::kMaxTime) {
+      ++index_.damaged_records;
+      return;
+    }
+    if (record.status != FrameStatus::kStored) {
+      accept({record.time_ns, 0, 0, record.status, 0});
+      return;
+    }
+    constexpr std::size_t kHeader = matroska::kClusterHeaderBytes;
+    if (record.size == 0 || record.offset < cursor_ + kHeader) {
+      ++index_.damaged_records;
+      return;
+    }
+    if (record.offset > archive_.size() || record.size > archive_.size() - record.offset) {
+      accept({record.time_ns, 0, 0, FrameStatus::kTorn, 0});
+      return;
+    }
+    const auto offset = static_cast<std::size_t>(record.offset);
+    // Clusters lie back to back: a gap holds frames whose records are lost.
+    if (offset > cursor_ + kHeader) recover(offset - kHeader, record.time_ns);
+    accept(record);
+    last_stored_time_ = record.time_ns;
+    cursor_ = offset + record.size;
+  }
+
+  void finish() {
+    recover(archive_.size(), matroska::kMaxTime + 1);
+    // Recovered frames fall between records of missing ones; at one and the same time the frame
+    // that is there wins.
+    const auto key = [](const FrameRecord& r) {
+      return std::pair(r.time_ns, r.status != FrameStatus::kStored);
+    };
+    std::ranges::stable_sort(index_.records, {}, key);
+    const auto same = std::ranges::unique(index_.records, {}, &FrameRecord::time_ns);
+    index_.records.erase(same.begin(), same.end());
+  }
+
+ private:
+  void recover(std::size_t end, Nanoseconds before) {
+    const auto found = matroska::scan_clusters(archive_, cursor_, end);
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      const auto& frame = found[i];
+      // With a gap's own end: a frame that reaches into the next one is no frame.
+      if (frame.time <= last_stored_time_ || frame.time >= before ||
+          frame.offset + frame.size > end) {
+        continue;
+      }
+      // A rotten time stamp must not hide all the frames behind it.
+      if (i + 1 < found.size() && found[i + 1].time <= frame.time &&
+          found[i + 1].time > last_stored_time_) {
+        continue;
+      }
+      // Its hash is unknown: 0 says so.
+      accept({frame.time, frame.offset, static_cast<std::uint32_t>(frame.size),
+              FrameStatus::kStored, 0});
+      last_stored_time_ = frame.time;
+      ++index_.recovered;
+    }
+  }
+
+  void accept(const FrameRecord& record) {
+    index_.records.push_back(record);
+    last_time_ = std::max(last_time_, record.time_ns);
+  }
+
+  Bytes archive_;
+  std::size_t cursor_;
+  Nanoseconds last_time_ = -1, last_stored_time_ = -1;
+  ArchiveIndex& index_;
+};
+
+// After a power loss an unclosed archive may end in blocks that were never written, though its size
+// and the journal say otherwise. Frames that fail their hash at the very end are torn.
+void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
+  for (auto record = index.records.rbegin(); record != index.records.rend(); ++record) {
+    if (record->status != FrameStatus::kStored) continue;
+    if (record->xxh3 == 0 ||
+        XXH3_64bits(archive.data() + record->offset, record->size) == record->xxh3) {
+      return;
+    }
+    *record = {record->time_ns, 0, 0, FrameStatus::kTorn, 0};
+  }
+}
+
+}  // namespace
+
+ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
+                           std::string_view archive_name, std::string_view journal_name) {
+  ArchiveIndex index;
+  const auto preamble = matroska::read_preamble(archive, archive_name);
+  index.description = preamble.description;
+  index.closed = preamble.closed;
+  journal::Contents contents;
+  if (journal) contents = journal::decode(*journal, journal_name);
+  index.damaged_records = static_cast<int>(contents.damaged);
+
+  if (contents.header_valid && preamble.first_cluster &&
+      (contents.epoch_utc != index.description.epoch_utc ||
+       contents.camera_hash != journal::hash_of_camera(index.description.camera_id))) {
+    throw Error::bad_input("this is the journal of another archive than " +
+                               std::string(archive_name) + ": camera or epoch differ",
+                           std::string(journal_name) + " @16",
+                           "Put the right journal there, or remove this one: the archive can be "
+                           "read without, but the record of missing frames is lost then");
+  }
+  // With a damaged header the clusters may be whole all the same; with a cut one there are none,
+  // but the journal still says what there was.
+  Merger merger(archive, preamble.first_cluster.value_or(0), index);
+  for (const FrameRecord& record : contents.records) merger.add(record);
+  merger.finish();
+  if (!index.closed) drop_unwritten_tail(archive, index);
+
+  index.frames.reserve(index.records.size());
+  for (const FrameRecord& record : index.records) {
+    if (record.status == FrameStatus::kStored) index.frames.push_back(record);
+  }
+  return index;
+}
+
+}  // namespace raystage

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <xxhash.h>
+
+#include <algorithm>
+#include <cassert>
+#include <utility>
+
+#include "store/archive.h"
+#include "store/archive_index.h"
+#include "store/posix_file.h"
+
+namespace raystage {
+
+struct ArchiveReader::State {
+  explicit State(const std::filesystem::path& archive) : file(archive) {}
+  MappedFile file;
+  ArchiveIndex index;
+};
+
+namespace {
+
+ArchiveIndex index_files(const MappedFile& archive, const std::optional<MappedFile>& journal,
+                         const std::filesystem::path& archive_path,
+                         const std::filesystem::path& journal_path) {
+  std::optional<std::span<const std::byte>> journal_bytes;
+  if (journal) journal_bytes = journal->bytes();
+  return index_archive(archive.bytes(), journal_bytes, archive_path.string(),
+                       journal_path.string());
+}
+
+}  // namespace
+
+ArchiveReader::ArchiveReader(const std::filesystem::path& archive,
+                             const std::filesystem::path& journal) {
+  // The journal before the archive: while a recording runs every record then finds its frame.
+  std::optional<MappedFile> journal_file;
+  if (std::filesystem::exists(journal)) journal_file.emplace(journal);
+  state_ = std::make_unique<State>(archive);
+  state_->index = index_files(state_->file, journal_file, archive, journal);
+}
+
+ArchiveReader::~ArchiveReader() = default;
+ArchiveReader::ArchiveReader(ArchiveReader&&) noexcept = default;
+ArchiveReader& ArchiveReader::operator=(ArchiveReader&&) noexcept = default;
+
+std::span<const FrameRecord> ArchiveReader::records() const { return state_->index.records; }
+
+std::span<const FrameRecord> ArchiveReader::frames() const { return state_->index.frames; }
+
+std::optional<int> ArchiveReader::nearest_frame(Nanoseconds time) const {
+  const auto frames = this->frames();
+  if (frames.empty()) return std::nullopt;
+  const auto after = std::ranges::lower_bound(frames, time, {}, &FrameRecord::time_ns);
+  const auto index = static_cast<int>(after - frames.begin());
+  if (after == frames.begin()) return 0;
+  if (after == frames.end()) return index - 1;
+  // Unsigned: the asked time may be anything.
+  const auto ahead = static_cast<std::uint64_t>(after->time_ns) - static_cast<std::uint64_t>(time);
+  const auto behind =
+      static_cast<std::uint64_t>(time) - static_cast<std::uint64_t>(std::prev(after)->time_ns);
+  return behind <= ahead ? index - 1 : index;
+}
+
+std::span<const std::byte> ArchiveReader::jpeg(int frame) const {
+  assert(frame >= 0 && static_cast<std::size_t>(frame) < frames().size());
+  const FrameRecord& record = frames()[static_cast<std::size_t>(frame)];
+  return state_->file.bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
+}
+
+bool ArchiveReader::verify_frame(int frame) const {
+  const auto bytes = jpeg(frame);
+  return XXH3_64bits(bytes.data(), bytes.size()) == frames()[static_cast<std::size_t>(frame)].xxh3;
+}
+
+const ArchiveWriter::Description& ArchiveReader::description() const {
+  return state_->index.description;
+}
+
+bool ArchiveReader::was_closed() const { return state_->index.closed; }
+std::uint64_t ArchiveReader::bytes() const { return state_->file.bytes().size(); }
+int ArchiveReader::recovered_frames() const { return state_->index.recovered; }
+int ArchiveReader::damaged_records() const { return state_->index.damaged_records; }
+
+}  // namespace raystage

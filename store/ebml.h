@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <vector>
+
+namespace raystage::ebml {
+
+/// Length of a size field as we write it where the value is filled in later: one fixed width lets
+/// it be patched in place (RFC 8794 section 6).
+inline constexpr std::size_t kSizeBytes = 8;
+/// The eight-byte size field that says "until the parent ends".
+inline constexpr std::uint64_t kUnknownSize = 0x00FF'FFFF'FFFF'FFFF;
+
+/// Builds EBML elements in memory (RFC 8794). Identifiers are written with their marker bits, as
+/// specifications list them, e.g. 0x1A45DFA3.
+class Writer {
+ public:
+  void put_id(std::uint32_t id);
+  /// An eight-byte size field; kUnknownSize for unknown.
+  void put_size(std::uint64_t size);
+  void put_raw(std::span<const std::byte> bytes);
+  void put_big_endian(std::uint64_t value, std::size_t bytes);
+
+  void put_uint(std::uint32_t id, std::uint64_t value);  ///< eight bytes of data
+  void put_int(std::uint32_t id, std::int64_t value);    ///< eight bytes of data
+  void put_float(std::uint32_t id, double value);        ///< eight bytes of data
+  void put_string(std::uint32_t id, std::string_view text);
+  void put_master(std::uint32_t id, const Writer& children);
+  /// A Void element of `total` bytes, its own header included; 9 at least.
+  void put_void(std::size_t total);
+
+  std::size_t size() const { return bytes_.size(); }
+  std::span<const std::byte> bytes() const { return bytes_; }
+
+ private:
+  std::vector<std::byte> bytes_;
+};
+
+/// Where an element lies in the bytes it was read from.
+struct Element {
+  std::uint32_t id = 0;  ///< with its marker bits
+  std::size_t offset = 0;
+  std::size_t data_offset = 0;
+  std::uint64_t size = 0;  ///< of the data; meaningless if unknown_size
+  bool unknown_size = false;
+  /// One past the data. Only for known sizes that read_whole_element has checked.
+  std::size_t end() const { return data_offset + static_cast<std::size_t>(size); }
+};
+
+/// Reads the header of the element at `offset`; nullopt where it is cut or no valid EBML. The data
+/// may reach beyond the bytes.
+std::optional<Element> read_element(std::span<const std::byte> bytes, std::size_t offset);
+
+/// As read_element, but the element must have a known size and end at or before the bytes' end.
+std::optional<Element> read_whole_element(std::span<const std::byte> bytes, std::size_t offset);
+
+/// Calls `visit(const Element&)` for the whole elements that lie one after the other in `parent`,
+/// itself whole, up to the first that is not.
+template <typename Visit>
+void for_each_child(std::span<const std::byte> bytes, const Element& parent, Visit&& visit) {
+  const auto inside = bytes.first(parent.end());
+  auto child = read_whole_element(inside, parent.data_offset);
+  while (child) {
+    visit(*child);
+    child = read_whole_element(inside, child->end());
+  }
+}
+
+/// The data of a whole element as a number, big-endian; nullopt when longer than eight bytes.
+std::optional<std::uint64_t> read_uint(std::span<const std::byte> bytes, const Element& element);
+std::optional<std::int64_t> read_int(std::span<const std::byte> bytes, const Element& element);
+std::string_view read_string(std::span<const std::byte> bytes, const Element& element);
+
+}  // namespace raystage::ebml

@@ -1,0 +1,235 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/frame_cache.h"
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <algorithm>
+#include <list>
+#include <map>
+#include <mutex>
+#include <utility>
+
+#include "schemas/error.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage {
+namespace {
+
+using Key = std::pair<int, int>;  // camera, frame
+
+struct Entry {
+  std::mutex decoding;
+  std::shared_ptr<const JpegLayout> layout;
+  std::shared_ptr<const DecodedFrame> frame;
+  std::list<Key>::iterator place;  // in the order of use
+};
+
+double linear_of_code(const TakeDocument& take, int code) {
+  const double value = code / 255.0;
+  return take.color_space == "lin_rec709_scene" ? value : linear_from_srgb(value);
+}
+
+double brightest(const Take& take) {
+  double most = 1;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      most = std::max(most, camera.photometric.brightness[c] + camera.photometric.contrast[c]);
+    }
+  }
+  return most;
+}
+
+LinearTable linear_table(const Take& take, const PhotometricResponse& response, double full_scale) {
+  LinearTable table{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (int code = 0; code < 256; ++code) {
+      const double linear =
+          response.brightness[c] + response.contrast[c] * linear_of_code(take.document(), code);
+      table.code[c][code] =
+          static_cast<std::uint16_t>(std::clamp(linear / full_scale, 0.0, 1.0) * 65535 + 0.5);
+    }
+  }
+  return table;
+}
+
+bool holds(const DecodedFrame& frame, const McuMask& wanted) {
+  if (frame.decoded.empty()) return true;
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    if (wanted[i] && !frame.decoded[i]) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+struct FrameCache::State {
+  State(const Take& of_take, std::size_t budget_bytes, double brightest_linear)
+      : take(of_take), budget(budget_bytes), full_scale(brightest_linear) {}
+
+  const Take& take;
+  std::size_t budget;
+  double full_scale;
+  std::vector<LinearTable> tables;
+  tbb::enumerable_thread_specific<JpegDecoder> decoders;
+
+  std::mutex mutex;  // guards what follows
+  std::map<Key, std::shared_ptr<Entry>> entries;
+  std::list<Key> by_use;  // most recent first
+  std::size_t bytes = 0;
+  /// Memory of frames thrown out, by size: fresh pages cost more than decoding into old ones.
+  std::multimap<std::size_t, std::unique_ptr<std::uint16_t[]>> spare;
+  std::size_t spare_bytes = 0;
+
+  std::shared_ptr<Entry> entry(const Key& key) {
+    const std::scoped_lock lock(mutex);
+    auto& found = entries[key];
+    if (!found) {
+      found = std::make_shared<Entry>();
+      by_use.push_front(key);
+      found->place = by_use.begin();
+    } else {
+      by_use.splice(by_use.begin(), by_use, found->place);
+    }
+    return found;
+  }
+
+  std::string name_of(const Key& key) const {
+    return take.document().cameras[static_cast<std::size_t>(key.first)].archive + " frame " +
+           std::to_string(key.second);
+  }
+
+  const JpegLayout& layout_of(const Key& key, Entry& held) {
+    if (!held.layout) {
+      auto layout = std::make_shared<JpegLayout>(
+          parse_jpeg_layout(take.archive(key.first).jpeg(key.second), name_of(key)));
+      const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(key.first)].model;
+      if (layout->width != model.width() || layout->height != model.height()) {
+        throw Error::bad_input("the frame is " + std::to_string(layout->width) + "x" +
+                                   std::to_string(layout->height) + ", its camera " +
+                                   std::to_string(model.width()) + "x" +
+                                   std::to_string(model.height()),
+                               name_of(key), "Import the take again with the right camera sizes");
+      }
+      held.layout = std::move(layout);
+    }
+    return *held.layout;
+  }
+
+  std::unique_ptr<std::uint16_t[]> allocate(std::size_t bytes_wanted) {
+    const std::scoped_lock lock(mutex);
+    const auto found = spare.find(bytes_wanted);
+    if (found == spare.end()) {
+      return std::make_unique_for_overwrite<std::uint16_t[]>(bytes_wanted / 2);
+    }
+    auto memory = std::move(found->second);
+    spare.erase(found);
+    spare_bytes -= bytes_wanted;
+    return memory;
+  }
+
+  /// Frames return their memory here when the last user lets go.
+  std::shared_ptr<const DecodedFrame> share(DecodedFrame&& frame,
+                                            const std::shared_ptr<State>& self) {
+    return {new DecodedFrame(std::move(frame)),
+            [weak = std::weak_ptr<State>(self)](DecodedFrame* dead) {
+              const std::unique_ptr<DecodedFrame> owner(dead);
+              if (const auto state = weak.lock()) state->recycle(*owner);
+            }};
+  }
+
+  void recycle(DecodedFrame& frame) {
+    const std::scoped_lock lock(mutex);
+    if (spare_bytes + frame.bytes > budget / 4) return;
+    spare_bytes += frame.bytes;
+    spare.emplace(frame.bytes, std::move(frame.rgbx));
+  }
+
+  DecodedFrame decode(const Key& key, const JpegLayout& layout, const McuMask& wanted,
+                      std::int64_t& pixels_decoded) {
+    DecodedFrame frame;
+    frame.width = layout.width;
+    frame.height = layout.height;
+    const std::size_t pixels = static_cast<std::size_t>(layout.width) * (layout.height + 1) + 1;
+    frame.bytes = pixels * 4 * sizeof(std::uint16_t);
+    frame.rgbx = allocate(frame.bytes);
+    const std::size_t used = static_cast<std::size_t>(layout.width) * layout.height * 4;
+    std::fill_n(frame.rgbx.get() + used, pixels * 4 - used, std::uint16_t{0});
+    if (layout.regions_decodable()) frame.decoded = wanted;
+    if (std::find(wanted.begin(), wanted.end(), 0) == wanted.end()) frame.decoded.clear();
+    pixels_decoded += decoders.local().decode_region(
+        take.archive(key.first).jpeg(key.second), layout, wanted,
+        tables[static_cast<std::size_t>(key.first)], {frame.rgbx.get(), used}, name_of(key));
+    return frame;
+  }
+
+  /// Lets go of the least recently used frames; those still in use keep their memory until done.
+  void make_room() {
+    std::vector<std::shared_ptr<const DecodedFrame>> dropped;  // freed after the lock
+    const std::scoped_lock lock(mutex);
+    while (bytes > budget && by_use.size() > 1) {
+      const auto oldest = entries.find(by_use.back());
+      if (oldest->second->frame) {
+        bytes -= oldest->second->frame->bytes;
+        dropped.push_back(std::move(oldest->second->frame));
+      }
+      by_use.pop_back();
+      entries.erase(oldest);
+    }
+  }
+};
+
+FrameCache::FrameCache(const Take& take, std::size_t budget_bytes)
+    : state_(std::make_shared<State>(take, budget_bytes, brightest(take))) {
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    state_->tables.push_back(linear_table(take, camera.photometric, state_->full_scale));
+  }
+}
+
+FrameCache::~FrameCache() = default;
+
+std::shared_ptr<const JpegLayout> FrameCache::layout(int camera, int frame) {
+  const Key key{camera, frame};
+  const auto entry = state_->entry(key);
+  const std::scoped_lock decoding(entry->decoding);
+  state_->layout_of(key, *entry);
+  return entry->layout;
+}
+
+std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, const McuMask& wanted,
+                                                      std::int64_t& pixels_decoded) {
+  const Key key{camera, frame};
+  const auto entry = state_->entry(key);
+  const std::scoped_lock decoding(entry->decoding);
+  std::shared_ptr<const DecodedFrame> held;
+  {
+    const std::scoped_lock lock(state_->mutex);
+    held = entry->frame;
+  }
+  if (held && holds(*held, wanted)) return held;
+
+  const JpegLayout& layout = state_->layout_of(key, *entry);
+  const McuMask all = held ? McuMask(wanted.size(), 1) : McuMask{};
+  auto fresh =
+      state_->share(state_->decode(key, layout, held ? all : wanted, pixels_decoded), state_);
+  {
+    const std::scoped_lock lock(state_->mutex);
+    const auto kept = state_->entries.find(key);
+    if (kept != state_->entries.end() && kept->second == entry) {  // not thrown out meanwhile
+      state_->bytes += fresh->bytes;
+      if (entry->frame) state_->bytes -= entry->frame->bytes;
+      entry->frame = fresh;
+    }
+  }
+  held.reset();
+  state_->make_room();
+  return fresh;
+}
+
+double FrameCache::full_scale() const { return state_->full_scale; }
+
+std::size_t FrameCache::bytes_held() const {
+  const std::scoped_lock lock(state_->mutex);
+  return state_->bytes;
+}
+
+}  // namespace raystage

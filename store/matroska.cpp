@@ -1,0 +1,295 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/matroska.h"
+
+#include <xxhash.h>
+
+#include <algorithm>
+#include <cassert>
+#include <limits>
+
+#include "schemas/error.h"
+#include "store/ebml.h"
+
+// Element identifiers: RFC 9559 (Matroska), section 5.
+namespace raystage::matroska {
+namespace {
+
+using ebml::Element;
+using Bytes = std::span<const std::byte>;
+
+constexpr std::uint32_t kEbml = 0x1A45DFA3, kEbmlVersion = 0x4286, kEbmlReadVersion = 0x42F7,
+                        kEbmlMaxIdLength = 0x42F2, kEbmlMaxSizeLength = 0x42F3, kDocType = 0x4282,
+                        kDocTypeVersion = 0x4287, kDocTypeReadVersion = 0x4285;
+constexpr std::uint32_t kSegment = 0x18538067, kSeekHead = 0x114D9B74, kSeek = 0x4DBB,
+                        kSeekId = 0x53AB, kSeekPosition = 0x53AC;
+constexpr std::uint32_t kInfo = 0x1549A966, kTimestampScale = 0x2AD7B1, kDuration = 0x4489,
+                        kDateUtc = 0x4461, kMuxingApp = 0x4D80, kWritingApp = 0x5741;
+constexpr std::uint32_t kTracks = 0x1654AE6B, kTrackEntry = 0xAE, kTrackNumber = 0xD7,
+                        kTrackUid = 0x73C5, kTrackType = 0x83, kFlagLacing = 0x9C,
+                        kTrackName = 0x536E, kLanguage = 0x22B59C, kCodecId = 0x86, kVideo = 0xE0,
+                        kPixelWidth = 0xB0, kPixelHeight = 0xBA, kFlagInterlaced = 0x9A;
+constexpr std::uint32_t kCluster = 0x1F43B675, kTimestamp = 0xE7, kSimpleBlock = 0xA3;
+constexpr std::uint32_t kCues = 0x1C53BB6B, kCuePoint = 0xBB, kCueTime = 0xB3,
+                        kCueTrackPositions = 0xB7, kCueTrack = 0xF7, kCueClusterPosition = 0xF1;
+
+constexpr std::uint32_t kVoid = 0xEC, kCrc32 = 0xBF, kTags = 0x1254C367, kChapters = 0x1043A770,
+                        kAttachments = 0x1941A469;
+
+// What may stand among the clusters. Anything else is taken for damage: the size of an element
+// whose identifier is rotten cannot be trusted to lead to the next one.
+constexpr std::array kSkipped{kVoid, kCrc32,    kSeekHead, kInfo,       kTracks,
+                              kCues, kChapters, kTags,     kAttachments};
+
+constexpr std::array kClusterIdBytes{std::byte{0x1F}, std::byte{0x43}, std::byte{0xB6},
+                                     std::byte{0x75}};
+constexpr std::array kEbmlIdBytes{std::byte{0x1A}, std::byte{0x45}, std::byte{0xDF},
+                                  std::byte{0xA3}};
+
+// 2001-01-01T00:00:00Z, from which Matroska counts dates, in nanoseconds since 1970.
+constexpr Nanoseconds kMatroskaEpoch = 978'307'200 * kNanosecondsPerSecond;
+constexpr std::size_t kBlockHeaderBytes = 4;  // track, two bytes of relative time, flags
+
+int pixels(Bytes file, const Element& element) {
+  const auto value = ebml::read_uint(file, element).value_or(0);
+  return value <= std::numeric_limits<int>::max() ? static_cast<int>(value) : 0;
+}
+
+void read_track(Bytes file, const Element& track, ArchiveWriter::Description& description) {
+  ebml::for_each_child(file, track, [&](const Element& child) {
+    if (child.id == kTrackName) description.camera_id = ebml::read_string(file, child);
+    if (child.id != kVideo) return;
+    ebml::for_each_child(file, child, [&](const Element& leaf) {
+      if (leaf.id == kPixelWidth) description.width = pixels(file, leaf);
+      if (leaf.id == kPixelHeight) description.height = pixels(file, leaf);
+    });
+  });
+}
+
+void read_tracks(Bytes file, const Element& tracks, ArchiveWriter::Description& description) {
+  const Bytes inside = file.first(tracks.end());
+  if (const auto entry = ebml::read_whole_element(inside, tracks.data_offset);
+      entry && entry->id == kTrackEntry) {
+    read_track(file, *entry, description);
+  }
+}
+
+void read_info(Bytes file, const Element& info, std::string_view name,
+               ArchiveWriter::Description& description) {
+  std::uint64_t scale = 1'000'000;  // Matroska's default
+  ebml::for_each_child(file, info, [&](const Element& child) {
+    if (child.id == kTimestampScale) scale = ebml::read_uint(file, child).value_or(0);
+    if (child.id != kDateUtc) return;
+    const auto date = ebml::read_int(file, child).value_or(0);
+    if (date <= std::numeric_limits<Nanoseconds>::max() - kMatroskaEpoch) {
+      description.epoch_utc = date + kMatroskaEpoch;
+    }
+  });
+  if (scale != 1) {
+    throw Error::bad_input(
+        "the Matroska time scale is " + std::to_string(scale) + " ns where an archive has 1 ns",
+        std::string(name) + " @" + std::to_string(info.offset),
+        "Use an archive written by Raystage; other movies come in through `raystage import`");
+  }
+}
+
+// The cluster at `offset`, if it is whole and holds one unlaced frame as our writer makes it.
+std::optional<FoundFrame> read_cluster(Bytes file, std::size_t offset, std::size_t& end) {
+  const auto cluster = ebml::read_whole_element(file, offset);
+  if (!cluster || cluster->id != kCluster) return std::nullopt;
+  const Bytes inside = file.first(cluster->end());
+  const auto timestamp = ebml::read_whole_element(inside, cluster->data_offset);
+  if (!timestamp || timestamp->id != kTimestamp) return std::nullopt;
+  const auto time = ebml::read_uint(file, *timestamp);
+  const auto block = ebml::read_whole_element(inside, timestamp->end());
+  if (!time || *time > static_cast<std::uint64_t>(kMaxTime) || !block ||
+      block->id != kSimpleBlock || block->end() != cluster->end() ||
+      block->size <= kBlockHeaderBytes ||
+      block->size - kBlockHeaderBytes > std::numeric_limits<std::uint32_t>::max()) {
+    return std::nullopt;
+  }
+  end = cluster->end();
+  return FoundFrame{static_cast<Nanoseconds>(*time), block->data_offset + kBlockHeaderBytes,
+                    static_cast<std::size_t>(block->size) - kBlockHeaderBytes};
+}
+
+}  // namespace
+
+Header make_header(const ArchiveWriter::Description& description) {
+  ebml::Writer head;
+  head.put_uint(kEbmlVersion, 1);
+  head.put_uint(kEbmlReadVersion, 1);
+  head.put_uint(kEbmlMaxIdLength, 4);
+  head.put_uint(kEbmlMaxSizeLength, 8);
+  head.put_string(kDocType, "matroska");
+  head.put_uint(kDocTypeVersion, 4);
+  head.put_uint(kDocTypeReadVersion, 2);
+
+  ebml::Writer info;
+  info.put_uint(kTimestampScale, 1);
+  info.put_int(kDateUtc, description.epoch_utc - kMatroskaEpoch);
+  info.put_string(kMuxingApp, "raystage");
+  info.put_string(kWritingApp, "raystage");
+  const std::size_t duration_in_info = info.size();
+  info.put_void(kDurationBytes);
+
+  ebml::Writer video;
+  video.put_uint(kFlagInterlaced, 2);  // progressive
+  video.put_uint(kPixelWidth, static_cast<std::uint64_t>(description.width));
+  video.put_uint(kPixelHeight, static_cast<std::uint64_t>(description.height));
+  ebml::Writer track;
+  track.put_uint(kTrackNumber, 1);
+  // Not 0, and the same for the same camera: archives are reproducible.
+  track.put_uint(kTrackUid,
+                 XXH3_64bits(description.camera_id.data(), description.camera_id.size()) | 1);
+  track.put_uint(kTrackType, 1);  // video
+  track.put_uint(kFlagLacing, 0);
+  track.put_string(kLanguage, "und");
+  track.put_string(kTrackName, description.camera_id);
+  track.put_string(kCodecId, "V_MJPEG");
+  track.put_master(kVideo, video);
+  ebml::Writer tracks;
+  tracks.put_master(kTrackEntry, track);
+
+  Header header;
+  ebml::Writer file;
+  file.put_master(kEbml, head);
+  file.put_id(kSegment);
+  header.segment_size_offset = file.size();
+  file.put_size(ebml::kUnknownSize);
+  header.segment_data_offset = file.size();
+  header.seek_head_offset = file.size();
+  file.put_void(kSeekHeadBytes);
+  header.info_offset = file.size();
+  file.put_id(kInfo);
+  file.put_size(info.size());
+  header.duration_offset = file.size() + duration_in_info;
+  file.put_raw(info.bytes());
+  header.tracks_offset = file.size();
+  file.put_master(kTracks, tracks);
+  header.bytes.assign(file.bytes().begin(), file.bytes().end());
+  return header;
+}
+
+std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size) {
+  ebml::Writer writer;
+  constexpr std::size_t kClusterOwnHeader = 4 + ebml::kSizeBytes;
+  writer.put_id(kCluster);
+  writer.put_size(kClusterHeaderBytes - kClusterOwnHeader + size);
+  writer.put_uint(kTimestamp, static_cast<std::uint64_t>(time));
+  writer.put_id(kSimpleBlock);
+  writer.put_size(kBlockHeaderBytes + size);
+  writer.put_big_endian(0x81, 1);  // track 1
+  writer.put_big_endian(0, 2);     // at the cluster's time
+  writer.put_big_endian(0x80, 1);  // key frame, no lacing
+  assert(writer.size() == kClusterHeaderBytes);
+  std::array<std::byte, kClusterHeaderBytes> bytes{};
+  std::ranges::copy(writer.bytes(), bytes.begin());
+  return bytes;
+}
+
+std::vector<std::byte> make_cues(std::span<const CuePoint> points, const Header& header) {
+  ebml::Writer all;
+  for (const CuePoint& point : points) {
+    ebml::Writer position, cue;
+    position.put_uint(kCueTrack, 1);
+    position.put_uint(kCueClusterPosition, point.cluster_offset - header.segment_data_offset);
+    cue.put_uint(kCueTime, static_cast<std::uint64_t>(point.time));
+    cue.put_master(kCueTrackPositions, position);
+    all.put_master(kCuePoint, cue);
+  }
+  ebml::Writer cues;
+  cues.put_master(kCues, all);
+  return {cues.bytes().begin(), cues.bytes().end()};
+}
+
+std::vector<std::byte> make_seek_head(const Header& header, std::uint64_t cues_offset) {
+  ebml::Writer seeks;
+  const auto add = [&](std::uint32_t id, std::uint64_t offset) {
+    ebml::Writer seek;
+    seek.put_id(kSeekId);
+    seek.put_big_endian(0x84, 1);  // four bytes follow
+    seek.put_big_endian(id, 4);
+    seek.put_uint(kSeekPosition, offset - header.segment_data_offset);
+    seeks.put_master(kSeek, seek);
+  };
+  add(kInfo, header.info_offset);
+  add(kTracks, header.tracks_offset);
+  add(kCues, cues_offset);
+  ebml::Writer writer;
+  writer.put_master(kSeekHead, seeks);
+  writer.put_void(kSeekHeadBytes - writer.size());
+  assert(writer.size() == kSeekHeadBytes);
+  return {writer.bytes().begin(), writer.bytes().end()};
+}
+
+std::vector<std::byte> make_duration(Nanoseconds duration) {
+  ebml::Writer writer;
+  writer.put_float(kDuration, static_cast<double>(duration));
+  assert(writer.size() == kDurationBytes);
+  return {writer.bytes().begin(), writer.bytes().end()};
+}
+
+std::vector<std::byte> make_segment_size(std::uint64_t size) {
+  ebml::Writer writer;
+  writer.put_size(size);
+  return {writer.bytes().begin(), writer.bytes().end()};
+}
+
+Preamble read_preamble(Bytes file, std::string_view name) {
+  const std::size_t magic = std::min(file.size(), kEbmlIdBytes.size());
+  if (!std::ranges::equal(file.first(magic), Bytes(kEbmlIdBytes).first(magic))) {
+    throw Error::bad_input("this is no Matroska file", std::string(name) + " @0",
+                           "Restore the archive from a copy");
+  }
+  Preamble preamble;
+  const auto head = ebml::read_whole_element(file, 0);
+  if (!head) return preamble;
+  const auto segment = ebml::read_element(file, head->end());
+  if (!segment) return preamble;
+  if (segment->id != kSegment) {
+    throw Error::bad_input("the Matroska file has no Segment",
+                           std::string(name) + " @" + std::to_string(head->end()),
+                           "Restore the archive from a copy");
+  }
+  preamble.closed = !segment->unknown_size && segment->size <= file.size() - segment->data_offset;
+  auto element = ebml::read_element(file, segment->data_offset);
+  while (element) {
+    if (element->id == kCluster || element->id == kCues) {
+      preamble.first_cluster = element->offset;
+      break;
+    }
+    if (!ebml::read_whole_element(file, element->offset)) break;
+    if (element->id == kInfo) read_info(file, *element, name, preamble.description);
+    if (element->id == kTracks) {
+      read_tracks(file, *element, preamble.description);
+      // Whatever follows, even if it is damaged: our clusters begin here.
+      preamble.first_cluster = element->end();
+      break;
+    }
+    element = ebml::read_element(file, element->end());
+  }
+  return preamble;
+}
+
+std::vector<FoundFrame> scan_clusters(Bytes file, std::size_t begin, std::size_t end) {
+  end = std::min(end, file.size());
+  std::vector<FoundFrame> frames;
+  for (std::size_t at = begin; at < end;) {
+    std::size_t next = 0;
+    if (const auto frame = read_cluster(file, at, next)) {
+      frames.push_back(*frame);
+      at = next;
+    } else if (const auto element = ebml::read_whole_element(file, at);
+               element && std::ranges::count(kSkipped, element->id) > 0 && element->end() <= end) {
+      at = element->end();
+    } else {
+      const Bytes rest = file.subspan(at + 1, end - at - 1);
+      const auto found =
+          std::search(rest.begin(), rest.end(), kClusterIdBytes.begin(), kClusterIdBytes.end());
+      at += 1 + static_cast<std::size_t>(found - rest.begin());
+    }
+  }
+  return frames;
+}
+
+}  // namespace raystage::matroska

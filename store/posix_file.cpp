@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/posix_file.h"
+
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <system_error>
+#include <utility>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+// writev takes what it only reads as void*.
+iovec part(std::span<const std::byte> bytes) {
+  return {const_cast<std::byte*>(bytes.data()), bytes.size()};
+}
+
+}  // namespace
+
+OutputFile::OutputFile(std::filesystem::path path) : path_(std::move(path)) {
+  constexpr mode_t kMode = 0666;  // less the user's umask
+  descriptor_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, kMode);
+  if (descriptor_ < 0) {
+    throw Error::from_errno("the file cannot be created", path_.string(),
+                            "Choose a new name in a folder that can be written to");
+  }
+}
+
+OutputFile::~OutputFile() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+bool OutputFile::write_at(std::uint64_t offset, std::span<const std::byte> head,
+                          std::span<const std::byte> body) {
+  while (!head.empty() || !body.empty()) {
+    const std::array parts{part(head), part(body)};
+    const ssize_t count = pwritev(descriptor_, parts.data(), static_cast<int>(parts.size()),
+                                  static_cast<off_t>(offset));
+    if (count < 0 && errno == EINTR) continue;
+    if (count <= 0) {
+      if (count == 0) errno = ENOSPC;
+      return false;
+    }
+    auto done = static_cast<std::size_t>(count);
+    offset += done;
+    const std::size_t of_head = done < head.size() ? done : head.size();
+    head = head.subspan(of_head);
+    body = body.subspan(done - of_head);
+  }
+  return true;
+}
+
+bool OutputFile::truncate(std::uint64_t size) {
+  return ftruncate(descriptor_, static_cast<off_t>(size)) == 0;
+}
+
+bool OutputFile::sync() { return fdatasync(descriptor_) == 0; }
+
+void OutputFile::discard() {
+  close(std::exchange(descriptor_, -1));
+  unlink(path_.c_str());
+}
+
+MappedFile::MappedFile(const std::filesystem::path& path) {
+  const auto refuse = [&](int reason) {
+    return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
+                            path.string(), "Check that it exists and may be read");
+  };
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) throw refuse(errno);
+  struct stat status {};
+  int reason = 0;
+  void* address = nullptr;
+  std::size_t size = 0;
+  if (fstat(descriptor, &status) != 0) {
+    reason = errno;
+  } else if (!S_ISREG(status.st_mode)) {
+    reason = EINVAL;
+  } else if (status.st_size > 0) {
+    size = static_cast<std::size_t>(status.st_size);
+    address = mmap(nullptr, size, PROT_READ, MAP_SHARED, descriptor, 0);
+    if (address == MAP_FAILED) reason = errno;
+  }
+  close(descriptor);
+  if (reason != 0) throw refuse(reason);
+  bytes_ = {static_cast<const std::byte*>(address), size};
+}
+
+MappedFile::~MappedFile() {
+  if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
+}
+
+}  // namespace raystage

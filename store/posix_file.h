@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <sys/uio.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <span>
+
+namespace raystage {
+
+/// A new file that is written at stated offsets.
+class OutputFile {
+ public:
+  /// Throws Error (failed) when it exists already or cannot be created.
+  explicit OutputFile(std::filesystem::path path);
+  ~OutputFile();
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+  /// Writes all parts one after the other from `offset`, in one system call where the kernel lets
+  /// it. False, with errno, when not everything could be written.
+  [[nodiscard]] bool write_at(std::uint64_t offset, std::span<const std::byte> head,
+                              std::span<const std::byte> body = {});
+  [[nodiscard]] bool truncate(std::uint64_t size);
+  /// Brings the data to the disk.
+  [[nodiscard]] bool sync();
+  /// Closes and removes the file; for what failed half way.
+  void discard();
+
+ private:
+  std::filesystem::path path_;
+  int descriptor_ = -1;
+};
+
+/// A whole file mapped for reading. A file that another process cuts while it is mapped ends this
+/// process with SIGBUS when the lost part is touched: archives only ever grow while they are read.
+class MappedFile {
+ public:
+  /// Throws Error (bad input) when it cannot be read.
+  explicit MappedFile(const std::filesystem::path& path);
+  ~MappedFile();
+  MappedFile(const MappedFile&) = delete;
+  MappedFile& operator=(const MappedFile&) = delete;
+
+  std::span<const std::byte> bytes() const { return bytes_; }
+
+ private:
+  std::span<const std::byte> bytes_;
+};
+
+}  // namespace raystage

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schemas/geometry.h"
@@ -37,5 +38,9 @@ struct ImportManifest {
 ImportManifest read_import_manifest(const std::filesystem::path& file);
 
 void write_import_manifest(const ImportManifest& manifest, const std::filesystem::path& file);
+
+/// The same in memory; `name` stands for the file in errors.
+ImportManifest parse_import_manifest(std::string_view text, std::string_view name);
+std::string format_import_manifest(const ImportManifest& manifest);
 
 }  // namespace raystage

@@ -4,6 +4,7 @@
 #include <array>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schemas/geometry.h"
@@ -31,5 +32,9 @@ struct RigDocument {
 
 RigDocument read_rig(const std::filesystem::path& file);
 void write_rig(const RigDocument& rig, const std::filesystem::path& file);
+
+/// The same in memory; `name` stands for the file in errors.
+RigDocument parse_rig(std::string_view text, std::string_view name);
+std::string format_rig(const RigDocument& rig);
 
 }  // namespace raystage

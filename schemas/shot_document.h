@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schemas/time.h"
@@ -47,5 +48,9 @@ struct ShotDocument {
 
 ShotDocument read_shot(const std::filesystem::path& file);
 void write_shot(const ShotDocument& shot, const std::filesystem::path& file);
+
+/// The same in memory; `name` stands for the file in errors.
+ShotDocument parse_shot(std::string_view text, std::string_view name);
+std::string format_shot(const ShotDocument& shot);
 
 }  // namespace raystage

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schemas/geometry.h"
@@ -34,5 +35,9 @@ struct TakeDocument {
 
 TakeDocument read_take(const std::filesystem::path& file);
 void write_take(const TakeDocument& take, const std::filesystem::path& file);
+
+/// The same in memory; `name` stands for the file in errors.
+TakeDocument parse_take(std::string_view text, std::string_view name);
+std::string format_take(const TakeDocument& take);
 
 }  // namespace raystage

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schemas/geometry.h"
@@ -24,5 +25,9 @@ struct ViewsDocument {
 /// Throws Error with file, JSON pointer, what was found and what is allowed.
 ViewsDocument read_views(const std::filesystem::path& file);
 void write_views(const ViewsDocument& views, const std::filesystem::path& file);
+
+/// The same in memory; `name` stands for the file in errors.
+ViewsDocument parse_views(std::string_view text, std::string_view name);
+std::string format_views(const ViewsDocument& views);
 
 }  // namespace raystage

@@ -1,0 +1,192 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/atomic_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+class AtomicFile : public ::testing::Test {
+ protected:
+  std::vector<std::string> names() const {
+    std::vector<std::string> result;
+    for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+      result.push_back(entry.path().filename().string());
+    }
+    std::sort(result.begin(), result.end());
+    return result;
+  }
+  TestFolder folder_;
+};
+
+/// Files of this process end at `bytes` as on a full disk, for as long as this lives.
+class FileSizeLimit {
+ public:
+  explicit FileSizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
+    getrlimit(RLIMIT_FSIZE, &old_);
+    const rlimit small{bytes, old_.rlim_max};
+    setrlimit(RLIMIT_FSIZE, &small);
+  }
+  ~FileSizeLimit() {
+    setrlimit(RLIMIT_FSIZE, &old_);
+    std::signal(SIGXFSZ, handler_);
+  }
+  FileSizeLimit(const FileSizeLimit&) = delete;
+  FileSizeLimit& operator=(const FileSizeLimit&) = delete;
+
+ private:
+  rlimit old_{};
+  void (*handler_)(int);
+};
+
+TEST_F(AtomicFile, WritesAndReadsBackEveryByte) {
+  std::string text;
+  for (int i = 0; i < 100'000; ++i) text.push_back(static_cast<char>(i * 7 % 256));
+  write_file_atomically(folder_.path() / "a.bin", text);
+  EXPECT_EQ(read_file(folder_.path() / "a.bin"), text);
+  EXPECT_THAT(names(), ::testing::ElementsAre("a.bin"));
+}
+
+TEST_F(AtomicFile, ReplacesAnOlderFile) {
+  write_file_atomically(folder_.path() / "a", "old and longer");
+  write_file_atomically(folder_.path() / "a", "new");
+  EXPECT_EQ(read_file(folder_.path() / "a"), "new");
+}
+
+TEST_F(AtomicFile, EmptyFile) {
+  write_file_atomically(folder_.path() / "a", "");
+  EXPECT_EQ(read_file(folder_.path() / "a"), "");
+}
+
+TEST_F(AtomicFile, ReadsFilesThatDoNotKnowTheirSize) {
+  EXPECT_THAT(read_file("/proc/self/status"), HasSubstr("Pid:"));
+}
+
+TEST_F(AtomicFile, TemporaryNamesAreUniqueHiddenAndKeepTheExtension) {
+  const TemporaryFile a(folder_.path() / "frame.0001.exr"), b(folder_.path() / "frame.0001.exr");
+  EXPECT_NE(a.path(), b.path());
+  EXPECT_EQ(a.path().parent_path(), folder_.path());
+  EXPECT_EQ(a.path().extension(), ".exr");
+  const std::string name = a.path().filename().string();
+  EXPECT_THAT(name, StartsWith(".frame.0001.exr."));
+  EXPECT_THAT(name, HasSubstr("." + std::to_string(getpid()) + "."));
+  EXPECT_THAT(name, ::testing::EndsWith(".tmp.exr"));
+}
+
+TEST_F(AtomicFile, LongNamesStillFit) {
+  const std::string name = std::string(250, 'n') + ".png";
+  write_file_atomically(folder_.path() / name, "x");
+  EXPECT_THAT(names(), ::testing::ElementsAre(name));
+}
+
+TEST_F(AtomicFile, WithoutCommitNothingStays) {
+  {
+    const TemporaryFile temporary(folder_.path() / "a");
+    std::ofstream(temporary.path()) << "half";
+    EXPECT_EQ(names().size(), 1u);
+  }
+  EXPECT_TRUE(names().empty());
+}
+
+TEST_F(AtomicFile, CommitOfAFileThatWasNeverWrittenFails) {
+  TemporaryFile temporary(folder_.path() / "a");
+  EXPECT_THROW(temporary.commit(), Error);
+}
+
+TEST_F(AtomicFile, FullDiskKeepsTheOldFileAndNoHalfOne) {
+  const auto file = folder_.path() / "a";
+  write_file_atomically(file, "old");
+  {
+    const FileSizeLimit limit(4096);
+    try {
+      write_file_atomically(file, std::string(100'000, 'x'));
+      FAIL() << "a file beyond the limit was written";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+      EXPECT_EQ(error.where(), file.string());
+    }
+  }
+  EXPECT_EQ(read_file(file), "old");
+  EXPECT_THAT(names(), ::testing::ElementsAre("a"));
+}
+
+TEST_F(AtomicFile, ATargetThatIsAFolderIsRefused) {
+  create_folder(folder_.path() / "a");
+  EXPECT_THROW(write_file_atomically(folder_.path() / "a", "x"), Error);
+  EXPECT_THAT(names(), ::testing::ElementsAre("a"));
+}
+
+TEST_F(AtomicFile, AParentThatIsAFileOrMissingIsRefused) {
+  write_file_atomically(folder_.path() / "file", "x");
+  EXPECT_THROW(write_file_atomically(folder_.path() / "file" / "a", "x"), Error);
+  EXPECT_THROW(write_file_atomically(folder_.path() / "none" / "a", "x"), Error);
+  EXPECT_THROW(create_folder(folder_.path() / "file"), Error);
+  EXPECT_THROW(create_folder(folder_.path() / "file" / "sub"), Error);
+}
+
+TEST_F(AtomicFile, AFolderWithoutPermissionIsRefused) {
+  constexpr uid_t kNobody = 65534;
+  const bool root = geteuid() == 0;  // root may write anywhere: be somebody else for a moment
+  std::filesystem::permissions(folder_.path(), std::filesystem::perms(0555));
+  const int changed = root ? seteuid(kNobody) : 0;
+  EXPECT_THROW(write_file_atomically(folder_.path() / "a", "x"), Error);
+  EXPECT_THROW(create_folder(folder_.path() / "sub"), Error);
+  const int restored = root ? seteuid(0) : 0;
+  ASSERT_EQ(changed, 0);
+  ASSERT_EQ(restored, 0);
+  std::filesystem::permissions(folder_.path(), std::filesystem::perms(0755));
+  EXPECT_TRUE(names().empty());
+}
+
+TEST_F(AtomicFile, ReadingWhatIsNoFileIsBadInput) {
+  for (const auto& path : {folder_.path() / "none", folder_.path()}) {
+    try {
+      read_file(path);
+      FAIL() << path;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      EXPECT_EQ(error.where(), path.string());
+    }
+  }
+}
+
+TEST_F(AtomicFile, CreatesParentsAndAcceptsAnExistingFolder) {
+  create_folder(folder_.path() / "a" / "b" / "c");
+  create_folder(folder_.path() / "a" / "b" / "c");
+  EXPECT_TRUE(std::filesystem::is_directory(folder_.path() / "a" / "b" / "c"));
+}
+
+TEST_F(AtomicFile, ManyWritersOfOneFileLeaveOneWholeFile) {
+  const auto file = folder_.path() / "a";
+  std::vector<std::thread> writers;
+  for (int i = 0; i < 4; ++i) {
+    writers.emplace_back([&, i] {
+      for (int n = 0; n < 5; ++n) {
+        write_file_atomically(file, std::string(10'000, static_cast<char>('a' + i)));
+      }
+    });
+  }
+  for (std::thread& writer : writers) writer.join();
+  const std::string text = read_file(file);
+  EXPECT_EQ(text, std::string(10'000, text.at(0)));
+  EXPECT_THAT(names(), ::testing::ElementsAre("a"));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/document.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <limits>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "schemas/embedded_schemas.h"
+#include "schemas/validator.h"
+
+namespace raystage {
+namespace {
+
+using nlohmann::json;
+
+constexpr int kNewestVersion = 1;  // of every schema so far
+
+std::string schema_name(std::string_view kind) {
+  return fmt::format("raystage/{}/{}", kind, kNewestVersion);
+}
+
+std::unique_ptr<const SchemaValidator> load_validator(std::string_view kind) {
+  for (const EmbeddedSchema& schema : embedded_schemas()) {
+    if (schema.name == kind) {
+      return std::make_unique<const SchemaValidator>(json::parse(schema.text));
+    }
+  }
+  throw std::logic_error("no schema of this name was built in: " + std::string(kind));
+}
+
+/// Each validator is made once, when first asked for: most commands need one or two of them.
+template <int index>
+const SchemaValidator& validator_once(std::string_view kind) {
+  static const std::unique_ptr<const SchemaValidator> validator = load_validator(kind);
+  return *validator;
+}
+
+const SchemaValidator& validator_of(std::string_view kind) {
+  if (kind == "rig") return validator_once<0>(kind);
+  if (kind == "take") return validator_once<1>(kind);
+  if (kind == "shot") return validator_once<2>(kind);
+  if (kind == "import") return validator_once<3>(kind);
+  return validator_once<4>("views");
+}
+
+void check_version(std::string_view kind, const json& document, std::string_view name) {
+  const std::string expected = schema_name(kind);
+  if (!document.is_object()) {
+    throw bad_value(name, "",
+                    fmt::format("found {}, allowed: an object with \"schema\": \"{}\"",
+                                found(document), expected),
+                    "Check that this is the right file");
+  }
+  const auto schema = document.find("schema");
+  if (schema == document.end()) {
+    throw bad_value(
+        name, "",
+        fmt::format("the property \"schema\" is missing, allowed there: \"{}\"", expected),
+        "Add it, or check that this is the right file");
+  }
+  if (*schema == expected) return;
+  const std::string text = schema->is_string() ? schema->get<std::string>() : "";
+  const std::string prefix = fmt::format("raystage/{}/", kind);
+  if (text.starts_with(prefix)) {
+    int version = 0;
+    const char* begin = text.data() + prefix.size();
+    const char* end = text.data() + text.size();
+    const auto [stop, error] = std::from_chars(begin, end, version);
+    const bool too_large = error == std::errc::result_out_of_range;
+    if (begin != end && stop == end && (too_large || version > kNewestVersion)) {
+      throw bad_value(name, "/schema",
+                      fmt::format("this file is version {}, this program reads up to {}",
+                                  std::string_view(begin, end), kNewestVersion),
+                      "Update raystage");
+    }
+  }
+  throw bad_value(name, "/schema",
+                  fmt::format("found {}, allowed: \"{}\"", found(*schema), expected),
+                  "Check that this is the right file");
+}
+
+}  // namespace
+
+Located Located::at(std::string_view key) const {
+  return {value.at(std::string(key)), name, pointer_to(pointer, key)};
+}
+
+Located Located::at(std::size_t index) const {
+  return {value.at(index), name, pointer_to(pointer, index)};
+}
+
+nlohmann::json parse_document(std::string_view kind, std::string_view text, std::string_view name) {
+  json document = parse_json(text, name);
+  check_version(kind, document, name);
+  validator_of(kind).validate(document, name);
+  return document;
+}
+
+nlohmann::ordered_json new_document(std::string_view kind) {
+  return {{"schema", schema_name(kind)}};
+}
+
+std::string unique_id(const Located& object, std::set<std::string, std::less<>>& seen) {
+  const Located id = object.at("id");
+  auto text = id.get<std::string>();
+  if (!seen.insert(text).second) {
+    throw id.refuse(fmt::format("the id \"{}\" comes twice", text), "Give each its own id");
+  }
+  return text;
+}
+
+std::string path_text(const Located& text) {
+  auto path = text.get<std::string>();
+  for (const char c : path) {
+    if (static_cast<unsigned char>(c) < ' ') {
+      throw text.refuse(fmt::format("found {}, a path with a control character", found(text.value)),
+                        "Rename the file");
+    }
+  }
+  return path;
+}
+
+std::string inner_path(const Located& text) {
+  std::string path = path_text(text);
+  const std::filesystem::path parts(path);
+  bool inside = parts.is_relative();
+  for (const auto& part : parts) inside = inside && part != "..";
+  if (!inside) {
+    throw text.refuse(fmt::format("found {}, allowed: a path inside the take", found(text.value)),
+                      "Move the file into the take's folder");
+  }
+  return path;
+}
+
+Nanoseconds utc_from(const Located& text) {
+  try {
+    return parse_utc(text.get<std::string>());
+  } catch (const Error& error) {
+    throw text.refuse(error.what_happened(), error.what_to_do());
+  }
+}
+
+std::optional<DepthRange> depth_range_from(const Located& object) {
+  if (!object.has("depth_range_m")) return std::nullopt;
+  const Located range = object.at("depth_range_m");
+  const json& values = range.value;
+  DepthRange result{0, std::numeric_limits<double>::infinity()};
+  if (values[0].is_number()) result.near = values[0].get<double>();
+  if (values.size() > 1 && !values[1].is_null()) result.far = values[1].get<double>();
+  if (!values[0].is_number() || result.near >= result.far) {
+    throw range.refuse(
+        fmt::format("found {}, allowed: the nearest and then the farthest distance, in metres",
+                    values.dump()),
+        "Correct the range; leave out the farthest for infinity");
+  }
+  return result;
+}
+
+void add_depth_range(const std::optional<DepthRange>& range, nlohmann::ordered_json& object) {
+  if (!range) return;
+  auto& values = object["depth_range_m"] = nlohmann::ordered_json::array({range->near});
+  if (range->far == std::numeric_limits<double>::infinity()) {
+    values.push_back(nullptr);
+  } else {
+    values.push_back(range->far);
+  }
+}
+
+}  // namespace raystage

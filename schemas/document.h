@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// Inside schemas/ only: what the typed documents share.
+#pragma once
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+
+#include "schemas/geometry.h"
+#include "schemas/json_text.h"
+#include "schemas/time.h"
+
+namespace raystage {
+
+/// A JSON value in a document, and where it stands.
+struct Located {
+  const nlohmann::json& value;
+  std::string_view name;  ///< of the document
+  std::string pointer;
+
+  Located at(std::string_view key) const;
+  Located at(std::size_t index) const;
+  bool has(std::string_view key) const { return value.contains(std::string(key)); }
+  std::size_t size() const { return value.size(); }
+
+  template <typename T>
+  T get() const {
+    return value.get<T>();
+  }
+  template <typename T>
+  T get(std::string_view key, T otherwise) const {
+    return has(key) ? at(key).get<T>() : otherwise;
+  }
+  /// Bad input here.
+  Error refuse(std::string what_happened, std::string what_to_do) const {
+    return bad_value(name, pointer, std::move(what_happened), std::move(what_to_do));
+  }
+};
+
+/// Parses a document of schema "raystage/KIND/1" and holds it to that schema. Throws Error.
+nlohmann::json parse_document(std::string_view kind, std::string_view text, std::string_view name);
+
+/// An object that begins with the schema's name and version.
+nlohmann::ordered_json new_document(std::string_view kind);
+
+/// Refuses an id that came before (`seen` collects them).
+std::string unique_id(const Located& object, std::set<std::string, std::less<>>& seen);
+/// A path without control characters.
+std::string path_text(const Located& text);
+/// A relative path that stays inside its folder.
+std::string inner_path(const Located& text);
+Nanoseconds utc_from(const Located& text);
+
+std::optional<DepthRange> depth_range_from(const Located& object);
+void add_depth_range(const std::optional<DepthRange>& range, nlohmann::ordered_json& object);
+
+/// Reads id, size, intrinsics, pose and place in the grid; the pose must be rigid.
+CameraGeometry camera_from(const Located& object, std::set<std::string, std::less<>>& seen);
+nlohmann::ordered_json json_from(const CameraGeometry& camera);
+
+}  // namespace raystage

@@ -1,0 +1,450 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every document: what is read, what comes back, what is refused and where.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "schemas/import_manifest.h"
+#include "schemas/rig_document.h"
+#include "schemas/shot_document.h"
+#include "schemas/take_document.h"
+#include "schemas/test_data.h"
+#include "schemas/test_folder.h"
+#include "schemas/views.h"
+
+namespace raystage {
+namespace {
+
+using nlohmann::json;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+json camera(const std::string& id, double x) {
+  return {{"id", id},
+          {"width", 640},
+          {"height", 480},
+          {"intrinsics", {{"fx", 500.5}, {"fy", 501}, {"cx", 320}, {"cy", 240}}},
+          {"world_from_camera", {{1, 0, 0, x}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}}}};
+}
+
+json good(const std::string& kind) {
+  json document{{"schema", "raystage/" + kind + "/1"}};
+  if (kind == "shot") {
+    document.update({{"width", 960},
+                     {"height", 640},
+                     {"fps", "24000/1001"},
+                     {"first_frame", 1},
+                     {"last_frame", 48}});
+    for (const int frame : {1, 48}) {
+      document["camera"].push_back({{"frame", frame},
+                                    {"position", {0.01, 0, -0.2}},
+                                    {"orientation", {2, 0, 0, 0}},
+                                    {"horizontal_fov_deg", 50}});
+    }
+    document["layers"] = {{{"take", "../take"}, {"focal_plane", {{"depth_m", 8.69}}}}};
+    return document;
+  }
+  if (kind == "views") {
+    document["color_space"] = "srgb_texture";
+    document["views"] = {camera("a", 0), camera("b", 0.1)};
+    document["views"][0].update({{"file", "truth/a.png"}, {"time_ns", 233333333}});
+    return document;
+  }
+  document["name"] = "test";
+  if (kind == "rig") {
+    document["cameras"] = {camera("a", 0), camera("b", 0.1)};
+    return document;
+  }
+  document.update({{"epoch_utc", "2026-01-01T00:00:00Z"},
+                   {"nominal_fps", 15},
+                   {"color_space", "srgb_texture"}});
+  if (kind == "take") {
+    for (const std::string id : {"a", "b"}) {
+      document["cameras"].push_back({{"id", id},
+                                     {"archive", "archive/" + id + ".mkv"},
+                                     {"journal", "archive/" + id + ".journal"}});
+    }
+    return document;
+  }
+  document["cameras"] = {camera("a", 0), camera("b", 0.1)};
+  document["cameras"][0]["frames"] = {{{"file", "a.jpg"}, {"time_ns", 0}},
+                                      {{"file", "b.jpg"}, {"time_ns", 5}}};
+  document["cameras"][1].update({{"movie", "b.mp4"}, {"times_ns", {1, 2}}});
+  return document;
+}
+
+/// Reads a document of any kind and writes it again.
+std::string rewritten(const std::string& kind, const std::string& text) {
+  if (kind == "rig") return format_rig(parse_rig(text, "f.json"));
+  if (kind == "take") return format_take(parse_take(text, "f.json"));
+  if (kind == "shot") return format_shot(parse_shot(text, "f.json"));
+  if (kind == "views") return format_views(parse_views(text, "f.json"));
+  return format_import_manifest(parse_import_manifest(text, "f.json"));
+}
+
+std::string refusal(const std::string& kind, const json& document) {
+  try {
+    rewritten(kind, document.dump());
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_FALSE(error.what_to_do().empty());
+    return error.what();
+  }
+  return "accepted";
+}
+
+class EveryDocument : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Kinds, EveryDocument,
+                         ::testing::Values("rig", "take", "shot", "import", "views"));
+
+TEST_P(EveryDocument, ComesBackTheSame) {
+  const std::string once = rewritten(GetParam(), good(GetParam()).dump());
+  EXPECT_EQ(rewritten(GetParam(), once), once);
+}
+
+TEST_P(EveryDocument, NewerVersionsAreRefusedWithAdvice) {
+  json document = good(GetParam());
+  document["schema"] = std::string("raystage/") + GetParam() + "/2";
+  document["a_future_property"] = 1;
+  EXPECT_THAT(
+      refusal(GetParam(), document),
+      AllOf(StartsWith("f.json#/schema: this file is version 2, this program reads up to 1"),
+            HasSubstr("Update raystage")));
+  document["schema"] = std::string("raystage/") + GetParam() + "/99999999999999";
+  EXPECT_THAT(refusal(GetParam(), document), HasSubstr("this file is version 99999999999999"));
+}
+
+TEST_P(EveryDocument, OtherDocumentsAreRefused) {
+  json document = good(GetParam());
+  for (const json& schema : {json("raystage/other/1"), json("raystage/"), json(1), json("")}) {
+    document["schema"] = schema;
+    EXPECT_THAT(refusal(GetParam(), document), HasSubstr("f.json#/schema: found"));
+  }
+  document.erase("schema");
+  EXPECT_THAT(refusal(GetParam(), document), HasSubstr("\"schema\" is missing"));
+  EXPECT_THAT(refusal(GetParam(), json::array()), HasSubstr("found an array of 0"));
+}
+
+TEST_P(EveryDocument, UnknownPropertiesAreRefusedRemarksAreNot) {
+  json document = good(GetParam());
+  document["x_tool"] = {{"any", "thing"}};
+  document["comment"] = "hello";
+  EXPECT_EQ(refusal(GetParam(), document), "accepted");
+  document["fsp"] = 1;
+  EXPECT_THAT(refusal(GetParam(), document), HasSubstr("f.json#/fsp: found the unknown property"));
+}
+
+TEST_P(EveryDocument, SurvivesTheLossOfAnyRequiredProperty) {
+  const json whole = good(GetParam());
+  for (const auto& [key, ignored] : whole.items()) {
+    json document = whole;
+    document.erase(key);
+    const std::string verdict = refusal(GetParam(), document);
+    if (verdict == "accepted") continue;  // it has a default
+    EXPECT_THAT(verdict, HasSubstr("\"" + key + "\" is missing"));
+  }
+}
+
+TEST_P(EveryDocument, NonFiniteNumbersAreRefused) {
+  std::string text = good(GetParam()).dump();
+  for (const char* number : {"1e999", "-1e999", "NaN", "Infinity"}) {
+    std::string bad = text;
+    const std::size_t at = bad.find("640");
+    if (at == bad.npos) continue;
+    bad.replace(at, 3, number);
+    EXPECT_THROW(rewritten(GetParam(), bad), Error) << number;
+  }
+}
+
+struct Damage {
+  const char* kind;
+  const char* pointer;  ///< what is replaced
+  json value;
+  const char* where;  ///< the pointer in the error
+  const char* message;
+};
+
+void PrintTo(const Damage& damage, std::ostream* stream) {
+  *stream << damage.kind << damage.pointer << " = " << damage.value.dump();
+}
+
+class DamagedDocument : public ::testing::TestWithParam<Damage> {};
+
+TEST_P(DamagedDocument, IsRefusedAtThePlace) {
+  const Damage& damage = GetParam();
+  json document = good(damage.kind);
+  document[json::json_pointer(damage.pointer)] = damage.value;
+  EXPECT_THAT(
+      refusal(damage.kind, document),
+      AllOf(StartsWith(std::string("f.json#") + damage.where + ":"), HasSubstr(damage.message)));
+}
+
+const json kMirrored = {{-1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {0, 0, 0, 1}};
+const json kScaled = {{2, 0, 0, 0}, {0, 2, 0, 0}, {0, 0, 2, 0}, {0, 0, 0, 1}};
+const json kByColumns = {{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}, {5, 0, 0, 1}};
+constexpr const char* kPose = "/cameras/1/world_from_camera";
+
+INSTANTIATE_TEST_SUITE_P(
+    Cameras, DamagedDocument,
+    ::testing::Values(
+        Damage{"rig", "/cameras", json::array(), "/cameras", "an array of at least 1"},
+        Damage{"rig", "/cameras/1/id", "a", "/cameras/1/id", "the id \"a\" comes twice"},
+        Damage{"rig", "/cameras/1/id", "../a", "/cameras/1/id", "found \"../a\""},
+        Damage{"rig", "/cameras/1/id", ".a", "/cameras/1/id", "found \".a\""},
+        Damage{"rig", "/cameras/1/id", "", "/cameras/1/id", "found \"\""},
+        Damage{"rig", "/cameras/1/id", "a b", "/cameras/1/id", "found \"a b\""},
+        Damage{"rig", "/cameras/1/id", "a\n", "/cameras/1/id", "found \"a\\n\""},
+        Damage{"rig", "/cameras/1/id", std::string(200'000, 'a'), "/cameras/1/id", "found \"aaa"},
+        Damage{"rig", "/cameras/1/width", 0, "/cameras/1/width", "an integer from 1 up to 65535"},
+        Damage{"rig", "/cameras/1/width", 65536, "/cameras/1/width", "found 65536"},
+        Damage{"rig", "/cameras/1/height", 1.5, "/cameras/1/height", "found 1.5"},
+        Damage{"rig", "/cameras/1/intrinsics/fx", 0, "/cameras/1/intrinsics/fx", "greater than 0"},
+        Damage{"rig", "/cameras/1/intrinsics/fy", -5, "/cameras/1/intrinsics/fy", "greater than 0"},
+        Damage{"rig", "/cameras/1/intrinsics/cx", nullptr, "/cameras/1/intrinsics/cx",
+               "found null"},
+        Damage{"rig",
+               "/cameras/1/intrinsics/distortion",
+               {{"model", "fisheye"}},
+               "/cameras/1/intrinsics/distortion/model",
+               "allowed: \"brown_conrady\""},
+        Damage{"rig",
+               "/cameras/1/intrinsics/distortion",
+               {{"k1", 0.1}},
+               "/cameras/1/intrinsics/distortion",
+               "\"model\" is missing"},
+        Damage{"rig", kPose, kMirrored, kPose, "mirrors"},
+        Damage{"rig", kPose, kScaled, kPose, "not rigid"},
+        Damage{"rig", kPose, kByColumns, "/cameras/1/world_from_camera/3", "[0, 0, 0, 1]"},
+        Damage{"rig", "/cameras/1/world_from_camera/0/0", 1.001, kPose, "not rigid"},
+        Damage{"rig", "/cameras/1/world_from_camera/0/0", "1", "/cameras/1/world_from_camera/0/0",
+               "found \"1\""},
+        Damage{"rig", "/cameras/1/row", 3, "/cameras/1", "only one of \"row\" and \"col\""},
+        Damage{"rig", "/topology", "ring", "/topology", "\"auto\" or \"grid\""},
+        Damage{"rig",
+               "/cameras/0/photometric",
+               {{"contrast", {1, 0, 1}}, {"brightness", {0, 0, 0}}},
+               "/cameras/0/photometric/contrast/1",
+               "greater than 0"}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Takes, DamagedDocument,
+    ::testing::Values(
+        Damage{"take", "/epoch_utc", "2026-01-01 00:00:00", "/epoch_utc", "found \"2026"},
+        Damage{"take", "/epoch_utc", "2026-13-01T00:00:00Z", "/epoch_utc", "no such date"},
+        Damage{"take", "/color_space", "sRGB", "/color_space", "allowed: \"srgb_texture\""},
+        Damage{"take", "/clock", "ptp", "/clock", "\"host\" or \"device\""},
+        Damage{"take", "/time_marks", "middle", "/time_marks", "\"exposure_middle\""},
+        Damage{"take", "/cameras/1/id", "a", "/cameras/1/id", "comes twice"},
+        Damage{"take", "/cameras/1/archive", "/etc/passwd", "/cameras/1/archive",
+               "inside the take"},
+        Damage{"take", "/cameras/1/journal", "a/../../b", "/cameras/1/journal", "inside the take"},
+        Damage{"take", "/cameras/1/journal", std::string("a\0b", 3), "/cameras/1/journal",
+               "control character"},
+        Damage{"take", "/depth_range_m", {3, 3}, "/depth_range_m", "nearest and then the farthest"},
+        Damage{"take", "/depth_range_m", {nullptr, 3}, "/depth_range_m", "nearest"},
+        Damage{"take", "/depth_range_m", {0, 3}, "/depth_range_m/0", "greater than 0"}));
+
+INSTANTIATE_TEST_SUITE_P(
+    Imports, DamagedDocument,
+    ::testing::Values(
+        Damage{"import", "/cameras", json::array(), "/cameras", "an array of at least 1"},
+        Damage{"import", "/cameras/1/id", "a", "/cameras/1/id", "comes twice"},
+        Damage{"import", "/nominal_fps", 0, "/nominal_fps", "greater than 0"},
+        Damage{"import", "/cameras/0/frames", json::array(), "/cameras/0/frames", "at least 1"},
+        Damage{"import", "/cameras/0/frames/1/time_ns", 0, "/cameras/0/frames/1/time_ns",
+               "found 0 after 0, allowed: increasing times"},
+        Damage{"import", "/cameras/0/frames/1/time_ns", -5, "/cameras/0/frames/1/time_ns",
+               "found -5"},
+        Damage{"import", "/cameras/0/frames/1/time_ns", 104LL * 86400 * 1'000'000'000 + 1,
+               "/cameras/0/frames/1/time_ns", "up to 8985600000000000"},
+        Damage{"import", "/cameras/0/frames/1/file", "", "/cameras/0/frames/1/file", "found \"\""},
+        Damage{"import", "/cameras/1/times_ns/1", 1, "/cameras/1/times_ns/1", "increasing"},
+        Damage{"import", "/cameras/0/movie", "a.mp4", "/cameras/0", "either \"frames\""},
+        Damage{"import", "/cameras/0/times_ns", {1}, "/cameras/0", "either \"frames\""},
+        Damage{"import", "/scale", "feet", "/scale", "\"metres\" or \"arbitrary\""}));
+
+INSTANTIATE_TEST_SUITE_P(
+    ShotsAndViews, DamagedDocument,
+    ::testing::Values(
+        Damage{"shot", "/camera", json::array(), "/camera", "at least 1"},
+        Damage{"shot", "/camera/1/frame", 1, "/camera/1/frame", "increasing frames"},
+        Damage{"shot", "/camera/1/horizontal_fov_deg", 180, "/camera/1/horizontal_fov_deg",
+               "less than 180"},
+        Damage{"shot", "/camera/1/horizontal_fov_deg", 0, "/camera/1/horizontal_fov_deg",
+               "greater than 0"},
+        Damage{"shot", "/camera/1/orientation", {0, 0, 0, 0}, "/camera/1/orientation", "length 0"},
+        Damage{
+            "shot", "/camera/1/orientation", {1, 0, 0}, "/camera/1/orientation", "an array of 4"},
+        Damage{"shot", "/last_frame", 0, "/last_frame", "first_frame, which is 1, or later"},
+        Damage{"shot", "/fps", 0, "/fps", "found 0"},
+        Damage{"shot", "/fps", "24/0", "/fps", "found \"24/0\""},
+        Damage{"shot", "/fps", "fast", "/fps", "found \"fast\""},
+        Damage{"shot", "/layers", json::array(), "/layers", "an array of 1"},
+        Damage{"shot", "/layers/0/focal_plane", "near", "/layers/0/focal_plane",
+               "\"best\" or \"infinity\" or an object with \"depth_m\""},
+        Damage{"shot",
+               "/layers/0/focal_plane",
+               {{"depth_m", -1}},
+               "/layers/0/focal_plane/depth_m",
+               "greater than 0"},
+        Damage{"shot",
+               "/layers/0/focal_plane",
+               {{"equation", {0, 0, 0, 1}}},
+               "/layers/0/focal_plane/equation",
+               "without a normal"},
+        Damage{"shot",
+               "/layers/0/focal_plane",
+               {{"depth_m", 1}, {"equation", {0, 0, 1, 1}}},
+               "/layers/0/focal_plane",
+               "found an object"},
+        Damage{"shot",
+               "/output",
+               {{"compression", "dwaa"}},
+               "/output/compression",
+               "\"none\" or \"rle\""},
+        Damage{"views", "/views", json::array(), "/views", "at least 1"},
+        Damage{"views", "/views/1/id", "a", "/views/1/id", "comes twice"},
+        Damage{"views", "/views/1/time_ns", -1, "/views/1/time_ns", "found -1"}));
+
+TEST(ImportManifest, ACameraThatLooksBackIsRefusedByName) {
+  json document = good("import");
+  document["cameras"].push_back(camera("c", 0.2));
+  document["cameras"][2]["frames"] = document["cameras"][0]["frames"];
+  // OpenCV's axes: half a turn about x.
+  document["cameras"][2]["world_from_camera"] = {
+      {1, 0, 0, 0.2}, {0, -1, 0, 0}, {0, 0, -1, 0}, {0, 0, 0, 1}};
+  EXPECT_EQ(refusal("import", document), "accepted");  // without a depth range: a ring, perhaps
+  document["depth_range_m"] = {1, 5};
+  EXPECT_THAT(refusal("import", document),
+              AllOf(StartsWith("f.json#/cameras/2/world_from_camera:"),
+                    HasSubstr("camera \"c\" looks 180.0 degrees away"), HasSubstr("OpenCV")));
+}
+
+TEST(ImportManifest, ACameraBeyondTheNearestPlaneIsRefusedByName) {
+  json document = good("import");
+  document["depth_range_m"] = {1, 5};
+  document["cameras"][1]["world_from_camera"][2][3] = -1.9;  // its middle is at half of that
+  EXPECT_EQ(refusal("import", document), "accepted");
+  document["cameras"][1]["world_from_camera"][2][3] = -2.1;
+  EXPECT_THAT(refusal("import", document), AllOf(StartsWith("f.json#/cameras/1/world_from_camera:"),
+                                                 HasSubstr("camera \"b\" stands 1.05 m in front")));
+}
+
+TEST(ImportManifest, ARingWithADepthRangeIsRefused) {
+  json document = good("import");
+  document["cameras"][1]["world_from_camera"] = {
+      {-1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, -1, 0}, {0, 0, 0, 1}};
+  document["depth_range_m"] = {1, 5};
+  EXPECT_THAT(refusal("import", document), HasSubstr("look every way"));
+}
+
+TEST(ImportManifest, ReadsEveryField) {
+  json document = good("import");
+  document["scale"] = "arbitrary";
+  document["depth_range_m"] = {1.5, nullptr};
+  document["cameras"][0].update({{"row", 2}, {"col", 3}});
+  document["cameras"][0]["intrinsics"]["distortion"] = {
+      {"model", "brown_conrady"}, {"k1", 1}, {"k2", 2}, {"p1", 3}, {"p2", 4}, {"k3", 5}};
+  const ImportManifest manifest = parse_import_manifest(document.dump(), "f");
+  EXPECT_EQ(manifest.name, "test");
+  EXPECT_EQ(manifest.epoch_utc, parse_utc("2026-01-01T00:00:00Z"));
+  EXPECT_EQ(manifest.nominal_fps, 15);
+  EXPECT_TRUE(manifest.arbitrary_scale);
+  EXPECT_EQ(manifest.depth_range->near, 1.5);
+  EXPECT_TRUE(std::isinf(manifest.depth_range->far));
+  const auto& [a, b] = std::tie(manifest.cameras.at(0), manifest.cameras.at(1));
+  EXPECT_EQ(a.geometry.row, 2);
+  EXPECT_EQ(a.geometry.column, 3);
+  EXPECT_EQ(a.geometry.intrinsics, (Intrinsics{500.5, 501, 320, 240, Distortion{1, 2, 3, 4, 5}}));
+  EXPECT_EQ(a.frames.at(1).file, "b.jpg");
+  EXPECT_EQ(a.frames.at(1).time_ns, 5);
+  EXPECT_EQ(b.movie, "b.mp4");
+  EXPECT_EQ(b.times_ns, (std::vector<Nanoseconds>{1, 2}));
+  EXPECT_EQ(b.geometry.world_from_camera[3], 0.1);
+  EXPECT_EQ(b.geometry.row, std::nullopt);
+}
+
+TEST(TakeDocument, TheFarthestDistanceMayBeLeftOut) {
+  json document = good("take");
+  for (const json& range : {json::array({3}), json::array({3, nullptr})}) {
+    document["depth_range_m"] = range;
+    const TakeDocument take = parse_take(document.dump(), "f");
+    EXPECT_EQ(take.depth_range, (DepthRange{3, std::numeric_limits<double>::infinity()}));
+    EXPECT_EQ(parse_take(format_take(take), "f").depth_range, take.depth_range);
+  }
+}
+
+TEST(ShotDocument, ReadsEveryField) {
+  const ShotDocument shot = parse_shot(good("shot").dump(), "f");
+  EXPECT_EQ(shot.fps_numerator, 24000);
+  EXPECT_EQ(shot.fps_denominator, 1001);
+  EXPECT_EQ(shot.camera.at(1).frame, 48);
+  EXPECT_EQ(shot.camera.at(1).orientation, (std::array<double, 4>{1, 0, 0, 0}));
+  EXPECT_EQ(shot.layers.at(0).method, "focal_plane");
+  EXPECT_EQ(shot.layers.at(0).speed, 1);
+  EXPECT_EQ(shot.layers.at(0).focal_plane.kind, ShotDocument::FocalPlane::Kind::kDepth);
+  EXPECT_EQ(shot.layers.at(0).focal_plane.depth, 8.69);
+  EXPECT_EQ(shot.output.compression, "piz");
+}
+
+TEST(Documents, WhatCannotBeReadAgainIsNotWritten) {
+  const TestFolder folder;
+  RigDocument rig = parse_rig(good("rig").dump(), "f");
+  write_rig(rig, folder.path() / "rig.json");
+  const std::string before = read_file(folder.path() / "rig.json");
+  rig.cameras[1].geometry.intrinsics.fx = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_THROW(write_rig(rig, folder.path() / "rig.json"), Error);
+  EXPECT_EQ(read_file(folder.path() / "rig.json"), before);
+}
+
+TEST(Documents, DoublesComeBackExactly) {
+  const TestFolder folder;
+  RigDocument rig = parse_rig(good("rig").dump(), "f");
+  rig.cameras[0].geometry.intrinsics = {1.0 / 3, std::nextafter(1, 2), -0.0, 1e-300,
+                                        Distortion{0.1, 0.2, 0.3, 1e-17, -1.0 / 7}};
+  rig.cameras[0].geometry.world_from_camera[3] = std::sqrt(2);
+  rig.cameras[0].photometric.contrast = {1.1, 0.9, 1.0 / 3};
+  write_rig(rig, folder.path() / "rig.json");
+  const RigDocument read = read_rig(folder.path() / "rig.json");
+  EXPECT_EQ(read.cameras[0].geometry, rig.cameras[0].geometry);
+  EXPECT_EQ(read.cameras[0].photometric, rig.cameras[0].photometric);
+}
+
+TEST(Documents, MissingFilesAreBadInput) {
+  try {
+    read_take("/nowhere/take.json");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_EQ(error.where(), "/nowhere/take.json");
+  }
+}
+
+TEST(Documents, RecordedLightFieldsAreReadAndComeBackTheSame) {
+  if (!std::filesystem::exists(test_data())) GTEST_SKIP() << "no data at " << test_data();
+  int manifests = 0, views = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(test_data())) {
+    if (const auto file = entry.path() / "import.json"; std::filesystem::exists(file)) {
+      const ImportManifest manifest = read_import_manifest(file);
+      const std::string once = format_import_manifest(manifest);
+      EXPECT_EQ(json::parse(once), json::parse(read_file(file))) << file;
+      ++manifests;
+    }
+    if (const auto file = entry.path() / "views.json"; std::filesystem::exists(file)) {
+      EXPECT_EQ(json::parse(format_views(read_views(file))), json::parse(read_file(file))) << file;
+      ++views;
+    }
+  }
+  EXPECT_GE(manifests, 6);
+  EXPECT_GE(views, 4);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/rig_document.h"
+
+#include "schemas/atomic_file.h"
+#include "schemas/document.h"
+
+namespace raystage {
+
+RigDocument parse_rig(std::string_view text, std::string_view name) {
+  const nlohmann::json json = parse_document("rig", text, name);
+  const Located document{json, name, ""};
+  RigDocument rig;
+  rig.name = document.get("name", rig.name);
+  rig.topology = document.get("topology", rig.topology);
+  const Located cameras = document.at("cameras");
+  std::set<std::string, std::less<>> seen;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Located object = cameras.at(i);
+    RigDocument::Camera camera{camera_from(object, seen), {}};
+    if (object.has("photometric")) {
+      const Located photometric = object.at("photometric");
+      camera.photometric.contrast = photometric.at("contrast").get<std::array<double, 3>>();
+      camera.photometric.brightness = photometric.at("brightness").get<std::array<double, 3>>();
+    }
+    rig.cameras.push_back(std::move(camera));
+  }
+  return rig;
+}
+
+std::string format_rig(const RigDocument& rig) {
+  nlohmann::ordered_json json = new_document("rig");
+  json["name"] = rig.name;
+  json["topology"] = rig.topology;
+  auto& cameras = json["cameras"] = nlohmann::ordered_json::array();
+  for (const RigDocument::Camera& camera : rig.cameras) {
+    nlohmann::ordered_json object = json_from(camera.geometry);
+    if (camera.photometric != PhotometricResponse{}) {
+      object["photometric"] = {{"contrast", camera.photometric.contrast},
+                               {"brightness", camera.photometric.brightness}};
+    }
+    cameras.push_back(std::move(object));
+  }
+  return format_json(json);
+}
+
+RigDocument read_rig(const std::filesystem::path& file) {
+  return parse_rig(read_file(file), file.string());
+}
+
+void write_rig(const RigDocument& rig, const std::filesystem::path& file) {
+  const std::string text = format_rig(rig);
+  parse_rig(text, file.string());  // what cannot be read again must not be written
+  write_file_atomically(file, text);
+}
+
+}  // namespace raystage

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/take_document.h"
+
+#include "schemas/atomic_file.h"
+#include "schemas/document.h"
+
+namespace raystage {
+
+TakeDocument parse_take(std::string_view text, std::string_view name) {
+  const nlohmann::json json = parse_document("take", text, name);
+  const Located document{json, name, ""};
+  TakeDocument take;
+  take.name = document.get("name", take.name);
+  take.created_by = document.get("created_by", take.created_by);
+  take.epoch_utc = utc_from(document.at("epoch_utc"));
+  take.nominal_fps = document.at("nominal_fps").get<double>();
+  take.color_space = document.at("color_space").get<std::string>();
+  take.clock = document.get("clock", take.clock);
+  take.time_marks = document.get("time_marks", take.time_marks);
+  take.arbitrary_scale = document.get<std::string>("scale", "metres") == "arbitrary";
+  take.depth_range = depth_range_from(document);
+  const Located cameras = document.at("cameras");
+  std::set<std::string, std::less<>> seen;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const Located object = cameras.at(i);
+    take.cameras.push_back({.id = unique_id(object, seen),
+                            .archive = inner_path(object.at("archive")),
+                            .journal = inner_path(object.at("journal")),
+                            .node = object.get<std::string>("node", "")});
+  }
+  return take;
+}
+
+std::string format_take(const TakeDocument& take) {
+  nlohmann::ordered_json json = new_document("take");
+  json["name"] = take.name;
+  json["created_by"] = take.created_by;
+  json["epoch_utc"] = format_utc(take.epoch_utc);
+  json["nominal_fps"] = take.nominal_fps;
+  json["color_space"] = take.color_space;
+  json["clock"] = take.clock;
+  json["time_marks"] = take.time_marks;
+  if (take.arbitrary_scale) json["scale"] = "arbitrary";
+  add_depth_range(take.depth_range, json);
+  auto& cameras = json["cameras"] = nlohmann::ordered_json::array();
+  for (const TakeDocument::Camera& camera : take.cameras) {
+    nlohmann::ordered_json object{
+        {"id", camera.id}, {"archive", camera.archive}, {"journal", camera.journal}};
+    if (!camera.node.empty()) object["node"] = camera.node;
+    cameras.push_back(std::move(object));
+  }
+  return format_json(json);
+}
+
+TakeDocument read_take(const std::filesystem::path& file) {
+  return parse_take(read_file(file), file.string());
+}
+
+void write_take(const TakeDocument& take, const std::filesystem::path& file) {
+  const std::string text = format_take(take);
+  parse_take(text, file.string());  // what cannot be read again must not be written
+  write_file_atomically(file, text);
+}
+
+}  // namespace raystage

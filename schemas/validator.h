@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// Inside schemas/ only: shows nlohmann's types.
+#pragma once
+
+#include <map>
+#include <nlohmann/json.hpp>
+#include <regex>
+#include <string>
+#include <string_view>
+
+namespace raystage {
+
+/// Checks documents against a JSON Schema, draft 2020-12: type, const, enum, minimum,
+/// exclusiveMinimum, maximum, exclusiveMaximum, minLength, maxLength (bytes), pattern, items,
+/// minItems, maxItems, properties, patternProperties ("^prefix" only, any value),
+/// additionalProperties (false only), required, oneOf, anyOf and $ref to "#/$defs/NAME".
+class SchemaValidator {
+ public:
+  /// Throws std::logic_error for a schema that says anything beyond that: a rule that nobody checks
+  /// is worse than none.
+  explicit SchemaValidator(nlohmann::json schema);
+
+  /// Throws Error (bad input) at "NAME#/json/pointer" with what was found and what is allowed.
+  void validate(const nlohmann::json& document, std::string_view name) const;
+
+ private:
+  struct Place {
+    std::string_view name;
+    std::string pointer;
+  };
+  using Json = nlohmann::json;
+
+  void adopt(const Json& schema);
+  void check(const Json& schema, const Json& value, const Place& place) const;
+  void check_plain(const Json& schema, const Json& value, const Place& place) const;
+  void check_array(const Json& schema, const Json& value, const Place& place) const;
+  void check_object(const Json& schema, const Json& value, const Place& place) const;
+  void check_choice(const Json& schema, const Json& branches, bool exactly_one, const Json& value,
+                    const Place& place) const;
+  bool within_bounds(const Json& schema, const Json& value) const;
+  const Json& resolve(const Json& schema) const;
+  std::string allowed(const Json& schema) const;
+
+  Json schema_;
+  std::map<std::string, std::regex, std::less<>> patterns_;
+};
+
+}  // namespace raystage

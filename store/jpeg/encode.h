@@ -17,18 +17,18 @@ struct JpegEncodeSettings {
   int restart_interval = -1;
 };
 
-/// The largest divisor of the MCU row that makes segments of at most 32 pixels in width (a whole
-/// MCU at least): fine enough that a rectangle costs little more than itself, at 2-4 % of the
-/// bytes.
-int default_restart_interval(int mcus_per_row, int mcu_width);
+/// MCUs that make segments 32 pixels wide, a whole MCU at least: fine enough that a rectangle costs
+/// little more than itself (docs/formats/jpeg.md has the bytes it takes). It need not divide the
+/// MCU row.
+int default_restart_interval(int mcu_width);
 
-/// Encodes 8-bit RGB once. Throws Error (bad input) for sizes outside 1-65535 or wrong settings.
+/// Encodes 8-bit RGB once. Throws Error (bad input) for sizes outside 1-65500 or wrong settings.
 std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettings& settings);
 
 /// The same picture with restart markers every `restart_interval` MCUs (-1: the default): the
 /// quantised coefficients are carried over untouched, so every pixel decodes to the same value. A
-/// progressive file becomes baseline. APPn and COM markers are kept. Throws Error (bad input) for a
-/// damaged frame.
+/// progressive file becomes baseline; Huffman tables are made anew for the picture. APPn and COM
+/// markers are kept. Throws Error (bad input) for a damaged frame.
 std::vector<std::byte> add_restart_markers(std::span<const std::byte> jpeg, int restart_interval,
                                            std::string_view name);
 

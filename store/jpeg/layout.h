@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <string_view>
 #include <vector>
 
 namespace raystage {
@@ -12,6 +13,7 @@ namespace raystage {
 ///
 /// A baseline scan with restart markers is a row of independent `segments` of `restart_interval`
 /// MCUs each, in raster order (a segment may run on into the next MCU row). ITU-T T.81 B.2.4.4.
+/// Where not `baseline_ycc`, restart_interval is 0 and the scan counts as one segment.
 struct JpegLayout {
   int width = 0, height = 0;               ///< pixels
   int components = 0;                      ///< 1 or 3
@@ -22,17 +24,19 @@ struct JpegLayout {
   bool baseline_ycc = false;  ///< 8-bit Huffman baseline, one interleaved scan, grey or YCbCr: what
                               ///< region decoding needs besides restart markers
   std::size_t sof_offset = 0;   ///< of the SOF marker's 0xFF
-  std::size_t scan_offset = 0;  ///< first byte of entropy-coded data
-  std::size_t scan_end = 0;     ///< one past the last (the marker after it, or the file's end)
+  std::size_t scan_offset = 0;  ///< first byte of entropy-coded data (of the first scan)
+  std::size_t scan_end = 0;     ///< one past its last: of the marker after it
   std::vector<std::uint32_t> segment_offset;  ///< first byte of each segment, then scan_end + 2
 
   bool regions_decodable() const { return baseline_ycc && restart_interval > 0; }
+  int segment_count() const { return static_cast<int>(segment_offset.size()) - 1; }
   int mcu_count() const { return mcus_per_row * mcu_rows; }
 };
 
-/// Reads the markers; finds the segments by scanning for RSTn. Throws Error (bad input) with the
-/// byte offset where the file is no JPEG, is cut short (no EOI), has the wrong number of segments,
-/// or is larger than 65535 on a side. `name` stands in the error.
+/// Reads the markers; finds the segments by scanning for RSTn. Bytes after EOI are ignored. Throws
+/// Error (bad input) with the byte offset where the file is no JPEG, is cut short (no EOI, or too
+/// few bytes for its size), has the wrong number of segments or segments out of order, is neither
+/// grey nor of three components, or does not hold 8-bit samples. `name` stands in the error.
 JpegLayout parse_jpeg_layout(std::span<const std::byte> jpeg, std::string_view name);
 
 }  // namespace raystage

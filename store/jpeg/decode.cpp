@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/jpeg/decode.h"
+
+#include <cassert>
+
+#include "store/jpeg/libjpeg.h"
+
+namespace raystage {
+
+struct JpegDecoder::State {};
+
+JpegDecoder::JpegDecoder() : state_(std::make_unique<State>()) {}
+JpegDecoder::~JpegDecoder() = default;
+JpegDecoder::JpegDecoder(JpegDecoder&&) noexcept = default;
+
+RgbImage JpegDecoder::decode(std::span<const std::byte> jpeg, std::string_view name) {
+  const JpegLayout layout = parse_jpeg_layout(jpeg, name);  // its errors say more, and where
+  RgbImage image;
+  image.width = layout.width;
+  image.height = layout.height;
+  const std::size_t row_bytes = 3 * static_cast<std::size_t>(layout.width);
+  image.pixels.resize(row_bytes * static_cast<std::size_t>(layout.height));
+  // A new one each time: libjpeg keeps tables from frame to frame, and a frame that lacks its own
+  // would be decoded by a stranger's.
+  libjpeg::Decompressor decompressor;
+  auto& [info, errors] = decompressor;
+  const bool decoded = libjpeg::guarded(errors, [&] {
+    decompressor.set_input(jpeg);
+    jpeg_read_header(&info, TRUE);
+    info.out_color_space = JCS_RGB;
+    info.dct_method = JDCT_ISLOW;
+    info.do_fancy_upsampling = TRUE;
+    jpeg_start_decompress(&info);
+    while (info.output_scanline < info.output_height) {
+      JSAMPROW row = image.pixels.data() + info.output_scanline * row_bytes;
+      jpeg_read_scanlines(&info, &row, 1);
+    }
+    jpeg_finish_decompress(&info);
+  });
+  if (!decoded) libjpeg::throw_error(errors, name);
+  return image;
+}
+
+std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const JpegLayout& layout,
+                                        const McuMask& wanted, const LinearTable& table,
+                                        std::span<std::uint16_t> rgbx_linear,
+                                        std::string_view name) {
+  assert(wanted.size() == static_cast<std::size_t>(layout.mcu_count()));
+  assert(rgbx_linear.size() ==
+         4 * static_cast<std::size_t>(layout.width) * static_cast<std::size_t>(layout.height));
+  const RgbImage image = decode(jpeg, name);
+  for (int y = 0; y < layout.height; ++y) {
+    for (int x = 0; x < layout.width; ++x) {
+      const int mcu = y / layout.mcu_height * layout.mcus_per_row + x / layout.mcu_width;
+      if (!wanted[static_cast<std::size_t>(mcu)]) continue;
+      const std::size_t pixel =
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(layout.width) +
+          static_cast<std::size_t>(x);
+      for (std::size_t c = 0; c < 3; ++c)
+        rgbx_linear[4 * pixel + c] = table.code[c][image.pixels[3 * pixel + c]];
+      rgbx_linear[4 * pixel + 3] = 65535;
+    }
+  }
+  return static_cast<std::int64_t>(layout.mcu_count()) * layout.mcu_width * layout.mcu_height;
+}
+
+}  // namespace raystage

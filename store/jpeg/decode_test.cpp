@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/jpeg/decode.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <turbojpeg.h>
+
+#include <string>
+
+#include "schemas/error.h"
+#include "store/jpeg/encode.h"
+#include "store/jpeg/test_encoder.h"
+#include "store/jpeg/test_images.h"
+
+namespace raystage {
+namespace {
+
+using test_images::encode_odd;
+using test_images::Kind;
+using test_images::OddJpeg;
+using ::testing::HasSubstr;
+using Bytes = std::vector<std::byte>;
+
+// turbojpeg's own answer.
+RgbImage by_turbojpeg(const Bytes& jpeg) {
+  const tjhandle handle = tjInitDecompress();
+  RgbImage image;
+  int subsampling = 0, color = 0;
+  const auto* bytes = reinterpret_cast<const unsigned char*>(jpeg.data());
+  EXPECT_EQ(tjDecompressHeader3(handle, bytes, jpeg.size(), &image.width, &image.height,
+                                &subsampling, &color),
+            0);
+  image.pixels.resize(3 * static_cast<std::size_t>(image.width) *
+                      static_cast<std::size_t>(image.height));
+  EXPECT_EQ(tjDecompress2(handle, bytes, jpeg.size(), image.pixels.data(), image.width, 0,
+                          image.height, TJPF_RGB, TJFLAG_ACCURATEDCT),
+            0);
+  tjDestroy(handle);
+  return image;
+}
+
+TEST(DecodeJpeg, IsLibjpegTurbosOwn) {
+  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  JpegDecoder decoder;
+  for (const int h : {1, 2}) {
+    for (const int v : {1, 2}) {
+      OddJpeg odd;
+      odd.h[0] = h;
+      odd.v[0] = v;
+      const Bytes bytes = encode_odd(image, odd);
+      EXPECT_EQ(decoder.decode(bytes, "x"), by_turbojpeg(bytes)) << h << v;
+      odd.progressive = true;
+      EXPECT_EQ(decoder.decode(encode_odd(image, odd), "x"), by_turbojpeg(bytes)) << h << v;
+    }
+  }
+}
+
+TEST(DecodeJpeg, GreyGivesEqualChannels) {
+  OddJpeg grey;
+  grey.grey = true;
+  JpegDecoder decoder;
+  const RgbImage image =
+      decoder.decode(encode_odd(test_images::make(Kind::kMixed, 75, 43), grey), "x");
+  for (std::size_t i = 0; i < image.pixels.size(); i += 3) {
+    ASSERT_EQ(image.pixels[i], image.pixels[i + 1]);
+    ASSERT_EQ(image.pixels[i], image.pixels[i + 2]);
+  }
+}
+
+TEST(DecodeJpeg, ImpliesTheStandardHuffmanTables) {
+  const Bytes with = encode_odd(test_images::make(Kind::kMixed, 75, 43), {});
+  const Bytes without = test_images::without_huffman_tables(with);
+  ASSERT_LT(without.size(), with.size());
+  JpegDecoder decoder;
+  const RgbImage expected = decoder.decode(with, "x");
+  EXPECT_EQ(decoder.decode(without, "x"), expected);
+  OddJpeg optimised;
+  optimised.optimised = true;
+  decoder.decode(encode_odd(test_images::make(Kind::kGradient, 75, 43), optimised), "x");
+  EXPECT_EQ(decoder.decode(without, "x"), expected);  // not by the tables of the frame before
+}
+
+TEST(DecodeJpeg, AcceptsFillerAtTheEndOfTheScanOnly) {
+  const Bytes bytes = encode_odd(test_images::make(Kind::kMixed, 75, 43), {});
+  JpegDecoder decoder;
+  const RgbImage image = decoder.decode(bytes, "x");
+  Bytes padded = bytes;
+  padded.insert(padded.end() - 2, 37, std::byte{0});
+  EXPECT_EQ(decoder.decode(padded, "x"), image);
+  Bytes garbage = bytes;
+  garbage.insert(garbage.end() - 2, 37, std::byte{0x5A});
+  EXPECT_THROW(decoder.decode(garbage, "x"), Error);
+}
+
+TEST(DecodeJpeg, RefusesDamageAndGoesOnWithTheNextFrame) {
+  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  const Bytes bytes = encode_odd(image, {});
+  JpegDecoder decoder;
+  const RgbImage expected = decoder.decode(bytes, "x");
+  Bytes cut = bytes;
+  cut.erase(cut.end() - 300, cut.end() - 2);
+  for (int repeat = 0; repeat < 3; ++repeat) {
+    try {
+      decoder.decode(cut, "cam3 frame 8");
+      FAIL() << "decoded a truncated frame";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      EXPECT_THAT(error.what(), HasSubstr("cam3 frame 8"));
+    }
+    EXPECT_EQ(decoder.decode(bytes, "x"), expected);
+  }
+}
+
+TEST(DecodeJpeg, CanBeMoved) {
+  JpegDecoder first;
+  const Bytes bytes = encode_odd(test_images::make(Kind::kMixed, 20, 20), {});
+  const RgbImage image = first.decode(bytes, "x");
+  JpegDecoder second = std::move(first);
+  EXPECT_EQ(second.decode(bytes, "x"), image);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/jpeg/encode.h"
+
+#include <algorithm>
+#include <string>
+
+#include "schemas/error.h"
+#include "store/jpeg/layout.h"
+#include "store/jpeg/libjpeg.h"
+
+namespace raystage {
+namespace {
+
+void check_restart_interval(int interval) {
+  if (interval < -1 || interval > 65535)
+    throw Error::bad_input("a restart interval of " + std::to_string(interval) + " MCUs", "",
+                           "Use 1-65535, 0 for none or -1 for the default");
+}
+
+void check(const RgbImage& image, const JpegEncodeSettings& settings) {
+  if (image.width < 1 || image.height < 1 || image.width > 65500 || image.height > 65500)
+    throw Error::bad_input("a JPEG cannot have a size of " + std::to_string(image.width) + "x" +
+                               std::to_string(image.height),
+                           "", "Use 1-65500 pixels a side");
+  if (image.pixels.size() !=
+      3 * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height))
+    throw Error::bad_input("the image's pixels do not fill its size", "", "Use 3 bytes a pixel");
+  if (settings.quality < 1 || settings.quality > 100)
+    throw Error::bad_input("a JPEG quality of " + std::to_string(settings.quality), "",
+                           "Use 1-100");
+  check_restart_interval(settings.restart_interval);
+}
+
+// Saved APPn and COM markers, written back as they were (JFIF and Adobe's among them).
+void copy_markers(jpeg_decompress_struct& source, jpeg_compress_struct& target) {
+  for (jpeg_saved_marker_ptr marker = source.marker_list; marker != nullptr; marker = marker->next)
+    jpeg_write_marker(&target, marker->marker, marker->data, marker->data_length);
+}
+
+}  // namespace
+
+int default_restart_interval(int mcu_width) { return std::max(1, 32 / mcu_width); }
+
+std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettings& settings) {
+  check(image, settings);
+  std::vector<std::byte> bytes;
+  libjpeg::Compressor compressor;
+  jpeg_compress_struct& info = compressor.info;
+  libjpeg::VectorDestination destination(info, bytes);
+  const std::size_t row_bytes = 3 * static_cast<std::size_t>(image.width);
+  const bool encoded = libjpeg::guarded(compressor.errors, [&] {
+    info.image_width = static_cast<JDIMENSION>(image.width);
+    info.image_height = static_cast<JDIMENSION>(image.height);
+    info.input_components = 3;
+    info.in_color_space = JCS_RGB;
+    jpeg_set_defaults(&info);
+    jpeg_set_quality(&info, settings.quality, TRUE);
+    info.dct_method = JDCT_ISLOW;
+    info.comp_info[0].h_samp_factor = settings.chroma == JpegEncodeSettings::Chroma::k444 ? 1 : 2;
+    info.comp_info[0].v_samp_factor = settings.chroma == JpegEncodeSettings::Chroma::k420 ? 2 : 1;
+    info.restart_interval =
+        static_cast<unsigned>(settings.restart_interval >= 0
+                                  ? settings.restart_interval
+                                  : default_restart_interval(8 * info.comp_info[0].h_samp_factor));
+    jpeg_start_compress(&info, TRUE);
+    while (info.next_scanline < info.image_height) {
+      // libjpeg's interface is not const, yet only reads.
+      JSAMPROW row = const_cast<JSAMPROW>(image.pixels.data() + info.next_scanline * row_bytes);
+      jpeg_write_scanlines(&info, &row, 1);
+    }
+    jpeg_finish_compress(&info);
+  });
+  if (!encoded) libjpeg::throw_error(compressor.errors, "JPEG encoder");
+  return bytes;
+}
+
+std::vector<std::byte> add_restart_markers(std::span<const std::byte> jpeg, int restart_interval,
+                                           std::string_view name) {
+  check_restart_interval(restart_interval);
+  const JpegLayout layout = parse_jpeg_layout(jpeg, name);
+  if (restart_interval < 0) restart_interval = default_restart_interval(layout.mcu_width);
+  std::vector<std::byte> bytes;
+  libjpeg::Decompressor source;
+  libjpeg::Compressor target;
+  libjpeg::VectorDestination destination(target.info, bytes);
+  jvirt_barray_ptr* coefficients = nullptr;
+  const bool read = libjpeg::guarded(source.errors, [&] {
+    source.set_input(jpeg);
+    jpeg_save_markers(&source.info, JPEG_COM, 0xFFFF);
+    for (int n = 0; n < 16; ++n) jpeg_save_markers(&source.info, JPEG_APP0 + n, 0xFFFF);
+    jpeg_read_header(&source.info, TRUE);
+    coefficients = jpeg_read_coefficients(&source.info);
+  });
+  if (!read) libjpeg::throw_error(source.errors, name);
+  const bool written = libjpeg::guarded(target.errors, [&] {
+    jpeg_copy_critical_parameters(&source.info, &target.info);
+    target.info.write_JFIF_header = FALSE;
+    target.info.write_Adobe_marker = FALSE;
+    target.info.optimize_coding = TRUE;
+    target.info.restart_interval = static_cast<unsigned>(restart_interval);
+    jpeg_write_coefficients(&target.info, coefficients);
+    copy_markers(source.info, target.info);
+    jpeg_finish_compress(&target.info);
+  });
+  if (!written) libjpeg::throw_error(target.errors, name);
+  const bool finished =
+      libjpeg::guarded(source.errors, [&] { jpeg_finish_decompress(&source.info); });
+  if (!finished) libjpeg::throw_error(source.errors, name);
+  return bytes;
+}
+
+}  // namespace raystage

@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/jpeg/encode.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "schemas/error.h"
+#include "store/jpeg/decode.h"
+#include "store/jpeg/libjpeg.h"
+#include "store/jpeg/test_encoder.h"
+#include "store/jpeg/test_images.h"
+
+namespace raystage {
+namespace {
+
+using test_images::encode_odd;
+using test_images::Kind;
+using test_images::OddJpeg;
+using Bytes = std::vector<std::byte>;
+using Chroma = JpegEncodeSettings::Chroma;
+
+double psnr(const RgbImage& a, const RgbImage& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.pixels.size(); ++i) sum += std::pow(a.pixels[i] - b.pixels[i], 2);
+  return 10 * std::log10(255 * 255 / (sum / static_cast<double>(a.pixels.size()) + 1e-9));
+}
+
+// Every quantised coefficient of a file, block after block.
+std::vector<JCOEF> coefficients(const Bytes& jpeg) {
+  std::vector<JCOEF> all;
+  libjpeg::Decompressor source;
+  jpeg_decompress_struct& info = source.info;
+  jvirt_barray_ptr* arrays = nullptr;
+  if (!libjpeg::guarded(source.errors, [&] {
+        source.set_input(jpeg);
+        jpeg_read_header(&info, TRUE);
+        arrays = jpeg_read_coefficients(&info);
+      }))
+    libjpeg::throw_error(source.errors, "test");
+  for (int c = 0; c < info.num_components; ++c) {
+    const jpeg_component_info& component = info.comp_info[c];
+    for (JDIMENSION row = 0; row < component.height_in_blocks; ++row) {
+      JBLOCKARRAY blocks = info.mem->access_virt_barray(reinterpret_cast<j_common_ptr>(&info),
+                                                        arrays[c], row, 1, FALSE);
+      for (JDIMENSION column = 0; column < component.width_in_blocks; ++column)
+        all.insert(all.end(), blocks[0][column], blocks[0][column] + DCTSIZE2);
+    }
+  }
+  return all;
+}
+
+TEST(EncodeJpeg, ComesBackNearlyTheSame) {
+  const RgbImage image = test_images::make(Kind::kGradient, 130, 77);
+  JpegDecoder decoder;
+  for (const Chroma chroma : {Chroma::k444, Chroma::k422, Chroma::k420}) {
+    const RgbImage back = decoder.decode(encode_jpeg(image, {95, chroma, -1}), "x");
+    ASSERT_EQ(back.width, image.width);
+    ASSERT_EQ(back.height, image.height);
+    EXPECT_GT(psnr(image, back), 38);
+  }
+  const RgbImage edges = test_images::make(Kind::kEdges, 130, 77);
+  EXPECT_GT(psnr(edges, decoder.decode(encode_jpeg(edges, {}), "x")), 30);
+}
+
+TEST(EncodeJpeg, RestartMarkersDoNotChangePixels) {
+  const RgbImage image = test_images::make(Kind::kMixed, 130, 77);
+  JpegDecoder decoder;
+  const RgbImage plain = decoder.decode(encode_jpeg(image, {90, Chroma::k420, 0}), "x");
+  for (const int interval : {-1, 1, 5, 9, 65535})
+    EXPECT_EQ(decoder.decode(encode_jpeg(image, {90, Chroma::k420, interval}), "x"), plain);
+}
+
+TEST(EncodeJpeg, SegmentsAre32PixelsWideByDefault) {
+  const RgbImage image = test_images::make(Kind::kMixed, 130, 77);
+  EXPECT_EQ(parse_jpeg_layout(encode_jpeg(image, {90, Chroma::k444, -1}), "x").restart_interval, 4);
+  EXPECT_EQ(parse_jpeg_layout(encode_jpeg(image, {90, Chroma::k420, -1}), "x").restart_interval, 2);
+  EXPECT_EQ(default_restart_interval(32), 1);
+}
+
+TEST(EncodeJpeg, RefusesWhatItCannotEncode) {
+  const RgbImage image = test_images::make(Kind::kMixed, 8, 8);
+  EXPECT_THROW(encode_jpeg({0, 8, {}}, {}), Error);
+  EXPECT_THROW(encode_jpeg({65501, 1, std::vector<std::uint8_t>(3 * 65501)}, {}), Error);
+  EXPECT_THROW(encode_jpeg({8, 9, image.pixels}, {}), Error);
+  EXPECT_THROW(encode_jpeg(image, {0, Chroma::k444, -1}), Error);
+  EXPECT_THROW(encode_jpeg(image, {101, Chroma::k444, -1}), Error);
+  EXPECT_THROW(encode_jpeg(image, {90, Chroma::k444, -2}), Error);
+  EXPECT_THROW(encode_jpeg(image, {90, Chroma::k444, 65536}), Error);
+  EXPECT_NO_THROW(encode_jpeg({65500, 1, std::vector<std::uint8_t>(3 * 65500)}, {}));
+}
+
+void expect_same_picture(const Bytes& before, int interval, const std::string& what) {
+  SCOPED_TRACE(what);
+  const Bytes after = add_restart_markers(before, interval, what);
+  const JpegLayout layout = parse_jpeg_layout(after, "x");
+  const int expected = interval < 0 ? default_restart_interval(layout.mcu_width) : interval;
+  EXPECT_EQ(layout.restart_interval, layout.baseline_ycc ? expected : 0);
+  EXPECT_EQ(coefficients(before), coefficients(after));
+  JpegDecoder decoder;
+  EXPECT_EQ(decoder.decode(before, what + " before"), decoder.decode(after, what + " after"));
+}
+
+TEST(AddRestartMarkers, KeepsCoefficientsAndPixels) {
+  for (const auto& [width, height] : {std::pair{1, 1}, {17, 9}, {64, 48}, {131, 75}}) {
+    const RgbImage image = test_images::make(Kind::kMixed, width, height);
+    for (const int h : {1, 2}) {
+      for (const int v : {1, 2}) {
+        for (const bool progressive : {false, true}) {
+          OddJpeg odd;
+          odd.h[0] = h;
+          odd.v[0] = v;
+          odd.progressive = progressive;
+          const Bytes bytes = encode_odd(image, odd);
+          for (const int interval : {-1, 1, 3})
+            expect_same_picture(bytes, interval,
+                                std::to_string(width) + " " + std::to_string(h) +
+                                    std::to_string(v) + (progressive ? " progressive" : ""));
+        }
+      }
+    }
+  }
+}
+
+TEST(AddRestartMarkers, KeepsOddPictures) {
+  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  OddJpeg grey, rgb, planes, again, arithmetic;
+  grey.grey = rgb.rgb = arithmetic.arithmetic = true;
+  planes.interleaved = false;
+  again.restart_interval = 7;
+  expect_same_picture(encode_odd(image, grey), -1, "grey");
+  expect_same_picture(encode_odd(image, rgb), -1, "RGB");
+  expect_same_picture(encode_odd(image, planes), 2, "a scan per component");
+  expect_same_picture(encode_odd(image, again), 2, "other restart markers before");
+  expect_same_picture(encode_odd(image, arithmetic), 2, "arithmetic");
+  expect_same_picture(test_images::without_huffman_tables(encode_odd(image, {})), -1, "no DHT");
+}
+
+TEST(AddRestartMarkers, KeepsApplicationMarkersAndComments) {
+  OddJpeg odd;
+  odd.markers = true;
+  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  const auto markers_of = [](const Bytes& jpeg) {
+    std::vector<Bytes> found;
+    for (std::size_t at = 2; jpeg[at + 1] != std::byte{0xDA};) {
+      const std::size_t length = std::to_integer<std::size_t>(jpeg[at + 2]) << 8 |
+                                 std::to_integer<std::size_t>(jpeg[at + 3]);
+      const auto begin = jpeg.begin() + static_cast<std::ptrdiff_t>(at);
+      if (jpeg[at + 1] == std::byte{0xFE} || (jpeg[at + 1] & std::byte{0xF0}) == std::byte{0xE0})
+        found.emplace_back(begin, begin + static_cast<std::ptrdiff_t>(length + 2));
+      at += length + 2;
+    }
+    return found;
+  };
+  const Bytes before = encode_odd(image, odd);
+  EXPECT_EQ(markers_of(before).size(), 3u);  // JFIF, APP1, COM
+  EXPECT_EQ(markers_of(before), markers_of(add_restart_markers(before, -1, "x")));
+}
+
+TEST(AddRestartMarkers, RefusesDamage) {
+  const RgbImage image = test_images::make(Kind::kMixed, 75, 43);
+  Bytes bytes = encode_odd(image, {});
+  EXPECT_THROW(add_restart_markers(Bytes(bytes.begin(), bytes.end() - 100), -1, "x"), Error);
+  Bytes cut = bytes;  // with its EOI
+  cut.erase(cut.end() - 300, cut.end() - 2);
+  EXPECT_THROW(add_restart_markers(cut, -1, "x"), Error);
+  EXPECT_THROW(add_restart_markers(bytes, -2, "x"), Error);
+  EXPECT_THROW(add_restart_markers(bytes, 70000, "x"), Error);
+}
+
+TEST(AddRestartMarkers, CostsLittleOnPhotographs) {
+  const auto file = test_images::data_folder() / "shop/cameras/r0c0.jpg";
+  if (!std::filesystem::exists(file)) GTEST_SKIP() << "no data set at " << file;
+  const Bytes before = test_images::read_bytes(file);
+  expect_same_picture(before, -1, "shop");
+  const auto growth = static_cast<double>(add_restart_markers(before, -1, "x").size()) /
+                      static_cast<double>(before.size());
+  EXPECT_LT(growth, 1.05);
+}
+
+}  // namespace
+}  // namespace raystage

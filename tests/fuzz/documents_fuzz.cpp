@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any text is read or refused with an Error; what was read can be written and read again. The first
+// byte selects the document.
+#include <cstddef>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "schemas/error.h"
+#include "schemas/import_manifest.h"
+#include "schemas/rig_document.h"
+#include "schemas/shot_document.h"
+#include "schemas/take_document.h"
+#include "schemas/time.h"
+#include "schemas/views.h"
+
+namespace {
+
+template <typename Parse, typename Format>
+void round_trip(std::string_view text, Parse parse, Format format) {
+  std::string written;
+  try {
+    written = format(parse(text, "input"));
+  } catch (const raystage::Error&) {
+    return;
+  }
+  // An Error from here on is a fault: it escapes.
+  if (format(parse(written, "written")) != written) std::abort();
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size == 0) return 0;
+  const std::string text(data + 1, data + size);
+  switch (data[0] % 6) {
+    case 0:
+      round_trip(text, raystage::parse_rig, raystage::format_rig);
+      break;
+    case 1:
+      round_trip(text, raystage::parse_take, raystage::format_take);
+      break;
+    case 2:
+      round_trip(text, raystage::parse_shot, raystage::format_shot);
+      break;
+    case 3:
+      round_trip(text, raystage::parse_import_manifest, raystage::format_import_manifest);
+      break;
+    case 4:
+      round_trip(text, raystage::parse_views, raystage::format_views);
+      break;
+    default:
+      round_trip(
+          text, [](std::string_view time, auto) { return raystage::parse_utc(time); },
+          raystage::format_utc);
+  }
+  return 0;
+}

@@ -57,6 +57,8 @@ class ArchiveWriter {
   void append(std::span<const std::byte> jpeg, Nanoseconds time);
   /// Records a frame that is not there (`status` other than kStored).
   void append_missing(FrameStatus status, Nanoseconds time);
+  /// Throws Error (failed) for the disk; the frames are safe and readable then all the same. Does
+  /// not wait for the disk: TakeWriter::commit does, once for all.
   void close();
 
  private:

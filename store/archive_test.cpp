@@ -142,7 +142,7 @@ TEST_F(Archive, NeverTakesTheNameOfAnother) {
 
 TEST_F(Archive, MissingOrForeignFilesAreBadInput) {
   EXPECT_EQ(error_of([&] { reader(); }).exit_code(), ExitCode::kBadInput);
-  write_file_atomically(mkv, "RIFF....AVI ");
+  test::overwrite(mkv, std::as_bytes(std::span("RIFF....AVI ")));
   EXPECT_THAT(error_of([&] { reader(); }).what(), HasSubstr("no Matroska file"));
 }
 
@@ -159,7 +159,7 @@ TEST_F(Archive, FutureJournalIsRefused) {
       header, 56,
       journal::hash_of_camera(std::string_view(reinterpret_cast<const char*>(header.data()), 56)));
   std::ranges::copy(header, bytes.begin());
-  write_file_atomically(journal, bytes);
+  test::overwrite(journal, bytes);
   const Error error = error_of([&] { reader(); });
   EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
   EXPECT_THAT(error.what(), HasSubstr("version 7"));
@@ -170,7 +170,7 @@ TEST_F(Archive, JournalOfAnotherCameraIsRefused) {
   writer().close();
   auto other = description();
   other.camera_id = "r0c1";
-  write_file_atomically(journal, journal::encode_header(other));
+  test::overwrite(journal, journal::encode_header(other));
   EXPECT_THAT(error_of([&] { reader(); }).what(), HasSubstr("another archive"));
 }
 
@@ -187,7 +187,7 @@ TEST_F(Archive, RottenRecordCostsOnlyItsHash) {
     auto bytes = whole;
     bytes[journal::kHeaderBytes + journal::kRecordBytes + bit / 8] ^=
         static_cast<std::byte>(1u << (bit % 8));
-    write_file_atomically(journal, bytes);
+    test::overwrite(journal, bytes);
     const ArchiveReader in = reader();
     ASSERT_EQ(in.records().size(), 4u) << bit;
     ASSERT_EQ(in.frames().size(), 3u) << bit;
@@ -208,7 +208,7 @@ TEST_F(Archive, ChangedPictureFailsItsHash) {
   }
   auto bytes = bytes_of(mkv);
   bytes[static_cast<std::size_t>(reader().frames()[0].offset) + 7] ^= std::byte{1};
-  write_file_atomically(mkv, bytes);
+  test::overwrite(mkv, bytes);
   EXPECT_FALSE(reader().verify_frame(0));
   EXPECT_TRUE(reader().verify_frame(1));
 }
@@ -220,7 +220,7 @@ TEST_F(Archive, UnwrittenTailOfACrashIsTorn) {
   const auto third = static_cast<std::size_t>(reader().frames()[2].offset);
   std::fill(bytes.begin() + static_cast<std::ptrdiff_t>(third) + 20, bytes.end(), std::byte{0});
   const auto crashed = folder.path() / "crashed.mkv";
-  write_file_atomically(crashed, bytes);
+  test::overwrite(crashed, bytes);
   const ArchiveReader in(crashed, journal);
   ASSERT_EQ(in.records().size(), 4u);
   EXPECT_EQ(in.frames().size(), 2u);

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <fstream>
 #include <random>
 #include <span>
 #include <string>
@@ -30,6 +31,13 @@ inline std::vector<std::byte> bytes_of(const std::filesystem::path& file) {
   const std::string text = read_file(file);
   const auto bytes = std::as_bytes(std::span(text));
   return {bytes.begin(), bytes.end()};
+}
+
+/// As write_file_atomically, but does not wait for the disk.
+inline void overwrite(const std::filesystem::path& file, std::span<const std::byte> bytes) {
+  std::ofstream stream(file, std::ios::binary | std::ios::trunc);
+  stream.write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
 }
 
 inline ArchiveWriter::Description description() {

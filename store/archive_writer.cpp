@@ -143,7 +143,6 @@ void ArchiveWriter::Files::close() {
     }
     archive_end += table.size();
   }
-  if (!archive.sync() || !journal->sync()) throw roll_back(archive);
   const auto size = matroska::make_segment_size(archive_end - header.segment_data_offset);
   if (!archive.write_at(header.segment_size_offset, size)) throw roll_back(archive);
 }

@@ -60,8 +60,6 @@ bool OutputFile::truncate(std::uint64_t size) {
   return ftruncate(descriptor_, static_cast<off_t>(size)) == 0;
 }
 
-bool OutputFile::sync() { return fdatasync(descriptor_) == 0; }
-
 void OutputFile::discard() {
   close(std::exchange(descriptor_, -1));
   unlink(path_.c_str());
@@ -94,6 +92,31 @@ MappedFile::MappedFile(const std::filesystem::path& path) {
 
 MappedFile::~MappedFile() {
   if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
+}
+
+void sync_files_below(const std::filesystem::path& folder) {
+  const auto for_each_file = [&](auto&& act) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+      if (!entry.is_regular_file() && !entry.is_directory()) continue;
+      const int descriptor = open(entry.path().c_str(), O_RDONLY | O_CLOEXEC);
+      const bool done = descriptor >= 0 && act(descriptor, entry.is_directory());
+      const int reason = errno;
+      if (descriptor >= 0) close(descriptor);
+      errno = reason;
+      if (!done) {
+        throw Error::from_errno("the data cannot be brought to the disk", entry.path().string(),
+                                "Check the disk");
+      }
+    }
+  };
+  for_each_file([](int descriptor, bool is_folder) {
+    // A hint: file systems that cannot do it do the work in the second round.
+    if (!is_folder) sync_file_range(descriptor, 0, 0, SYNC_FILE_RANGE_WRITE);
+    return true;
+  });
+  for_each_file([](int descriptor, bool is_folder) {
+    return fsync(descriptor) == 0 || (is_folder && errno == EINVAL);
+  });
 }
 
 }  // namespace raystage

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <string_view>
 #include <vector>
 
 #include "rig/rig.h"
@@ -27,6 +28,8 @@ class Take {
   int camera_count() const;
   /// Index of a camera by id, -1 where there is none.
   int camera_index(std::string_view id) const;
+  /// Throws Error (bad input) where the archive cannot be read, is of another camera, image size or
+  /// epoch than the documents say, or has another camera's journal.
   const ArchiveReader& archive(int camera) const;
 
  private:
@@ -46,7 +49,8 @@ class TakeWriter {
   TakeWriter(const TakeWriter&) = delete;
   TakeWriter& operator=(const TakeWriter&) = delete;
 
-  /// Different cameras may be written from different threads.
+  /// Created when first asked for. Different cameras may be written from different threads. Close
+  /// each when it is done (commit does too): 64 open archives hold 128 file descriptors.
   ArchiveWriter& archive(int camera);
   /// The folder under its temporary name, for further files (truth images, views.json).
   const std::filesystem::path& working_folder() const;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "schemas/time.h"
@@ -36,7 +37,21 @@ struct Timeline {
 /// means half a frame time. A frame is used for one tick only: the nearest.
 Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance);
 
-/// TAKE/timeline.zst; layout in docs/formats.md. Atomic. Reproducible: same take, same bytes.
+/// The same from the cameras' frame times alone; `name` stands for the take in errors.
+Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& frame_times,
+                        double nominal_fps, double fps, Nanoseconds tolerance,
+                        std::string_view name);
+
+/// What a timeline says about a take's synchrony.
+struct TimelineStatistics {
+  double mean_spread_ns = 0;  ///< over the ticks, of FrameSelection::spread()
+  Nanoseconds median_spread = 0, max_spread = 0;
+  std::vector<int> absent;  ///< ticks without a frame, per camera
+};
+TimelineStatistics statistics_of(const Timeline& timeline);
+
+/// TAKE/timeline.zst; layout in docs/formats/timeline.md. Atomic. Reproducible: same take, same
+/// bytes.
 void write_timeline(const Timeline& timeline, const std::filesystem::path& take_folder);
 /// Throws Error (bad input): missing (run `raystage sync`), damaged, of a future version, or not of
 /// this take.

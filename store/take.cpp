@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/take.h"
+
+#include <cassert>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "schemas/error.h"
+#include "schemas/rig_document.h"
+
+namespace raystage {
+
+struct Take::State {
+  struct Slot {
+    std::once_flag once;
+    std::optional<ArchiveReader> reader;
+  };
+
+  explicit State(std::filesystem::path path)
+      : folder(std::move(path)),
+        document(read_take(folder / "take.json")),
+        rig(rig_from_document(read_rig(folder / "rig.json"))),
+        slots(document.cameras.size()) {}
+
+  void check_cameras() const;
+  ArchiveReader open(std::size_t camera) const;
+
+  std::filesystem::path folder;
+  TakeDocument document;
+  Rig rig;
+  mutable std::vector<Slot> slots;
+};
+
+void Take::State::check_cameras() const {
+  const std::string where = (folder / "take.json").string();
+  const std::string advice = "Restore both files from the same take";
+  if (document.cameras.size() != rig.cameras.size()) {
+    throw Error::bad_input("it lists " + std::to_string(document.cameras.size()) +
+                               " cameras where rig.json has " + std::to_string(rig.cameras.size()),
+                           where + "#/cameras", advice);
+  }
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    if (document.cameras[i].id == rig.cameras[i].id) continue;
+    throw Error::bad_input("the camera is \"" + document.cameras[i].id +
+                               "\" where rig.json has \"" + rig.cameras[i].id + "\"",
+                           where + "#/cameras/" + std::to_string(i) + "/id", advice);
+  }
+}
+
+ArchiveReader Take::State::open(std::size_t camera) const {
+  const auto& entry = document.cameras[camera];
+  ArchiveReader reader(folder / entry.archive, folder / entry.journal);
+  // An archive cut within its header has no name and no frames: nothing to mistake.
+  const auto& found = reader.description();
+  const auto& model = rig.cameras[camera].model;
+  const auto refuse = [&](const std::string& what) {
+    return Error::bad_input(what, (folder / entry.archive).string(),
+                            "Put the archive there that belongs to camera \"" + entry.id +
+                                "\", or correct take.json and rig.json");
+  };
+  if (!found.camera_id.empty() && found.camera_id != entry.id) {
+    throw refuse("this is the archive of camera \"" + found.camera_id + "\"");
+  }
+  if (found.width > 0 && (found.width != model.width() || found.height != model.height())) {
+    throw refuse("its frames have " + std::to_string(found.width) + " x " +
+                 std::to_string(found.height) + " pixels, the camera in rig.json " +
+                 std::to_string(model.width()) + " x " + std::to_string(model.height()));
+  }
+  if (!found.camera_id.empty() && found.epoch_utc != document.epoch_utc) {
+    throw refuse("its epoch is " + format_utc(found.epoch_utc) + ", the take's " +
+                 format_utc(document.epoch_utc));
+  }
+  return reader;
+}
+
+Take::Take(std::filesystem::path folder) : state_(std::make_unique<State>(std::move(folder))) {
+  state_->check_cameras();
+}
+
+Take::~Take() = default;
+Take::Take(Take&&) noexcept = default;
+Take& Take::operator=(Take&&) noexcept = default;
+
+const std::filesystem::path& Take::folder() const { return state_->folder; }
+const TakeDocument& Take::document() const { return state_->document; }
+const Rig& Take::rig() const { return state_->rig; }
+int Take::camera_count() const { return static_cast<int>(state_->slots.size()); }
+
+int Take::camera_index(std::string_view id) const {
+  const auto& cameras = state_->document.cameras;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    if (cameras[i].id == id) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+const ArchiveReader& Take::archive(int camera) const {
+  assert(camera >= 0 && camera < camera_count());
+  const auto index = static_cast<std::size_t>(camera);
+  State::Slot& slot = state_->slots[index];
+  // If opening throws, the next caller tries again.
+  std::call_once(slot.once, [&] { slot.reader.emplace(state_->open(index)); });
+  return *slot.reader;
+}
+
+}  // namespace raystage

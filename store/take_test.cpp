@@ -1,0 +1,194 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/take.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <thread>
+
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+#include "store/take_test_data.h"
+
+namespace raystage {
+namespace {
+
+using testing::HasSubstr;
+
+struct TakeFolder : testing::Test {
+  TestFolder folder;
+  std::filesystem::path path = folder.path() / "take";
+
+  std::size_t entries() const {
+    return static_cast<std::size_t>(
+        std::distance(std::filesystem::directory_iterator(folder.path()), {}));
+  }
+};
+
+template <typename Call>
+Error error_of(Call&& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return error;
+  }
+  ADD_FAILURE() << "no Error was thrown";
+  return Error::failed("", "", "");
+}
+
+TEST_F(TakeFolder, GivesBackWhatWentIn) {
+  {
+    TakeWriter writer(path, test::take_document(3), test::rig_document(3));
+    writer.archive(2).append(test::fake_jpeg(2), 7);
+    writer.archive(0).append(test::fake_jpeg(0), 5);
+    write_file_atomically(writer.working_folder() / "views.json", "{}");
+    EXPECT_FALSE(std::filesystem::exists(path));
+    writer.commit();
+  }
+  EXPECT_EQ(entries(), 1u) << "something beside the take was left";
+  EXPECT_TRUE(std::filesystem::exists(path / "views.json"));
+  const Take take(path);
+  EXPECT_EQ(take.camera_count(), 3);
+  EXPECT_EQ(take.rig().cameras.size(), 3u);
+  EXPECT_EQ(take.camera_index("c2"), 2);
+  EXPECT_EQ(take.camera_index("c3"), -1);
+  EXPECT_EQ(take.document().cameras[1].archive, "archive/c1.mkv");
+  EXPECT_TRUE(std::ranges::equal(take.archive(2).jpeg(0), test::fake_jpeg(2)));
+  EXPECT_TRUE(take.archive(1).frames().empty());
+  EXPECT_TRUE(take.archive(1).was_closed());
+  EXPECT_EQ(take.archive(0).description().epoch_utc, take.document().epoch_utc);
+}
+
+TEST_F(TakeFolder, NothingStaysWithoutCommit) {
+  {
+    TakeWriter writer(path, test::take_document(2), test::rig_document(2));
+    writer.archive(0).append(test::fake_jpeg(0), 5);
+    EXPECT_EQ(entries(), 1u);
+  }
+  EXPECT_EQ(entries(), 0u);
+}
+
+TEST_F(TakeFolder, NameWithASlashAtItsEnd) {
+  TakeWriter writer(path.string() + "/", test::take_document(1), test::rig_document(1));
+  writer.commit();
+  EXPECT_EQ(Take(path).camera_count(), 1);
+}
+
+TEST_F(TakeFolder, NeverReplacesAnything) {
+  std::filesystem::create_directory(path);
+  EXPECT_EQ(error_of([&] {
+              TakeWriter(path, test::take_document(1), test::rig_document(1));
+            }).exit_code(),
+            ExitCode::kFailed);
+  std::filesystem::remove(path);
+  TakeWriter writer(path, test::take_document(1), test::rig_document(1));
+  std::filesystem::create_directory(path);  // comes up meanwhile
+  EXPECT_EQ(error_of([&] { writer.commit(); }).exit_code(), ExitCode::kFailed);
+  EXPECT_TRUE(std::filesystem::is_empty(path));
+}
+
+TEST_F(TakeFolder, FolderWithoutPermission) {
+  if (geteuid() == 0) GTEST_SKIP() << "root may write anywhere";
+  std::filesystem::permissions(
+      folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
+  EXPECT_EQ(error_of([&] {
+              TakeWriter(path, test::take_document(1), test::rig_document(1));
+            }).exit_code(),
+            ExitCode::kFailed);
+  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_all);
+}
+
+TEST_F(TakeFolder, ParentThatIsAFile) {
+  write_file_atomically(folder.path() / "file", "x");
+  EXPECT_EQ(error_of([&] {
+              TakeWriter(folder.path() / "file" / "take", test::take_document(1),
+                         test::rig_document(1));
+            }).exit_code(),
+            ExitCode::kFailed);
+}
+
+TEST_F(TakeFolder, RefusesBadDocumentsBeforeTheFirstFrame) {
+  const auto refused = [&](const TakeDocument& take, const RigDocument& rig) {
+    const Error error = error_of([&] { TakeWriter(path, take, rig); });
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput) << error.what();
+    EXPECT_EQ(entries(), 0u);
+  };
+  refused(test::take_document(0), test::rig_document(0));
+  refused(test::take_document(2), test::rig_document(3));
+  for (const char* id : {"", "../c0", ".c0", "a/b", "a b", "a\n"}) {
+    auto take = test::take_document(1);
+    auto rig = test::rig_document(1);
+    take.cameras[0].id = rig.cameras[0].geometry.id = id;
+    refused(take, rig);
+  }
+  auto twice = test::take_document(2);
+  auto twice_rig = test::rig_document(2);
+  twice.cameras[1].id = twice_rig.cameras[1].geometry.id = "c0";
+  refused(twice, twice_rig);
+  auto color = test::take_document(1);
+  color.color_space = "my favourite";
+  refused(color, test::rig_document(1));
+}
+
+TEST_F(TakeFolder, RefusesDocumentsThatDisagree) {
+  test::write_take(path, {{1}, {2}});
+  write_rig(test::rig_document(3), path / "rig.json");
+  EXPECT_THAT(error_of([&] { Take take(path); }).what(), HasSubstr("2 cameras where rig.json"));
+  auto renamed = test::rig_document(2);
+  renamed.cameras[1].geometry.id = "other";
+  write_rig(renamed, path / "rig.json");
+  const Error error = error_of([&] { Take take(path); });
+  EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+  EXPECT_THAT(error.where(), HasSubstr("take.json#/cameras/1/id"));
+}
+
+TEST_F(TakeFolder, RefusesArchivesOfOtherCameras) {
+  test::write_take(path, {{1}, {2}});
+  const auto archive = [&](const char* name) { return path / "archive" / name; };
+  std::filesystem::rename(archive("c0.mkv"), archive("x.mkv"));
+  std::filesystem::rename(archive("c0.journal"), archive("x.journal"));
+  std::filesystem::copy(archive("c1.mkv"), archive("c0.mkv"));
+  std::filesystem::copy(archive("c1.journal"), archive("c0.journal"));
+  const Take take(path);
+  EXPECT_THAT(error_of([&] { take.archive(0); }).what(), HasSubstr("archive of camera \"c1\""));
+  EXPECT_NO_THROW(take.archive(1));
+  // Put right, it opens: a failure is not remembered.
+  std::filesystem::rename(archive("x.mkv"), archive("c0.mkv"));
+  std::filesystem::rename(archive("x.journal"), archive("c0.journal"));
+  EXPECT_EQ(take.archive(0).frames().size(), 1u);
+
+  auto rig = test::rig_document(2);
+  rig.cameras[0].geometry.width = 640;
+  write_rig(rig, path / "rig.json");
+  EXPECT_THAT(error_of([&] { Take(path).archive(0); }).what(), HasSubstr("320 x 240"));
+}
+
+TEST_F(TakeFolder, MissingPartsAreBadInput) {
+  EXPECT_EQ(error_of([&] { Take take(path); }).exit_code(), ExitCode::kBadInput);
+  test::write_take(path, {{1}});
+  std::filesystem::remove(path / "archive" / "c0.mkv");
+  const Take take(path);
+  EXPECT_EQ(error_of([&] { take.archive(0); }).exit_code(), ExitCode::kBadInput);
+}
+
+TEST_F(TakeFolder, ManyThreadsOpenArchivesAtOnce) {
+  std::vector<std::vector<Nanoseconds>> times(16);
+  for (auto& column : times) column = {1, 2, 3};
+  test::write_take(path, times);
+  const Take take(path);
+  std::vector<std::size_t> seen(4, 0);
+  {
+    std::vector<std::jthread> threads;
+    for (std::size_t& count : seen) {
+      threads.emplace_back([&take, &count] {
+        for (int i = 0; i < take.camera_count(); ++i) count += take.archive(i).frames().size();
+      });
+    }
+  }
+  EXPECT_THAT(seen, testing::Each(48u));
+}
+
+}  // namespace
+}  // namespace raystage

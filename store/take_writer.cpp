@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cassert>
+#include <cerrno>
+#include <cstdio>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "store/posix_file.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+// "out/take/" and "take" as "/.../out/take": with a name and a parent.
+fs::path full_path(const fs::path& folder) {
+  fs::path path = fs::absolute(folder).lexically_normal();
+  return path.has_filename() ? path : path.parent_path();
+}
+
+fs::path temporary_folder_beside(const fs::path& folder) {
+  // A static: the counter makes the name unique within the process.
+  static std::atomic<unsigned> counter{0};
+  std::array<char, 256> host{};
+  if (gethostname(host.data(), host.size() - 1) != 0) host = {'h', 'o', 's', 't'};
+  std::string suffix = fmt::format(".{}.{}.{}.tmp", host.data(), getpid(), counter++);
+  std::ranges::replace(suffix, '/', '_');
+  return folder.parent_path() / fmt::format(".{}{}", folder.filename().string(), suffix);
+}
+
+void check_ids(const TakeDocument& take, const RigDocument& rig) {
+  const std::string where = "take \"" + take.name + "\"";
+  if (take.cameras.empty() || take.cameras.size() != rig.cameras.size()) {
+    throw Error::bad_input("the take has " + std::to_string(take.cameras.size()) +
+                               " cameras, its rig " + std::to_string(rig.cameras.size()),
+                           where, "Give both the same cameras, one at least");
+  }
+  for (std::size_t i = 0; i < take.cameras.size(); ++i) {
+    const std::string& id = take.cameras[i].id;
+    if (id != rig.cameras[i].geometry.id) {
+      throw Error::bad_input("camera " + std::to_string(i) + " is \"" + id +
+                                 "\" in the take and \"" + rig.cameras[i].geometry.id +
+                                 "\" in its rig",
+                             where, "Give both the same cameras in the same order");
+    }
+    const bool safe = !id.empty() && id.size() <= 100 && id[0] != '.' &&
+                      id.find_first_not_of(
+                          "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"
+                          "0123456789._-") == std::string::npos;
+    if (!safe) {
+      throw Error::bad_input("the camera id \"" + id + "\" is no safe file name", where,
+                             "Use up to 100 letters, digits, '.', '_' and '-', no '.' in front");
+    }
+  }
+}
+
+// As rename, but never onto something that is there.
+int rename_to_new(const fs::path& from, const fs::path& to) {
+  if (renameat2(AT_FDCWD, from.c_str(), AT_FDCWD, to.c_str(), RENAME_NOREPLACE) == 0) return 0;
+  if (errno != EINVAL && errno != ENOSYS) return -1;
+  // A file system that cannot promise it: an empty folder is the worst that can be replaced.
+  if (fs::exists(to)) {
+    errno = EEXIST;
+    return -1;
+  }
+  return std::rename(from.c_str(), to.c_str());
+}
+
+}  // namespace
+
+struct TakeWriter::State {
+  fs::path target, working;
+  TakeDocument take;
+  RigDocument rig;
+  std::vector<std::optional<ArchiveWriter>> archives;
+  bool committed = false;
+};
+
+TakeWriter::TakeWriter(fs::path folder, TakeDocument take, RigDocument rig)
+    : state_(std::make_unique<State>()) {
+  check_ids(take, rig);
+  for (TakeDocument::Camera& camera : take.cameras) {
+    camera.archive = "archive/" + camera.id + ".mkv";
+    camera.journal = "archive/" + camera.id + ".journal";
+  }
+  // Documents that could not be read back are refused now, not after the last frame.
+  parse_take(format_take(take), "take.json");
+  parse_rig(format_rig(rig), "rig.json");
+
+  state_->target = full_path(folder);
+  state_->working = temporary_folder_beside(state_->target);
+  state_->archives.resize(take.cameras.size());
+  state_->take = std::move(take);
+  state_->rig = std::move(rig);
+  if (fs::exists(fs::symlink_status(state_->target))) {
+    throw Error::failed("there is something of this name already", state_->target.string(),
+                        "Choose a new name for the take, or remove what is there");
+  }
+  try {
+    create_folder(state_->working / "archive");
+  } catch (const Error& error) {
+    std::error_code ignored;
+    fs::remove_all(state_->working, ignored);
+    throw Error::failed(error.what_happened(), state_->target.string(), error.what_to_do());
+  }
+}
+
+TakeWriter::~TakeWriter() {
+  if (state_->committed) return;
+  state_->archives.clear();
+  std::error_code ignored;
+  fs::remove_all(state_->working, ignored);
+}
+
+ArchiveWriter& TakeWriter::archive(int camera) {
+  const auto index = static_cast<std::size_t>(camera);
+  assert(camera >= 0 && index < state_->archives.size());
+  auto& slot = state_->archives[index];
+  if (!slot) {
+    const TakeDocument::Camera& entry = state_->take.cameras[index];
+    const CameraGeometry& geometry = state_->rig.cameras[index].geometry;
+    slot.emplace(state_->working / entry.archive, state_->working / entry.journal,
+                 ArchiveWriter::Description{entry.id, geometry.width, geometry.height,
+                                            state_->take.epoch_utc});
+  }
+  return *slot;
+}
+
+const fs::path& TakeWriter::working_folder() const { return state_->working; }
+
+void TakeWriter::commit() {
+  assert(!state_->committed);
+  for (int i = 0; i < static_cast<int>(state_->archives.size()); ++i) archive(i).close();
+  write_rig(state_->rig, state_->working / "rig.json");
+  write_take(state_->take, state_->working / "take.json");
+  // A take that has its name must be whole after a power cut too.
+  sync_files_below(state_->working);
+  if (rename_to_new(state_->working, state_->target) != 0) {
+    throw Error::from_errno("the finished take cannot be given its name", state_->target.string(),
+                            "Check that nothing of this name came up meanwhile");
+  }
+  state_->committed = true;
+}
+
+}  // namespace raystage

@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/timeline.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "schemas/error.h"
+#include "store/tick_phase.h"
+
+namespace raystage {
+namespace {
+
+constexpr double kMaxTicks = 10'000'000;  // 92 hours at 30 frames a second
+
+std::vector<std::vector<Nanoseconds>> frame_times(const Take& take) {
+  std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const auto frames = take.archive(camera).frames();
+    auto& column = times[static_cast<std::size_t>(camera)];
+    column.reserve(frames.size());
+    for (const FrameRecord& frame : frames) column.push_back(frame.time_ns);
+  }
+  return times;
+}
+
+Nanoseconds median_of(std::vector<Nanoseconds> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The instants of a constant rate, each rounded on its own: nothing accumulates.
+class Ticks {
+ public:
+  Ticks(double origin, double period) : origin_(origin), period_(period) {}
+  Nanoseconds time(std::int64_t k) const {
+    return static_cast<Nanoseconds>(std::llround(origin_ + static_cast<double>(k) * period_));
+  }
+  std::int64_t nearest(Nanoseconds time) const {
+    return static_cast<std::int64_t>(std::llround((static_cast<double>(time) - origin_) / period_));
+  }
+
+ private:
+  double origin_, period_;
+};
+
+// From the first instant by which half of the cameras (that have frames) run to the last such.
+struct Range {
+  Nanoseconds begin = 0, end = 0;
+};
+Range running_range(const std::vector<std::vector<Nanoseconds>>& times) {
+  std::vector<Nanoseconds> first, last;
+  for (const auto& column : times) {
+    if (column.empty()) continue;
+    first.push_back(column.front());
+    last.push_back(column.back());
+  }
+  const std::size_t half = (first.size() - 1) / 2;  // index of the ceil(n/2)-th
+  std::ranges::sort(first);
+  std::ranges::sort(last, std::greater());
+  return {first[half], last[half]};
+}
+
+// A still light field: the one instant that is fairest to all, or the middle camera's where they
+// lie too far apart for that.
+Nanoseconds still_instant(const std::vector<std::vector<Nanoseconds>>& times,
+                          Nanoseconds tolerance) {
+  std::vector<Nanoseconds> all;
+  for (const auto& column : times) all.insert(all.end(), column.begin(), column.end());
+  const auto [earliest, latest] = std::ranges::minmax(all);
+  const Nanoseconds middle = earliest + (latest - earliest) / 2;
+  return latest - middle <= tolerance ? middle : median_of(std::move(all));
+}
+
+void fill(Timeline& timeline, const std::vector<std::vector<Nanoseconds>>& times,
+          const Ticks& ticks, std::int64_t first) {
+  for (FrameSelection& tick : timeline.ticks) {
+    tick.frame.assign(times.size(), -1);
+    tick.difference.assign(times.size(), 0);
+  }
+  for (std::size_t camera = 0; camera < times.size(); ++camera) {
+    for (std::size_t i = 0; i < times[camera].size(); ++i) {
+      const Nanoseconds time = times[camera][i];
+      const std::int64_t k = ticks.nearest(time) - first;
+      if (k < 0 || k >= static_cast<std::int64_t>(timeline.ticks.size())) continue;
+      FrameSelection& tick = timeline.ticks[static_cast<std::size_t>(k)];
+      const Nanoseconds difference = time - tick.time_ns;
+      if (std::abs(difference) > timeline.tolerance) continue;
+      // Of two frames at one tick the nearer, the earlier at a tie.
+      if (tick.frame[camera] >= 0 && std::abs(tick.difference[camera]) <= std::abs(difference)) {
+        continue;
+      }
+      tick.frame[camera] = static_cast<std::int32_t>(i);
+      tick.difference[camera] = difference;
+    }
+  }
+}
+
+}  // namespace
+
+Nanoseconds FrameSelection::spread() const {
+  Nanoseconds earliest = std::numeric_limits<Nanoseconds>::max();
+  Nanoseconds latest = std::numeric_limits<Nanoseconds>::min();
+  for (std::size_t i = 0; i < frame.size(); ++i) {
+    if (frame[i] < 0) continue;
+    earliest = std::min(earliest, difference[i]);
+    latest = std::max(latest, difference[i]);
+  }
+  return earliest > latest ? 0 : latest - earliest;
+}
+
+int FrameSelection::present() const {
+  return static_cast<int>(std::ranges::count_if(frame, [](std::int32_t f) { return f >= 0; }));
+}
+
+FrameSelection select_frames(const Take& take, Nanoseconds time, Nanoseconds tolerance) {
+  FrameSelection selection;
+  selection.time_ns = time;
+  selection.frame.assign(static_cast<std::size_t>(take.camera_count()), -1);
+  selection.difference.assign(selection.frame.size(), 0);
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const ArchiveReader& archive = take.archive(camera);
+    const auto nearest = archive.nearest_frame(time);
+    if (!nearest) continue;
+    const Nanoseconds frame_time = archive.frames()[static_cast<std::size_t>(*nearest)].time_ns;
+    // Compared without subtracting: the asked time may be anything.
+    const auto distance =
+        frame_time > time
+            ? static_cast<std::uint64_t>(frame_time) - static_cast<std::uint64_t>(time)
+            : static_cast<std::uint64_t>(time) - static_cast<std::uint64_t>(frame_time);
+    if (tolerance < 0 || distance > static_cast<std::uint64_t>(tolerance)) continue;
+    selection.frame[static_cast<std::size_t>(camera)] = *nearest;
+    selection.difference[static_cast<std::size_t>(camera)] = frame_time - time;
+  }
+  return selection;
+}
+
+Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance) {
+  return build_timeline(frame_times(take), take.document().nominal_fps, fps, tolerance,
+                        take.folder().string());
+}
+
+Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& times, double nominal_fps,
+                        double fps, Nanoseconds tolerance, std::string_view name) {
+  const std::string where(name);
+  if (!std::isfinite(fps) || fps < 0 || fps > 1e6) {
+    throw Error::bad_input("a rate of " + std::to_string(fps) + " frames a second is not possible",
+                           where, "Give a rate above 0 and up to 1000000, or 0 to detect it");
+  }
+  if (tolerance < 0) {
+    throw Error::bad_input("the tolerance is negative", where,
+                           "Give a tolerance above 0, or 0 for half a frame time");
+  }
+  if (std::ranges::all_of(times, [](const auto& column) { return column.empty(); })) {
+    throw Error::bad_input("the take holds no frame", where, "Record or import it again");
+  }
+  const bool still =
+      std::ranges::all_of(times, [](const auto& column) { return column.size() < 2; });
+
+  Timeline timeline;
+  timeline.fps = fps;
+  if (timeline.fps == 0) timeline.fps = detect_rate(times);
+  if (timeline.fps == 0) timeline.fps = nominal_fps;
+  if (timeline.fps == 0) timeline.fps = 1;  // a still: any rate will do
+  const double period = static_cast<double>(kNanosecondsPerSecond) / timeline.fps;
+  timeline.tolerance =
+      tolerance > 0 ? tolerance : std::max<Nanoseconds>(std::llround(period / 2), 1);
+
+  if (still) {
+    timeline.ticks.resize(1);
+    timeline.ticks[0].time_ns = still_instant(times, timeline.tolerance);
+    fill(timeline, times, Ticks(static_cast<double>(timeline.ticks[0].time_ns), period), 0);
+    return timeline;
+  }
+  const Ticks ticks(best_tick_phase(times, period), period);
+  const Range range = running_range(times);
+  const std::int64_t first = ticks.nearest(range.begin), last = ticks.nearest(range.end);
+  if (static_cast<double>(last - first) >= kMaxTicks) {
+    throw Error::bad_input("the timeline would have " + std::to_string(last - first + 1) + " ticks",
+                           where, "Give the rate of the cameras, in frames a second");
+  }
+  timeline.ticks.resize(static_cast<std::size_t>(last - first + 1));
+  for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
+    timeline.ticks[k].time_ns = ticks.time(first + static_cast<std::int64_t>(k));
+  }
+  fill(timeline, times, ticks, first);
+  return timeline;
+}
+
+TimelineStatistics statistics_of(const Timeline& timeline) {
+  TimelineStatistics result;
+  if (timeline.ticks.empty()) return result;
+  result.absent.assign(timeline.ticks[0].frame.size(), 0);
+  std::vector<Nanoseconds> spreads;
+  double sum = 0;
+  for (const FrameSelection& tick : timeline.ticks) {
+    spreads.push_back(tick.spread());
+    sum += static_cast<double>(spreads.back());
+    for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
+      result.absent[camera] += tick.frame[camera] < 0 ? 1 : 0;
+    }
+  }
+  result.mean_spread_ns = sum / static_cast<double>(spreads.size());
+  result.max_spread = std::ranges::max(spreads);
+  result.median_spread = median_of(std::move(spreads));
+  return result;
+}
+
+}  // namespace raystage

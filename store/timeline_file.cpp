@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/timeline_file.h"
+
+#include <xxhash.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cassert>
+#include <cmath>
+#include <memory>
+#include <new>
+#include <optional>
+#include <string>
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "store/journal.h"
+#include "store/little_endian.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::array<char, 8> kMagic{'R', 'A', 'Y', 'S', 'T', 'I', 'M', 'E'};
+constexpr std::uint32_t kVersion = 1;
+constexpr std::size_t kVersionAt = 8, kCamerasAt = 12, kFingerprintAt = 16, kFpsAt = 24,
+                      kToleranceAt = 32, kTicksAt = 40, kHeaderBytes = 48;
+constexpr int kLevel = 9;
+constexpr std::uint64_t kMaxTicks = 100'000'000;
+
+struct DecompressorDeleter {
+  void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
+};
+
+// Pulls as many bytes as are asked for out of a zstd frame.
+class Decompressor {
+ public:
+  explicit Decompressor(std::span<const std::byte> file)
+      : context_(ZSTD_createDCtx()), input_{file.data(), file.size(), 0} {
+    if (!context_) throw std::bad_alloc();
+  }
+
+  /// Up to `count` bytes more; fewer at the end. False where the data is damaged.
+  bool pull(std::size_t count, std::vector<std::byte>& bytes) {
+    constexpr std::size_t kStep = std::size_t{1} << 20;
+    while (count > 0 && !ended_) {
+      const std::size_t filled = bytes.size();
+      const std::size_t step = std::min(count, kStep);
+      bytes.resize(filled + step);
+      ZSTD_outBuffer output{bytes.data() + filled, step, 0};
+      const std::size_t consumed = input_.pos;
+      const std::size_t left = ZSTD_decompressStream(context_.get(), &output, &input_);
+      bytes.resize(filled + output.pos);
+      count -= output.pos;
+      if (ZSTD_isError(left)) return false;
+      ended_ = left == 0 || (output.pos == 0 && input_.pos == consumed);
+      whole_ = left == 0;
+    }
+    return true;
+  }
+  /// Whether the frame ended, its checksum was right and nothing follows it.
+  bool finished() {
+    std::vector<std::byte> rest;
+    return pull(1, rest) && rest.empty() && whole_ && input_.pos == input_.size;
+  }
+
+ private:
+  std::unique_ptr<ZSTD_DCtx, DecompressorDeleter> context_;
+  ZSTD_inBuffer input_;
+  bool ended_ = false, whole_ = false;
+};
+
+}  // namespace
+
+std::uint64_t fingerprint_of(const Take& take) {
+  // Chained hashes of fixed-size blocks: the same on any machine.
+  std::array<std::byte, 16> epoch{};
+  store_little_endian(epoch, 0, take.document().epoch_utc);
+  store_little_endian(epoch, 8, static_cast<std::int64_t>(take.camera_count()));
+  std::uint64_t hash = XXH3_64bits(epoch.data(), epoch.size());
+  std::vector<std::byte> table;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+    hash = XXH3_64bits_withSeed(id.data(), id.size(), hash);
+    table.clear();
+    for (const FrameRecord& frame : take.archive(camera).frames()) {
+      const auto record = journal::encode_record(frame);
+      table.insert(table.end(), record.begin(), record.end());
+    }
+    hash = XXH3_64bits_withSeed(table.data(), table.size(), hash);
+  }
+  return hash;
+}
+
+std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t fingerprint) {
+  const std::size_t ticks = timeline.ticks.size();
+  const std::size_t cameras = ticks == 0 ? 0 : timeline.ticks[0].frame.size();
+  std::vector<std::byte> payload(kHeaderBytes + ticks * (8 + cameras * 12));
+  std::ranges::copy(std::as_bytes(std::span(kMagic)), payload.begin());
+  store_little_endian(payload, kVersionAt, kVersion);
+  store_little_endian(payload, kCamerasAt, static_cast<std::uint32_t>(cameras));
+  store_little_endian(payload, kFingerprintAt, fingerprint);
+  store_little_endian(payload, kFpsAt, std::bit_cast<std::uint64_t>(timeline.fps));
+  store_little_endian(payload, kToleranceAt, timeline.tolerance);
+  store_little_endian(payload, kTicksAt, static_cast<std::uint64_t>(ticks));
+  std::size_t at = kHeaderBytes;
+  for (const FrameSelection& tick : timeline.ticks) {
+    store_little_endian(payload, at, tick.time_ns);
+    at += 8;
+  }
+  // One camera after the other: its frame numbers run on, which compresses well.
+  for (std::size_t camera = 0; camera < cameras; ++camera) {
+    for (const FrameSelection& tick : timeline.ticks) {
+      assert(tick.frame.size() == cameras && tick.difference.size() == cameras);
+      store_little_endian(payload, at, tick.frame[camera]);
+      at += 4;
+    }
+  }
+  for (std::size_t camera = 0; camera < cameras; ++camera) {
+    for (const FrameSelection& tick : timeline.ticks) {
+      store_little_endian(payload, at, tick.difference[camera]);
+      at += 8;
+    }
+  }
+
+  struct Deleter {
+    void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
+  };
+  const std::unique_ptr<ZSTD_CCtx, Deleter> context(ZSTD_createCCtx());
+  if (!context) throw std::bad_alloc();
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, kLevel);
+  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
+  std::vector<std::byte> file(ZSTD_compressBound(payload.size()));
+  const std::size_t size =
+      ZSTD_compress2(context.get(), file.data(), file.size(), payload.data(), payload.size());
+  if (ZSTD_isError(size)) throw std::bad_alloc();  // the only way: the room is enough
+  file.resize(size);
+  return file;
+}
+
+Timeline decode_timeline(std::span<const std::byte> file, std::uint64_t fingerprint,
+                         std::size_t cameras, std::string_view name) {
+  const auto refuse = [&](const std::string& what) {
+    return Error::bad_input(what, std::string(name), "Run `raystage sync` on the take");
+  };
+  const auto damaged = [&] { return refuse("the timeline is damaged"); };
+  Decompressor source(file);
+  std::vector<std::byte> payload;
+  if (!source.pull(kHeaderBytes, payload) || payload.size() < kHeaderBytes) throw damaged();
+  if (!std::ranges::equal(std::span(payload).first<kMagic.size()>(),
+                          std::as_bytes(std::span(kMagic)))) {
+    throw damaged();
+  }
+  const auto version = load_little_endian<std::uint32_t>(payload, kVersionAt);
+  if (version != kVersion) {
+    throw refuse("the timeline has format version " + std::to_string(version) +
+                 ", this program reads version " + std::to_string(kVersion));
+  }
+  if (load_little_endian<std::uint64_t>(payload, kFingerprintAt) != fingerprint ||
+      load_little_endian<std::uint32_t>(payload, kCamerasAt) != cameras) {
+    throw refuse("the timeline is not of this take, or frames have changed since it was made");
+  }
+  Timeline timeline;
+  timeline.fps = std::bit_cast<double>(load_little_endian<std::uint64_t>(payload, kFpsAt));
+  timeline.tolerance = load_little_endian<std::int64_t>(payload, kToleranceAt);
+  const auto ticks = load_little_endian<std::uint64_t>(payload, kTicksAt);
+  if (!std::isfinite(timeline.fps) || timeline.fps <= 0 || timeline.tolerance < 0 ||
+      ticks > kMaxTicks) {
+    throw damaged();
+  }
+  const auto count = static_cast<std::size_t>(ticks);
+  const std::size_t body = count * (8 + cameras * 12);
+  if (!source.pull(body, payload) || payload.size() != kHeaderBytes + body || !source.finished()) {
+    throw damaged();
+  }
+
+  timeline.ticks.resize(count);
+  std::size_t at = kHeaderBytes;
+  for (FrameSelection& tick : timeline.ticks) {
+    tick.time_ns = load_little_endian<std::int64_t>(payload, at);
+    at += 8;
+    tick.frame.resize(cameras);
+    tick.difference.resize(cameras);
+  }
+  for (std::size_t camera = 0; camera < cameras; ++camera) {
+    for (FrameSelection& tick : timeline.ticks) {
+      tick.frame[camera] = load_little_endian<std::int32_t>(payload, at);
+      at += 4;
+      if (tick.frame[camera] < -1) throw damaged();
+    }
+  }
+  for (std::size_t camera = 0; camera < cameras; ++camera) {
+    for (FrameSelection& tick : timeline.ticks) {
+      tick.difference[camera] = load_little_endian<std::int64_t>(payload, at);
+      at += 8;
+    }
+  }
+  return timeline;
+}
+
+void write_timeline(const Timeline& timeline, const std::filesystem::path& take_folder) {
+  const Take take(take_folder);
+  write_file_atomically(take_folder / kTimelineFile,
+                        encode_timeline(timeline, fingerprint_of(take)));
+}
+
+Timeline read_timeline(const Take& take) {
+  const auto path = take.folder() / kTimelineFile;
+  if (!std::filesystem::exists(path)) {
+    throw Error::bad_input("the take has no timeline", path.string(),
+                           "Run `raystage sync` on the take");
+  }
+  const std::string bytes = read_file(path);
+  Timeline timeline = decode_timeline(std::as_bytes(std::span(bytes)), fingerprint_of(take),
+                                      static_cast<std::size_t>(take.camera_count()), path.string());
+  // With the fingerprint right, every entry must be a frame of this take at its time.
+  for (std::size_t camera = 0; camera < static_cast<std::size_t>(take.camera_count()); ++camera) {
+    const auto frames = take.archive(static_cast<int>(camera)).frames();
+    for (const FrameSelection& tick : timeline.ticks) {
+      const std::int32_t frame = tick.frame[camera];
+      if (frame < 0) continue;
+      if (static_cast<std::size_t>(frame) >= frames.size() ||
+          frames[static_cast<std::size_t>(frame)].time_ns - tick.difference[camera] !=
+              tick.time_ns) {
+        throw Error::bad_input("the timeline names a frame that the take does not hold",
+                               path.string(), "Run `raystage sync` on the take");
+      }
+    }
+  }
+  return timeline;
+}
+
+}  // namespace raystage

@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/timeline.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <set>
+
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+#include "store/take_test_data.h"
+#include "store/timeline_file.h"
+
+namespace raystage {
+namespace {
+
+using testing::HasSubstr;
+using Times = std::vector<std::vector<Nanoseconds>>;
+
+constexpr Nanoseconds kMs = 1'000'000;
+
+Timeline timeline_of(const Times& times, double fps = 0, Nanoseconds tolerance = 0,
+                     double nominal_fps = 15) {
+  return build_timeline(times, nominal_fps, fps, tolerance, "test");
+}
+
+std::vector<Nanoseconds> frames(double fps, Nanoseconds start, int count) {
+  std::vector<Nanoseconds> times;
+  for (int i = 0; i < count; ++i) times.push_back(start + std::llround(i * 1e9 / fps));
+  return times;
+}
+
+// What every timeline must be, whatever the cameras did.
+void expect_sound(const Timeline& timeline, const Times& times) {
+  std::vector<std::set<std::int32_t>> used(times.size());
+  for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
+    const FrameSelection& tick = timeline.ticks[k];
+    ASSERT_EQ(tick.frame.size(), times.size());
+    const Nanoseconds ideal =
+        timeline.ticks[0].time_ns + std::llround(static_cast<double>(k) * 1e9 / timeline.fps);
+    ASSERT_LE(std::abs(tick.time_ns - ideal), 1);
+    for (std::size_t camera = 0; camera < times.size(); ++camera) {
+      const std::int32_t frame = tick.frame[camera];
+      if (frame < 0) {
+        ASSERT_EQ(tick.difference[camera], 0);
+        continue;
+      }
+      ASSERT_LT(static_cast<std::size_t>(frame), times[camera].size());
+      const Nanoseconds time = times[camera][static_cast<std::size_t>(frame)];
+      ASSERT_EQ(tick.difference[camera], time - tick.time_ns);
+      ASSERT_LE(std::abs(tick.difference[camera]), timeline.tolerance);
+      ASSERT_TRUE(used[camera].insert(frame).second) << "a frame stands in two ticks";
+      // The nearest frame, and no other tick is nearer to it.
+      for (const Nanoseconds other : times[camera]) {
+        ASSERT_LE(std::abs(time - tick.time_ns), std::abs(other - tick.time_ns));
+      }
+      ASSERT_LE(static_cast<double>(std::abs(tick.difference[camera])), 0.5e9 / timeline.fps + 1);
+    }
+  }
+}
+
+TEST(Timeline, SynchronousCameras) {
+  const Times times(4, frames(15, 0, 10));
+  const Timeline timeline = timeline_of(times);
+  expect_sound(timeline, times);
+  ASSERT_EQ(timeline.ticks.size(), 10u);
+  EXPECT_NEAR(timeline.fps, 15, 1e-6);
+  EXPECT_EQ(timeline.tolerance, 33'333'333);
+  EXPECT_EQ(timeline.ticks[0].time_ns, 0);
+  for (const auto& tick : timeline.ticks) {
+    EXPECT_EQ(tick.present(), 4);
+    EXPECT_EQ(tick.spread(), 0);
+  }
+}
+
+TEST(Timeline, OneDropMovesNothingElse) {
+  Times times;
+  std::mt19937 random(11);
+  for (int camera = 0; camera < 8; ++camera) {
+    times.push_back(frames(15, static_cast<Nanoseconds>(random() % 60'000'000), 30));
+  }
+  const Timeline before = timeline_of(times);
+  expect_sound(before, times);
+  // The frame of camera 3 in the middle of the take goes missing.
+  std::size_t tick = before.ticks.size() / 2;
+  const std::int32_t dropped = before.ticks[tick].frame[3];
+  ASSERT_GE(dropped, 0);
+  times[3].erase(times[3].begin() + dropped);
+  const Timeline after = timeline_of(times, before.fps);
+  expect_sound(after, times);
+  ASSERT_EQ(after.ticks.size(), before.ticks.size());
+  for (std::size_t k = 0; k < before.ticks.size(); ++k) {
+    for (std::size_t camera = 0; camera < times.size(); ++camera) {
+      std::int32_t expected = before.ticks[k].frame[camera];
+      if (camera == 3 && k == tick) expected = -1;
+      if (camera == 3 && expected > dropped) --expected;
+      ASSERT_EQ(after.ticks[k].frame[camera], expected) << k << " " << camera;
+    }
+  }
+}
+
+TEST(Timeline, StartUpLossAndEarlyEnd) {
+  // Half of the cameras run from 1 s to 4 s; one comes late, one ends early.
+  Times times(4, frames(10, 1000 * kMs, 31));
+  times[0] = frames(10, 0, 51);
+  times[2] = frames(10, 2000 * kMs, 21);
+  times[3] = frames(10, 1000 * kMs, 11);
+  const Timeline timeline = timeline_of(times);
+  expect_sound(timeline, times);
+  ASSERT_EQ(timeline.ticks.size(), 31u);
+  EXPECT_EQ(timeline.ticks.front().time_ns, 1000 * kMs);
+  EXPECT_EQ(timeline.ticks.back().time_ns, 4000 * kMs);
+  EXPECT_EQ(timeline.ticks.front().frame, (std::vector<std::int32_t>{10, 0, -1, 0}));
+  EXPECT_EQ(timeline.ticks.back().frame, (std::vector<std::int32_t>{40, 30, 20, -1}));
+}
+
+TEST(Timeline, StillLightField) {
+  const Timeline still = timeline_of({{0}, {0}, {}, {0}}, 0, 0, 0);
+  ASSERT_EQ(still.ticks.size(), 1u);
+  EXPECT_EQ(still.ticks[0].time_ns, 0);
+  EXPECT_EQ(still.ticks[0].frame, (std::vector<std::int32_t>{0, 0, -1, 0}));
+  // Free-running: all within half a frame time of one tick.
+  const Timeline loose = timeline_of({{0}, {30 * kMs}, {60 * kMs}});
+  ASSERT_EQ(loose.ticks.size(), 1u);
+  EXPECT_EQ(loose.ticks[0].time_ns, 30 * kMs);
+  EXPECT_EQ(loose.ticks[0].present(), 3);
+  EXPECT_EQ(loose.ticks[0].spread(), 60 * kMs);
+  // Too far apart: the middle one stays.
+  const Timeline far = timeline_of({{0}, {500 * kMs}, {9000 * kMs}});
+  ASSERT_EQ(far.ticks.size(), 1u);
+  EXPECT_EQ(far.ticks[0].frame, (std::vector<std::int32_t>{-1, 0, -1}));
+}
+
+TEST(Timeline, GivenRateAndTolerance) {
+  const Times times{frames(15, 0, 16), frames(15, 20 * kMs, 16)};
+  const Timeline twice = timeline_of(times, 30);
+  expect_sound(twice, times);
+  EXPECT_EQ(twice.fps, 30);
+  EXPECT_EQ(std::ranges::count_if(twice.ticks, [](const auto& t) { return t.frame[0] >= 0; }), 16);
+  const Timeline strict = timeline_of(times, 15, 5 * kMs);
+  expect_sound(strict, times);
+  EXPECT_EQ(strict.tolerance, 5 * kMs);
+  for (const auto& tick : strict.ticks) EXPECT_EQ(tick.present(), 0);
+  const Timeline wide = timeline_of(times, 15, 200 * kMs);  // wider than a frame time
+  expect_sound(wide, times);
+}
+
+TEST(Timeline, RefusesNonsense) {
+  const Times times{frames(15, 0, 4)};
+  EXPECT_THROW(timeline_of(times, -1), Error);
+  EXPECT_THROW(timeline_of(times, std::nan("")), Error);
+  EXPECT_THROW(timeline_of(times, std::numeric_limits<double>::infinity()), Error);
+  EXPECT_THROW(timeline_of(times, 15, -1), Error);
+  EXPECT_THROW(timeline_of({{}, {}}), Error);
+  const Times long_gap{{0, 9'000'000 * kNanosecondsPerSecond}};
+  EXPECT_THROW(timeline_of(long_gap, 1000), Error);
+}
+
+TEST(Timeline, FreeRunningCamerasProperty) {
+  rc::check([] {
+    const auto seed = *rc::gen::arbitrary<unsigned>();
+    const auto cameras = *rc::gen::inRange(1, 9);
+    const auto jitter_us = *rc::gen::inRange(0, 3000);
+    const auto drop_percent = *rc::gen::inRange(0, 40);
+    std::mt19937 random(seed);
+    Times times;
+    for (int camera = 0; camera < cameras; ++camera) {
+      auto column = frames(15, 10 * kMs + static_cast<Nanoseconds>(random() % 400'000'000), 20);
+      for (Nanoseconds& time : column) {
+        time += static_cast<Nanoseconds>(random() % static_cast<unsigned>(jitter_us + 1)) * 1000;
+      }
+      std::erase_if(column,
+                    [&](Nanoseconds) { return static_cast<int>(random() % 100) < drop_percent; });
+      times.push_back(std::move(column));
+    }
+    times[0].push_back(3'000'000'000);
+    const Timeline timeline = timeline_of(times);
+    expect_sound(timeline, times);
+    RC_ASSERT(!testing::Test::HasFailure());
+    // Absent is absent: nowhere stands -1 where a frame was free and near.
+    for (const FrameSelection& tick : timeline.ticks) {
+      for (std::size_t camera = 0; camera < times.size(); ++camera) {
+        if (tick.frame[camera] >= 0) continue;
+        for (const Nanoseconds time : times[camera]) {
+          RC_ASSERT(std::abs(time - tick.time_ns) >= timeline.tolerance);
+        }
+      }
+    }
+  });
+}
+
+TEST(Timeline, SixtyFourFreeRunningCamerasLoseNothing) {
+  std::mt19937 random(2);
+  Times times;
+  for (int camera = 0; camera < 64; ++camera) {
+    times.push_back(frames(15, static_cast<Nanoseconds>(random() % 66'666'667), 48));
+    for (Nanoseconds& time : times.back()) time += static_cast<Nanoseconds>(random() % 500'000);
+  }
+  const Timeline timeline = timeline_of(times);
+  expect_sound(timeline, times);
+  for (std::size_t k = 1; k + 1 < timeline.ticks.size(); ++k) {
+    EXPECT_EQ(timeline.ticks[k].present(), 64) << k;
+  }
+}
+
+TEST(SelectFrames, WithinTolerance) {
+  const TestFolder folder;
+  test::write_take(folder.path() / "take", {{100, 200}, {}, {150}});
+  const Take take(folder.path() / "take");
+  const auto near = select_frames(take, 160, 40);
+  EXPECT_EQ(near.frame, (std::vector<std::int32_t>{1, -1, 0}));
+  EXPECT_EQ(near.difference, (std::vector<Nanoseconds>{40, 0, -10}));
+  EXPECT_EQ(near.spread(), 50);
+  EXPECT_EQ(near.present(), 2);
+  EXPECT_EQ(select_frames(take, 160, 39).frame, (std::vector<std::int32_t>{-1, -1, 0}));
+  EXPECT_EQ(select_frames(take, std::numeric_limits<Nanoseconds>::min(), 1000).present(), 0);
+  EXPECT_EQ(select_frames(take, 160, -1).present(), 0);
+}
+
+TEST(TimelineStatistics, CountsSpreadAndAbsence) {
+  Timeline timeline;
+  timeline.fps = 10;
+  timeline.ticks.resize(3);
+  timeline.ticks[0] = {0, {0, 0}, {-2, 4}};
+  timeline.ticks[1] = {100, {1, -1}, {1, 0}};
+  timeline.ticks[2] = {200, {2, 1}, {0, 3}};
+  const auto statistics = statistics_of(timeline);
+  EXPECT_EQ(statistics.absent, (std::vector<int>{0, 1}));
+  EXPECT_EQ(statistics.max_spread, 6);
+  EXPECT_EQ(statistics.median_spread, 3);
+  EXPECT_DOUBLE_EQ(statistics.mean_spread_ns, 3);
+}
+
+struct TimelineFile : testing::Test {
+  TimelineFile() { test::write_take(path, {frames(15, 0, 30), frames(15, 9 * kMs, 25)}); }
+  static void expect_same(const Timeline& a, const Timeline& b) {
+    EXPECT_EQ(a.fps, b.fps);
+    EXPECT_EQ(a.tolerance, b.tolerance);
+    ASSERT_EQ(a.ticks.size(), b.ticks.size());
+    for (std::size_t k = 0; k < a.ticks.size(); ++k) {
+      EXPECT_EQ(a.ticks[k].time_ns, b.ticks[k].time_ns);
+      EXPECT_EQ(a.ticks[k].frame, b.ticks[k].frame);
+      EXPECT_EQ(a.ticks[k].difference, b.ticks[k].difference);
+    }
+  }
+  std::string refusal() const {
+    try {
+      read_timeline(Take(path));
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      EXPECT_THAT(error.what_to_do(), HasSubstr("raystage sync"));
+      return error.what_happened();
+    }
+    return "";
+  }
+
+  TestFolder folder;
+  std::filesystem::path path = folder.path() / "take";
+  std::filesystem::path file = path / kTimelineFile;
+};
+
+TEST_F(TimelineFile, GivesBackWhatWentInReproducibly) {
+  EXPECT_THAT(refusal(), HasSubstr("no timeline"));
+  const Take take(path);
+  const Timeline timeline = build_timeline(take, 0, 0);
+  write_timeline(timeline, path);
+  const auto bytes = test::bytes_of(file);
+  expect_same(read_timeline(take), timeline);
+  write_timeline(build_timeline(Take(path), 0, 0), path);
+  EXPECT_EQ(test::bytes_of(file), bytes);
+}
+
+TEST_F(TimelineFile, OfAnotherTakeIsRefused) {
+  write_timeline(build_timeline(Take(path), 0, 0), path);
+  test::write_take(folder.path() / "other", {frames(15, 0, 30), frames(15, 9 * kMs + 1, 25)});
+  std::filesystem::rename(file, folder.path() / "other" / kTimelineFile);
+  path = folder.path() / "other";
+  EXPECT_THAT(refusal(), HasSubstr("not of this take"));
+}
+
+TEST_F(TimelineFile, StaysValidWhenTheTakeIsRenamed) {
+  write_timeline(build_timeline(Take(path), 0, 0), path);
+  TakeDocument document = read_take(path / "take.json");
+  document.name = "a better name";
+  write_take(document, path / "take.json");
+  EXPECT_EQ(refusal(), "");
+}
+
+TEST_F(TimelineFile, DamageIsRefused) {
+  write_timeline(build_timeline(Take(path), 0, 0), path);
+  const auto bytes = test::bytes_of(file);
+  const std::uint64_t fingerprint = fingerprint_of(Take(path));
+  for (std::size_t size = 0; size < bytes.size(); ++size) {
+    ASSERT_THROW(decode_timeline(std::span(bytes).first(size), fingerprint, 2, ""), Error) << size;
+  }
+  auto longer = bytes;
+  longer.push_back(std::byte{0});
+  EXPECT_THROW(decode_timeline(longer, fingerprint, 2, ""), Error);
+  test::overwrite(file, std::span(bytes).first(bytes.size() - 1));
+  EXPECT_THAT(refusal(), HasSubstr("damaged"));
+  for (std::size_t bit = 0; bit < 8 * bytes.size(); ++bit) {
+    auto rotten = bytes;
+    rotten[bit / 8] ^= static_cast<std::byte>(1u << (bit % 8));
+    try {
+      // Some bits of zstd's own frame header say nothing; then all is as it was.
+      expect_same(decode_timeline(rotten, fingerprint, 2, ""),
+                  decode_timeline(bytes, fingerprint, 2, ""));
+    } catch (const Error&) {
+    }
+  }
+}
+
+}  // namespace
+}  // namespace raystage

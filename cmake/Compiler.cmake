@@ -24,6 +24,10 @@ target_compile_options(raystage_compiler INTERFACE
   -Wimplicit-fallthrough -Wundef
   # Same bytes on every build: no contraction of a*b+c unless the code asks for it.
   -ffp-contract=off)
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
+  # GCC 12 sees overlapping copies in std::string's operator+ (GCC bug 105651).
+  target_compile_options(raystage_compiler INTERFACE -Wno-restrict)
+endif()
 if(RAYSTAGE_WARNINGS_AS_ERRORS)
   target_compile_options(raystage_compiler INTERFACE -Werror)
 endif()

@@ -33,7 +33,8 @@ RgbImage read_image(const std::filesystem::path& file) {
 }
 
 void write_image(const RgbImage& image, const std::filesystem::path& file) {
-  const auto output = OIIO::ImageOutput::create(file.extension().string());
+  // By the name: OpenImageIO takes an extension only without its dot.
+  const auto output = OIIO::ImageOutput::create(file.string());
   if (!output) {
     throw Error::bad_input("no image format has this extension", file.string(), "Use .png");
   }

@@ -22,13 +22,13 @@ struct Reconstruction {
 
 struct RendererSettings {
   std::size_t cache_bytes = std::size_t{1} << 30;  ///< decoded source frames kept in memory
-  std::vector<int> left_out;      ///< cameras of the take that must not contribute
+  std::vector<int> left_out;                       ///< cameras of the take that must not contribute
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
-  bool reference = false;         ///< the slow, obvious implementation, ray by ray
+  bool reference = false;            ///< the slow, obvious implementation, ray by ray
 };
 
-/// Renders views of a take. Many threads may call render() at once (frames in flight); the pixels do
-/// not depend on how many threads there are. Uses the TBB arena it is called in.
+/// Renders views of a take. Many threads may call render() at once (frames in flight); the pixels
+/// do not depend on how many threads there are. Uses the TBB arena it is called in.
 class LightFieldRenderer {
  public:
   /// Throws Error (bad input) for an unknown method or no camera left. Keeps a reference to `take`.

@@ -26,12 +26,13 @@ VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_f
 
 /// What rendering a view took.
 struct RenderStatistics {
-  double plan_ms = 0;    ///< geometry, and finding the source pixels that contribute
-  double decode_ms = 0;  ///< wall-clock time in which frames were decoded
-  double render_ms = 0;  ///< wall-clock time of the sampling
-  std::int64_t pixels_decoded = 0;   ///< entropy-decoded source pixels, all cameras
-  std::int64_t pixels_needed = 0;    ///< distinct source pixels with a weight; only counted on request
-  int cameras_used = 0;              ///< that contribute to some pixel
+  double plan_ms = 0;               ///< geometry, and finding the source pixels that contribute
+  double decode_ms = 0;             ///< wall-clock time in which frames were decoded
+  double render_ms = 0;             ///< wall-clock time of the sampling
+  std::int64_t pixels_decoded = 0;  ///< entropy-decoded source pixels, all cameras
+  std::int64_t pixels_needed =
+      0;                 ///< distinct source pixels with a weight; only counted on request
+  int cameras_used = 0;  ///< that contribute to some pixel
 };
 
 /// A reconstructed view, row-major from the top left.

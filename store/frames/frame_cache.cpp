@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "store/frame_cache.h"
+#include "store/frames/frame_cache.h"
 
 #include <tbb/enumerable_thread_specific.h>
 

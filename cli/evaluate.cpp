@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+#include <tbb/info.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "render/evaluation/evaluation.h"
+#include "schemas/atomic_file.h"
+#include "schemas/views.h"
+
+namespace {
+
+using namespace raystage;
+
+struct Options {
+  std::filesystem::path take, views, json, table;
+  std::string focal_depth = "best", label;
+  EvaluationSettings settings;
+  int threads = 0;
+  double memory_gb = 1;
+};
+
+std::optional<double> depth_from(const std::string& text) {
+  if (text == "best") return std::nullopt;
+  std::size_t used = 0;
+  double depth = 0;
+  try {
+    depth = std::stod(text, &used);
+  } catch (const std::exception&) {
+    used = 0;
+  }
+  if (used == 0 || used != text.size() || !(depth > 0)) {
+    throw Error::bad_input("found '" + text + "', allowed: best, or a depth above 0 in metres",
+                           "--focal-depth", "Use for example --focal-depth 4.5");
+  }
+  return depth;
+}
+
+/// Appends a row under one heading; the table is rewritten whole, never half.
+void append_row(const std::filesystem::path& file, const Evaluation& evaluation,
+                const std::string& label) {
+  const std::string before =
+      std::filesystem::exists(file) ? read_file(file) : evaluation_table_heading();
+  write_file_atomically(file, before + evaluation_table_row(evaluation, label));
+}
+
+ExitCode evaluate(const Options& options, std::stop_token stop) {
+  const tbb::global_control threads(
+      tbb::global_control::max_allowed_parallelism,
+      static_cast<std::size_t>(options.threads > 0 ? options.threads
+                                                   : tbb::info::default_concurrency()));
+  EvaluationSettings settings = options.settings;
+  settings.focal_depth = depth_from(options.focal_depth);
+  settings.cache_bytes = static_cast<std::size_t>(options.memory_gb * (1 << 30));
+  const Take take(options.take);
+  ViewsDocument views;
+  if (!options.views.empty()) views = read_views(options.views);
+  Progress progress;
+  const Evaluation evaluation = evaluate_views(
+      take, views, options.views.parent_path(), settings,
+      [&](double done) { progress.report(done); }, stop);
+  fmt::print("{}", evaluation_as_text(evaluation));
+  if (!options.json.empty()) write_file_atomically(options.json, evaluation_as_json(evaluation));
+  if (!options.table.empty()) {
+    append_row(options.table, evaluation, options.label.empty() ? settings.method : options.label);
+  }
+  return ExitCode::kSuccess;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Renders views whose truth is known, each at its time, and measures error and time.",
+               "raystage evaluate");
+  Options options;
+  app.add_option("TAKE", options.take, "Folder of the take")->required();
+  app.add_option("VIEWS", options.views,
+                 "Views document (raystage/views/1) with truth images; may be left out with "
+                 "--leave-out");
+  app.add_option("--method", options.settings.method, "Reconstruction method: focal_plane")
+      ->capture_default_str();
+  app.add_option(
+         "--focal-depth", options.focal_depth,
+         "Focal plane parallel to the array, metres in front of it; 'best': eq. 2.2 from the "
+         "take's depth range")
+      ->capture_default_str();
+  app.add_option("--leave-out", options.settings.leave_out,
+                 "Cameras (ids, comma separated) to take out and use as truth")
+      ->delimiter(',');
+  app.add_option("--camera-step", options.settings.camera_step,
+                 "Use every n-th row and column of the grid only")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_option("--out", options.settings.image_folder,
+                 "Folder for the rendered views, DIR/<view id>.png (default: not written)");
+  app.add_option("--json", options.json, "Write the results as JSON to this file");
+  app.add_option("--table", options.table,
+                 "Append the mean as a row to this Markdown table (made if missing)");
+  app.add_option("--label", options.label, "First column of that row (default: the method)");
+  app.add_option("-j,--threads", options.threads, "Threads; 0: all cores")->capture_default_str();
+  app.add_option("--memory", options.memory_gb, "Memory for decoded source frames, GiB")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  return parse_and_run(app, argc, argv, "evaluate",
+                       [&](std::stop_token stop) { return evaluate(options, stop); });
+}

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "render/evaluation/evaluation.h"
+
+namespace raystage {
+namespace {
+
+nlohmann::ordered_json number(double value) {
+  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+}
+
+nlohmann::ordered_json as_json(const ViewEvaluation& view) {
+  return {{"id", view.id},
+          {"psnr_db", number(view.quality.psnr_db)},
+          {"ssim", number(view.quality.ssim)},
+          {"covered", view.quality.covered},
+          {"decode_ms", view.decode_ms},
+          {"render_ms", view.render_ms},
+          {"decoded_per_needed", number(view.decoded_per_needed)}};
+}
+
+}  // namespace
+
+std::string evaluation_as_json(const Evaluation& evaluation) {
+  nlohmann::ordered_json document{
+      {"schema", "raystage/evaluation/1"}, {"take", evaluation.take},
+      {"method", evaluation.method},       {"focal_depth_m", number(evaluation.focal_depth)},
+      {"cameras", evaluation.cameras},     {"mean", as_json(evaluation.mean)}};
+  document["mean"].erase("id");
+  document["views"] = nlohmann::ordered_json::array();
+  for (const ViewEvaluation& view : evaluation.views) document["views"].push_back(as_json(view));
+  return document.dump(2) + "\n";
+}
+
+std::string evaluation_as_text(const Evaluation& evaluation) {
+  std::string text = fmt::format("{}: {}, focal plane {:.4g} m, {} cameras\n", evaluation.take,
+                                 evaluation.method, evaluation.focal_depth, evaluation.cameras);
+  text += fmt::format("{:<20} {:>8} {:>7} {:>8} {:>10} {:>10} {:>15}\n", "view", "PSNR dB", "SSIM",
+                      "covered", "decode ms", "render ms", "decoded/needed");
+  const auto add = [&](const ViewEvaluation& view) {
+    text +=
+        fmt::format("{:<20} {:>8.2f} {:>7.4f} {:>7.1f}% {:>10.2f} {:>10.2f} {:>15.3f}\n", view.id,
+                    view.quality.psnr_db, view.quality.ssim, view.quality.covered * 100,
+                    view.decode_ms, view.render_ms, view.decoded_per_needed);
+  };
+  for (const ViewEvaluation& view : evaluation.views) add(view);
+  add(evaluation.mean);
+  return text;
+}
+
+std::string evaluation_table_heading() {
+  return "| setting | cameras | focal plane m | PSNR dB | SSIM | covered % | decode ms | render ms "
+         "| "
+         "decoded/needed |\n| --- | --: | --: | --: | --: | --: | --: | --: | --: |\n";
+}
+
+std::string evaluation_table_row(const Evaluation& evaluation, const std::string& label) {
+  const ViewEvaluation& mean = evaluation.mean;
+  return fmt::format("| {} | {} | {:.4g} | {:.2f} | {:.4f} | {:.1f} | {:.1f} | {:.1f} | {:.3f} |\n",
+                     label, evaluation.cameras, evaluation.focal_depth, mean.quality.psnr_db,
+                     mean.quality.ssim, mean.quality.covered * 100, mean.decode_ms, mean.render_ms,
+                     mean.decoded_per_needed);
+}
+
+}  // namespace raystage

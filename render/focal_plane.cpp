@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/focal_plane.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <limits>
+#include <mutex>
+
+#include "render/plane_projection.h"
+#include "render/ray_cells.h"
+#include "render/source_view.h"
+
+namespace raystage {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+std::array<double, 3> as_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+int log2_of(int power_of_two) {
+  int log2 = 0;
+  while ((1 << log2) < power_of_two) ++log2;
+  return log2;
+}
+
+/// One view's rendering, stage by stage: plan (which source pixels), decode, blend.
+class FocalPlaneFrame {
+ public:
+  FocalPlaneFrame(const VirtualCamera& view, const Instant& instant, const Eigen::Vector4d& plane,
+                  bool count_needed)
+      : view_(view),
+        instant_(instant),
+        projection_(view, plane),
+        cells_(view, *instant.rig, *instant.present),
+        count_needed_(count_needed),
+        spans_(static_cast<std::size_t>(view.height)),
+        sources_(instant.rig->cameras.size()) {}
+
+  RenderedView render() {
+    RenderedView image = empty_view(view_);
+    if (!projection_.at_infinity() && projection_.distance() == 0)
+      return image;  // eye on the plane
+    const auto start = Clock::now();
+    find_spans();
+    open_sources();
+    mark_needed();
+    const auto planned = Clock::now();
+    decode(image.statistics);
+    const auto decoded = Clock::now();
+    blend(image);
+    lower_coverage_of_absent(image);
+    image.statistics.plan_ms = milliseconds(planned - start);
+    image.statistics.decode_ms = milliseconds(decoded - planned);
+    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
+    return image;
+  }
+
+ private:
+  struct Source {
+    SourceView view;  // its rgbx stays null where no pixel of the view sees anything of the camera
+    McuMask wanted;
+    std::vector<std::uint8_t> read_pixels;
+    std::shared_ptr<const DecodedFrame> frame;
+    bool used = false;
+  };
+
+  template <class Body>
+  void for_each_row(const Body& body) const {
+    constexpr int kRowsPerTask = 16;
+    tbb::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
+                      [&](const tbb::blocked_range<int>& rows) {
+                        for (int y = rows.begin(); y < rows.end(); ++y) body(y);
+                      });
+  }
+
+  void find_spans() {
+    constexpr int kRowsPerTask = 16;
+    tbb::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
+                      [&](const tbb::blocked_range<int>& rows) {
+                        std::vector<int> scratch;
+                        for (int y = rows.begin(); y < rows.end(); ++y) {
+                          cells_.spans_of_row(y, view_.width, scratch,
+                                              spans_[static_cast<std::size_t>(y)]);
+                        }
+                      });
+    std::vector<bool> cell_used(cells_.cells().size());
+    for (const auto& row : spans_) {
+      for (const RayCells::Span& span : row) cell_used[static_cast<std::size_t>(span.cell)] = true;
+    }
+    for (std::size_t i = 0; i < cell_used.size(); ++i) {
+      if (!cell_used[i]) continue;
+      const RayCells::Cell& cell = cells_.cells()[i];
+      for (int c = 0; c < cell.count; ++c)
+        source(cell.camera[static_cast<std::size_t>(c)]).used = true;
+    }
+  }
+
+  Source& source(int camera) { return sources_[static_cast<std::size_t>(camera)]; }
+
+  /// Geometry and frame layout of every camera that some cell in view belongs to.
+  void open_sources() {
+    tbb::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+      Source& opened = sources_[i];
+      if (!opened.used) return;
+      const Rig::Camera& camera = instant_.rig->cameras[i];
+      SourceView& s = opened.view;
+      const Eigen::Matrix3d matrix = projection_.ideal_from_pixel(camera.pose);
+      for (int r = 0; r < 3; ++r) {
+        for (int c = 0; c < 3; ++c)
+          s.ideal_from_pixel[static_cast<std::size_t>(3 * r + c)] = matrix(r, c);
+      }
+      const Intrinsics& k = camera.model.intrinsics();
+      s.fx = static_cast<float>(k.fx);
+      s.fy = static_cast<float>(k.fy);
+      s.cx = static_cast<float>(k.cx);
+      s.cy = static_cast<float>(k.cy);
+      s.k1 = static_cast<float>(k.distortion.k1);
+      s.k2 = static_cast<float>(k.distortion.k2);
+      s.k3 = static_cast<float>(k.distortion.k3);
+      s.p1 = static_cast<float>(k.distortion.p1);
+      s.p2 = static_cast<float>(k.distortion.p2);
+      s.distorted = camera.model.has_distortion();
+      s.fold_radius_squared = static_cast<float>(camera.model.fold_radius_squared());
+      s.width = camera.model.width();
+      s.height = camera.model.height();
+
+      const auto layout = instant_.cache->layout(static_cast<int>(i), instant_.frame_of_camera[i]);
+      opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
+      s.wanted_mcus = opened.wanted.data();
+      s.mcus_per_row = layout->mcus_per_row;
+      s.mcu_width_log2 = log2_of(layout->mcu_width);
+      s.mcu_height_log2 = log2_of(layout->mcu_height);
+      s.chroma_reach = layout->mcu_width > 8 || layout->mcu_height > 8 ? 1 : 0;
+      if (count_needed_) {
+        opened.read_pixels.assign(
+            static_cast<std::size_t>(s.width) * static_cast<std::size_t>(s.height), 0);
+        s.read_pixels = opened.read_pixels.data();
+      }
+    });
+  }
+
+  PixelRun run_of(const RayCells::Span& span, int y) {
+    const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(span.cell)];
+    PixelRun run;
+    run.begin = span.begin;
+    run.end = span.end;
+    run.y = y;
+    run.count = cell.count;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+      run.source[i] = &source(cell.camera[i]).view;
+      run.share[i] = as_array(cell.share[i]);
+    }
+    run.total = as_array(cell.total);
+    run.slope = as_array(projection_.slope());
+    run.distance = projection_.distance();
+    run.at_infinity = projection_.at_infinity();
+    return run;
+  }
+
+  /// Rows go through private copies of the masks, joined afterwards: threads share no byte.
+  void mark_needed() {
+    std::mutex joining;
+    const int rows_per_task = std::max(16, view_.height / 8);
+    tbb::parallel_for(
+        tbb::blocked_range<int>(0, view_.height, static_cast<std::size_t>(rows_per_task)),
+        [&](const tbb::blocked_range<int>& rows) {
+          std::vector<McuMask> masks(sources_.size());
+          std::vector<std::vector<std::uint8_t>> pixels(sources_.size());
+          std::vector<SourceView> views(sources_.size());
+          for (std::size_t i = 0; i < sources_.size(); ++i) {
+            if (!sources_[i].used) continue;
+            views[i] = sources_[i].view;
+            masks[i].assign(sources_[i].wanted.size(), 0);
+            views[i].wanted_mcus = masks[i].data();
+            if (!count_needed_) continue;
+            pixels[i].assign(sources_[i].read_pixels.size(), 0);
+            views[i].read_pixels = pixels[i].data();
+          }
+          for (int y = rows.begin(); y < rows.end(); ++y) {
+            for (const RayCells::Span& span : spans_[static_cast<std::size_t>(y)]) {
+              PixelRun run = run_of(span, y);
+              const auto& cameras = cells_.cells()[static_cast<std::size_t>(span.cell)].camera;
+              for (std::size_t i = 0; i < static_cast<std::size_t>(run.count); ++i) {
+                run.source[i] = &views[static_cast<std::size_t>(cameras[i])];
+              }
+              mark_run(run);
+            }
+          }
+          const std::scoped_lock lock(joining);
+          for (std::size_t i = 0; i < sources_.size(); ++i) {
+            join(masks[i], sources_[i].wanted);
+            join(pixels[i], sources_[i].read_pixels);
+          }
+        });
+  }
+
+  static void join(const std::vector<std::uint8_t>& part, std::vector<std::uint8_t>& whole) {
+    for (std::size_t i = 0; i < part.size(); ++i) whole[i] |= part[i];
+  }
+
+  void decode(RenderStatistics& statistics) {
+    std::atomic<std::int64_t> pixels = 0, needed = 0;
+    std::atomic<int> cameras = 0;
+    tbb::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+      Source& wanted = sources_[i];
+      if (std::find(wanted.wanted.begin(), wanted.wanted.end(), 1) == wanted.wanted.end()) return;
+      std::int64_t decoded = 0;
+      wanted.frame = instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i],
+                                           wanted.wanted, decoded);
+      wanted.view.rgbx = wanted.frame->rgbx.get();
+      pixels += decoded;
+      needed += std::count(wanted.read_pixels.begin(), wanted.read_pixels.end(), 1);
+      ++cameras;
+    });
+    statistics.pixels_decoded = pixels;
+    statistics.pixels_needed = needed;
+    statistics.cameras_used = cameras;
+  }
+
+  void blend(RenderedView& image) {
+    const auto full_scale = static_cast<float>(instant_.cache->full_scale());
+    for_each_row([&](int y) {
+      const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width);
+      for (const RayCells::Span& span : spans_[static_cast<std::size_t>(y)]) {
+        const std::size_t at = row + static_cast<std::size_t>(span.begin);
+        blend_run(run_of(span, y), full_scale, &image.rgba[at * 4], &image.z[at]);
+      }
+      for (std::size_t at = row; at < row + static_cast<std::size_t>(view_.width); ++at) {
+        image.coverage[at] = image.rgba[at * 4 + 3];
+      }
+    });
+  }
+
+  void lower_coverage_of_absent(RenderedView& image) const {
+    if (instant_.present == instant_.complete) return;
+    const RayCells complete(view_, *instant_.rig, *instant_.complete);
+    std::vector<bool> lacks(complete.cells().size());
+    for (std::size_t i = 0; i < lacks.size(); ++i) {
+      const RayCells::Cell& cell = complete.cells()[i];
+      for (std::size_t c = 0; c < static_cast<std::size_t>(cell.count); ++c) {
+        if (!instant_.is_present(cell.camera[c])) lacks[i] = true;
+      }
+    }
+    for_each_row([&](int y) {
+      std::vector<int> scratch;
+      std::vector<RayCells::Span> spans;
+      complete.spans_of_row(y, view_.width, scratch, spans);
+      for (const RayCells::Span& span : spans) {
+        if (lacks[static_cast<std::size_t>(span.cell)]) lower_coverage(complete, span, y, image);
+      }
+    });
+  }
+
+  void lower_coverage(const RayCells& complete, const RayCells::Span& span, int y,
+                      RenderedView& image) const {
+    const RayCells::Cell& cell = complete.cells()[static_cast<std::size_t>(span.cell)];
+    for (int x = span.begin; x < span.end; ++x) {
+      const auto crossing = complete.crossing_of(span.cell, x + 0.5, y + 0.5);
+      const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
+                             static_cast<std::size_t>(x);
+      for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+        if (instant_.is_present(cell.camera[i])) continue;
+        image.coverage[at] -= image.rgba[at * 4 + 3] * static_cast<float>(crossing.weight[i]);
+      }
+    }
+  }
+
+  const VirtualCamera& view_;
+  const Instant& instant_;
+  PlaneProjection projection_;
+  RayCells cells_;
+  bool count_needed_;
+  std::vector<std::vector<RayCells::Span>> spans_;  // per row of the view
+  std::vector<Source> sources_;                     // per camera of the rig
+};
+
+}  // namespace
+
+RenderedView empty_view(const VirtualCamera& view) {
+  RenderedView image;
+  image.width = view.width;
+  image.height = view.height;
+  const std::size_t pixels =
+      static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+  image.rgba.assign(pixels * 4, 0.0F);
+  image.coverage.assign(pixels, 0.0F);
+  image.z.assign(pixels, std::numeric_limits<float>::infinity());
+  return image;
+}
+
+RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instant,
+                                const Eigen::Vector4d& plane, bool count_needed_pixels) {
+  return FocalPlaneFrame(view, instant, plane, count_needed_pixels).render();
+}
+
+}  // namespace raystage

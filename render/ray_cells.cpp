@@ -1,0 +1,188 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/ray_cells.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace raystage {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+/// How far outside, in units of the weight, a ray still counts as in the cell: views on the array's
+/// own edge see its rim cameras along that edge.
+constexpr double kEdgeTolerance = 1e-9;
+
+/// (b - o) x (c - o), the plane through o and an edge, accurate far from the edge, and exactly the
+/// negative of the same with b and c exchanged, so that neighbouring cells neither gap nor overlap.
+Vector3d plane_through_edge(const Vector3d& o, const Vector3d& b, const Vector3d& c, bool swap) {
+  return swap ? Vector3d(-(c - o).cross(b - c)) : Vector3d((b - o).cross(c - b));
+}
+
+RayCells::Cell make_cell(const Topology::Cell& indices, const Topology& topology, const Rig& rig,
+                         const Vector3d& eye, const Matrix3d& ray_from_pixel) {
+  RayCells::Cell cell;
+  std::array<Vector3d, 3> centre;
+  for (const int index : indices) {
+    if (index < 0) continue;
+    const auto i = static_cast<std::size_t>(cell.count++);
+    cell.camera[i] = index;
+    centre[i] = rig.cameras[static_cast<std::size_t>(index)].pose.position;
+  }
+  const auto on_pixels = [&](const Vector3d& on_rays) {
+    return Vector3d(ray_from_pixel.transpose() * on_rays);
+  };
+  if (cell.count == 3) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
+      cell.share[i] =
+          on_pixels(plane_through_edge(eye, centre[j], centre[k], cell.camera[j] > cell.camera[k]));
+    }
+    cell.total = on_pixels((centre[1] - centre[0]).cross(centre[2] - centre[0]));
+  } else if (cell.count == 2) {  // an endless strip along topology.up
+    cell.share[0] = on_pixels((centre[1] - eye).cross(topology.up));
+    cell.share[1] = on_pixels(topology.up.cross(centre[0] - eye));
+    cell.total = on_pixels((centre[1] - centre[0]).cross(topology.up));
+  } else {
+    cell.share[0] = cell.total = Vector3d::UnitZ();
+  }
+  return cell;
+}
+
+/// Rows between which a triangle's projection lies; all rows where it reaches beyond the horizon.
+void bound_rows(RayCells::Cell& cell, const Rig& rig, const Vector3d& eye,
+                const Matrix3d& pixel_from_world_ray) {
+  constexpr double kEverywhere = std::numeric_limits<double>::infinity();
+  cell.first_row = -kEverywhere;
+  cell.last_row = kEverywhere;
+  if (cell.count != 3) return;
+  double first = kEverywhere, last = -kEverywhere;
+  int in_front = 0;
+  for (const int camera : cell.camera) {
+    const Vector3d to_camera = rig.cameras[static_cast<std::size_t>(camera)].pose.position - eye;
+    const Vector3d pixel = pixel_from_world_ray * to_camera;
+    if (std::abs(pixel.z()) <= 1e-9 * to_camera.norm() || to_camera.norm() == 0) return;
+    in_front += pixel.z() > 0 ? 1 : 0;
+    first = std::min(first, pixel.y() / pixel.z());
+    last = std::max(last, pixel.y() / pixel.z());
+  }
+  if (in_front != 0 && in_front != 3) return;
+  cell.first_row = first - 2;
+  cell.last_row = last + 1;
+}
+
+double at(const Vector3d& function, double x, double y) {
+  return function.x() * x + (function.y() * y + function.z());
+}
+
+bool passes_through(const RayCells::Cell& cell, double x, double y) {
+  const double total = at(cell.total, x, y);
+  if (!(std::abs(total) > 0)) return false;
+  const double sign = total > 0 ? 1 : -1;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+    if (sign * at(cell.share[i], x, y) < -kEdgeTolerance * std::abs(total)) return false;
+  }
+  return true;
+}
+
+/// Cuts [low, high] to where slope * x + constant >= 0.
+void keep_non_negative(double slope, double constant, double& low, double& high) {
+  if (slope > 0) {
+    low = std::max(low, -constant / slope);
+  } else if (slope < 0) {
+    high = std::min(high, -constant / slope);
+  } else if (!(constant >= 0)) {
+    high = -std::numeric_limits<double>::infinity();
+  }
+}
+
+/// Paints the cell's pixels of a row, on the side of the array's plane where `sign` * total > 0.
+void paint(const RayCells::Cell& cell, int index, double sign, int y, int width,
+           std::vector<int>& row) {
+  const double centre_y = y + 0.5;
+  double low = 0.5, high = width - 0.5;
+  keep_non_negative(sign * cell.total.x(), sign * (cell.total.y() * centre_y + cell.total.z()), low,
+                    high);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+    const Vector3d edge = sign * (cell.share[i] + kEdgeTolerance * cell.total);
+    keep_non_negative(edge.x(), edge.y() * centre_y + edge.z(), low, high);
+  }
+  if (!(low <= high + 2)) return;
+  // The bounds are rounded; the predicate itself decides about the pixels next to them.
+  int begin = std::max(0, static_cast<int>(std::floor(low - 0.5)) - 1);
+  int end = std::min(width, static_cast<int>(std::ceil(high + 0.5)) + 1);
+  const auto inside = [&](int x) {
+    return sign * at(cell.total, x + 0.5, centre_y) > 0 && passes_through(cell, x + 0.5, centre_y);
+  };
+  while (begin < end && !inside(begin)) ++begin;
+  while (begin < end && !inside(end - 1)) --end;
+  std::fill(row.begin() + begin, row.begin() + std::max(begin, end), index);
+}
+
+}  // namespace
+
+Matrix3d world_ray_from_pixel(const VirtualCamera& view) {
+  const Intrinsics& k = view.intrinsics;
+  Matrix3d camera_ray_from_pixel;
+  camera_ray_from_pixel << 1 / k.fx, 0, -k.cx / k.fx,  //
+      0, -1 / k.fy, k.cy / k.fy,                       //
+      0, 0, -1;
+  return view.pose.world_from_camera_rotation * camera_ray_from_pixel;
+}
+
+RayCells::RayCells(const VirtualCamera& view, const Rig& rig, const Topology& topology) {
+  const Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+  const Matrix3d pixel_from_ray = ray_from_pixel.inverse();
+  cells_.reserve(topology.cells.size());
+  for (const Topology::Cell& indices : topology.cells) {
+    cells_.push_back(make_cell(indices, topology, rig, view.pose.position, ray_from_pixel));
+    bound_rows(cells_.back(), rig, view.pose.position, pixel_from_ray);
+  }
+}
+
+std::optional<RayCells::Crossing> RayCells::locate(double x, double y) const {
+  for (std::size_t index = 0; index < cells_.size(); ++index) {
+    if (passes_through(cells_[index], x, y)) return crossing_of(static_cast<int>(index), x, y);
+  }
+  return std::nullopt;
+}
+
+RayCells::Crossing RayCells::crossing_of(int index, double x, double y) const {
+  const Cell& cell = cells_[static_cast<std::size_t>(index)];
+  Crossing crossing;
+  crossing.cell = index;
+  const double sign = at(cell.total, x, y) > 0 ? 1 : -1;
+  double sum = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+    crossing.weight[i] = std::max(0.0, sign * at(cell.share[i], x, y));
+    sum += crossing.weight[i];
+  }
+  for (double& weight : crossing.weight) weight /= sum;
+  return crossing;
+}
+
+void RayCells::spans_of_row(int y, int width, std::vector<int>& scratch,
+                            std::vector<Span>& spans) const {
+  scratch.assign(static_cast<std::size_t>(width), -1);
+  for (std::size_t i = cells_.size(); i-- > 0;) {  // the lowest index paints last
+    const Cell& cell = cells_[i];
+    if (y < cell.first_row || y > cell.last_row) continue;
+    paint(cell, static_cast<int>(i), 1, y, width, scratch);
+    paint(cell, static_cast<int>(i), -1, y, width, scratch);
+  }
+  spans.clear();
+  for (int x = 0; x < width; ++x) {
+    const int cell = scratch[static_cast<std::size_t>(x)];
+    if (cell < 0) continue;
+    if (!spans.empty() && spans.back().cell == cell && spans.back().end == x) {
+      ++spans.back().end;
+    } else {
+      spans.push_back({x, x + 1, cell});
+    }
+  }
+}
+
+}  // namespace raystage

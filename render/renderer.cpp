@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/renderer.h"
+
+#include <algorithm>
+#include <map>
+#include <mutex>
+
+#include "render/focal_plane.h"
+#include "render/instant.h"
+#include "schemas/error.h"
+#include "store/frames/frame_cache.h"
+
+namespace raystage {
+
+struct LightFieldRenderer::State {
+  State(const Take& of_take, const RendererSettings& with_settings)
+      : take(of_take), settings(with_settings), cache(of_take, with_settings.cache_bytes) {}
+
+  const Take& take;
+  RendererSettings settings;
+  FrameCache cache;
+  std::vector<int> members;  // cameras not left out
+  std::mutex mutex;
+  std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
+
+  std::shared_ptr<const Topology> topology(const std::vector<int>& cameras) {
+    const std::scoped_lock lock(mutex);
+    auto& known = topologies[cameras];
+    if (!known) known = std::make_shared<const Topology>(topology_of(take.rig(), cameras));
+    return known;
+  }
+};
+
+LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings& settings)
+    : state_(std::make_unique<State>(take, settings)) {
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    const auto& left_out = settings.left_out;
+    if (std::find(left_out.begin(), left_out.end(), camera) == left_out.end()) {
+      state_->members.push_back(camera);
+    }
+  }
+  if (state_->members.empty()) {
+    throw Error::bad_input("every camera is left out", take.folder().string(),
+                           "Leave at least one camera in");
+  }
+}
+
+LightFieldRenderer::~LightFieldRenderer() = default;
+
+RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSelection& frames,
+                                        const Reconstruction& reconstruction) const {
+  check_method(reconstruction.method);
+  Instant instant;
+  instant.rig = &state_->take.rig();
+  instant.cache = &state_->cache;
+  instant.frame_of_camera.assign(static_cast<std::size_t>(state_->take.camera_count()), -1);
+  std::vector<int> present;
+  for (const int camera : state_->members) {
+    const int frame = frames.frame[static_cast<std::size_t>(camera)];
+    instant.frame_of_camera[static_cast<std::size_t>(camera)] = frame;
+    if (frame >= 0) present.push_back(camera);
+  }
+  if (present.empty()) return empty_view(view);
+  instant.present = state_->topology(present);
+  instant.complete =
+      present == state_->members ? instant.present : state_->topology(state_->members);
+
+  const bool distorted = !(view.intrinsics.distortion == Distortion{});
+  if (state_->settings.reference || distorted) {
+    return render_focal_plane_reference(view, instant, reconstruction.focal_plane);
+  }
+  return render_focal_plane(view, instant, reconstruction.focal_plane,
+                            state_->settings.count_needed_pixels);
+}
+
+void LightFieldRenderer::check_method(std::string_view method) {
+  if (method == "focal_plane") return;
+  throw Error::bad_input("there is no reconstruction method '" + std::string(method) + "'",
+                         "method", "Methods: focal_plane");
+}
+
+}  // namespace raystage

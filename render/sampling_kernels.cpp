@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+
+#include "render/source_view.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "render/sampling_kernels.cpp"
+#include <hwy/foreach_target.h>  // IWYU pragma: keep
+#include <hwy/highway.h>
+
+HWY_BEFORE_NAMESPACE();
+namespace raystage {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Pixels worked on at once: positions are vectors across them, then samples vectors across colour.
+constexpr int kChunk = 64;
+
+/// Where a camera is sampled for each pixel of a chunk: the upper left of four neighbours, and the
+/// four weights (interpolation times the camera's share of the ray).
+struct Taps {
+  HWY_ALIGN std::int32_t x[kChunk], y[kChunk];
+  HWY_ALIGN float weight00[kChunk], weight10[kChunk], weight01[kChunk], weight11[kChunk];
+};
+
+struct Weights {
+  HWY_ALIGN float camera[3][kChunk];
+};
+
+/// A linear function of the pixel, from the chunk's first pixel on: the base in double, the short
+/// way from there in float.
+struct Ramp {
+  float base, step;
+};
+Ramp ramp(const double* function, int x, int y, double scale) {
+  return {static_cast<float>((function[0] * (x + 0.5) + (function[1] * (y + 0.5) + function[2])) *
+                             scale),
+          static_cast<float>(function[0] * scale)};
+}
+
+template <class D>
+hn::Vec<D> values(D d, Ramp r, hn::Vec<D> steps) {
+  return hn::MulAdd(steps, hn::Set(d, r.step), hn::Set(d, r.base));
+}
+
+void find_weights(const PixelRun& run, int begin, int n, Weights& weights) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const double middle = begin + 0.5 * n;
+  const double total = run.total[0] * middle + (run.total[1] * (run.y + 0.5) + run.total[2]);
+  const double scale = 1 / total;  // keeps the shares near 1 whatever the distance to the array
+  Ramp shares[3] = {};
+  for (int c = 0; c < run.count; ++c) shares[c] = ramp(run.share[c].data(), begin, run.y, scale);
+  for (int i = 0; i < n; i += lanes) {
+    const auto steps = hn::Iota(d, static_cast<float>(i));
+    const auto zero = hn::Zero(d);
+    const auto w0 = hn::Max(values(d, shares[0], steps), zero);
+    const auto w1 = hn::Max(values(d, shares[1], steps), zero);
+    const auto w2 = hn::Max(values(d, shares[2], steps), zero);
+    const auto sum = hn::Add(w0, hn::Add(w1, w2));
+    const auto inverse = hn::IfThenElseZero(hn::Gt(sum, zero), hn::Div(hn::Set(d, 1.0F), sum));
+    hn::Store(hn::Mul(w0, inverse), d, weights.camera[0] + i);
+    hn::Store(hn::Mul(w1, inverse), d, weights.camera[1] + i);
+    hn::Store(hn::Mul(w2, inverse), d, weights.camera[2] + i);
+  }
+}
+
+void find_taps(const SourceView& source, int begin, int y, int n, const float* share, Taps& taps) {
+  const hn::ScalableTag<float> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const double* m = source.ideal_from_pixel.data();
+  // Common scale of (X, Y, W): only their ratio matters, and float must hold them.
+  const double w_here = m[6] * (begin + 0.5) + (m[7] * (y + 0.5) + m[8]);
+  const double scale = w_here != 0 ? 1 / std::abs(w_here) : 1;
+  const Ramp ramp_x = ramp(m, begin, y, scale);
+  const Ramp ramp_y = ramp(m + 3, begin, y, scale);
+  const Ramp ramp_w = ramp(m + 6, begin, y, scale);
+  const auto set = [&](float value) { return hn::Set(d, value); };
+  const auto one = set(1), zero = hn::Zero(d), half = set(0.5F);
+  const auto width = set(static_cast<float>(source.width));
+  const auto height = set(static_cast<float>(source.height));
+
+  for (int i = 0; i < n; i += lanes) {
+    const auto steps = hn::Iota(d, static_cast<float>(i));
+    const auto w = values(d, ramp_w, steps);
+    const auto in_front = hn::Gt(w, zero);
+    const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
+    auto x_ideal = hn::Mul(values(d, ramp_x, steps), inverse);
+    auto y_ideal = hn::Mul(values(d, ramp_y, steps), inverse);
+    auto seen = hn::IfThenElseZero(in_front, one);
+    if (source.distorted) {  // Brown-Conrady, as CameraModel::pixel_from_ideal
+      const auto xx = hn::Mul(x_ideal, x_ideal), yy = hn::Mul(y_ideal, y_ideal);
+      const auto xy2 = hn::Mul(set(2), hn::Mul(x_ideal, y_ideal));
+      const auto rr = hn::Add(xx, yy);
+      auto radial = hn::MulAdd(rr, set(source.k3), set(source.k2));
+      radial = hn::MulAdd(rr, radial, set(source.k1));
+      radial = hn::MulAdd(rr, radial, one);
+      const auto tangential_x =
+          hn::MulAdd(set(source.p1), xy2, hn::Mul(set(source.p2), hn::MulAdd(set(2), xx, rr)));
+      const auto tangential_y =
+          hn::MulAdd(set(source.p2), xy2, hn::Mul(set(source.p1), hn::MulAdd(set(2), yy, rr)));
+      x_ideal = hn::MulAdd(x_ideal, radial, tangential_x);
+      y_ideal = hn::MulAdd(y_ideal, radial, tangential_y);
+      const auto room = hn::Sub(
+          one, hn::Mul(rr, set(1.0F / source.fold_radius_squared)));  // 1 - 0 without a fold
+      seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(room, set(kFoldFade)))));
+    }
+    const auto u = hn::MulAdd(x_ideal, set(source.fx), set(source.cx));
+    const auto v = hn::MulAdd(y_ideal, set(source.fy), set(source.cy));
+    const auto to_border = hn::Min(hn::Min(u, hn::Sub(width, u)), hn::Min(v, hn::Sub(height, v)));
+    seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(to_border, set(kBorderFade)))));
+    // Positions that count for nothing (also not-a-number) are read at a harmless place.
+    const auto counts = hn::Gt(seen, zero);
+    const auto weight = hn::IfThenElseZero(counts, hn::Mul(seen, hn::Load(d, share + i)));
+    const auto left =
+        hn::Min(hn::Max(hn::Sub(hn::IfThenElseZero(counts, u), half), zero), hn::Sub(width, one));
+    const auto top =
+        hn::Min(hn::Max(hn::Sub(hn::IfThenElseZero(counts, v), half), zero), hn::Sub(height, one));
+    const auto x0 = hn::Floor(left), y0 = hn::Floor(top);
+    const auto right_part = hn::Sub(left, x0), lower_part = hn::Sub(top, y0);
+    const auto lower = hn::Mul(weight, lower_part), upper = hn::Sub(weight, lower);
+    const auto weight11 = hn::Mul(lower, right_part), weight01 = hn::Mul(upper, right_part);
+    hn::Store(hn::ConvertTo(di, x0), di, taps.x + i);
+    hn::Store(hn::ConvertTo(di, y0), di, taps.y + i);
+    hn::Store(hn::Sub(upper, weight01), d, taps.weight00 + i);
+    hn::Store(weight01, d, taps.weight01 + i);
+    hn::Store(hn::Sub(lower, weight11), d, taps.weight10 + i);
+    hn::Store(weight11, d, taps.weight11 + i);
+  }
+}
+
+/// Adds the four neighbours of each tap; `accumulator`: 4 floats a pixel.
+void add_samples(const SourceView& source, const Taps& taps, int n, bool first,
+                 float* HWY_RESTRICT accumulator) {
+  const hn::FixedTag<float, 4> d;
+  const hn::Rebind<std::uint16_t, decltype(d)> d16;
+  const hn::Rebind<std::int32_t, decltype(d)> d32;
+  const auto pixel = [&](const std::uint16_t* at) {
+    return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, at)));
+  };
+  const std::size_t row = static_cast<std::size_t>(source.width) * 4;
+  for (int i = 0; i < n; ++i) {
+    const std::uint16_t* upper = source.rgbx + static_cast<std::size_t>(taps.y[i]) * row +
+                                 static_cast<std::size_t>(taps.x[i]) * 4;
+    const std::uint16_t* lower = upper + row;
+    auto sum = first ? hn::Zero(d) : hn::Load(d, accumulator + 4 * i);
+    sum = hn::MulAdd(hn::Set(d, taps.weight00[i]), pixel(upper), sum);
+    sum = hn::MulAdd(hn::Set(d, taps.weight01[i]), pixel(upper + 4), sum);
+    sum = hn::MulAdd(hn::Set(d, taps.weight10[i]), pixel(lower), sum);
+    sum = hn::MulAdd(hn::Set(d, taps.weight11[i]), pixel(lower + 4), sum);
+    hn::Store(sum, d, accumulator + 4 * i);
+  }
+}
+
+void blend(const PixelRun& run, float full_scale, float* rgba, float* z) {
+  Weights weights;
+  Taps taps;
+  HWY_ALIGN float sums[4 * kChunk];
+  const hn::FixedTag<float, 4> d;
+  const float unit = 1.0F / 65535;
+  HWY_ALIGN const float scales[4] = {unit * full_scale, unit * full_scale, unit * full_scale, unit};
+  const auto scale = hn::Load(d, scales);
+  for (int begin = run.begin; begin < run.end; begin += kChunk) {
+    const int n = std::min(kChunk, run.end - begin);
+    find_weights(run, begin, n, weights);
+    bool first = true;
+    for (int c = 0; c < run.count; ++c) {
+      const SourceView& source = *run.source[c];
+      if (source.rgbx == nullptr) continue;  // sees nothing of this view
+      find_taps(source, begin, run.y, n, weights.camera[c], taps);
+      add_samples(source, taps, n, first, sums);
+      first = false;
+    }
+    if (first) std::fill(sums, sums + 4 * n, 0.0F);
+    float* out = rgba + static_cast<std::size_t>(begin - run.begin) * 4;
+    float* out_z = z + (begin - run.begin);
+    const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
+    for (int i = 0; i < n; ++i) {
+      const float slope = along.base + static_cast<float>(i) * along.step;
+      const bool met = run.at_infinity || slope > 0;
+      const auto colour = met ? hn::Mul(hn::Load(d, sums + 4 * i), scale) : hn::Zero(d);
+      hn::StoreU(colour, d, out + 4 * i);
+      out_z[i] = met && !run.at_infinity && out[4 * i + 3] > 0
+                     ? 1 / slope
+                     : std::numeric_limits<float>::infinity();
+    }
+  }
+}
+
+void mark_mcus(const SourceView& source, const Taps& taps, const float* share, int n) {
+  // The upper left and lower right MCU of all that a tap reads are nearly always one and the same,
+  // and that of the tap before.
+  int marked = -1;
+  const int reach = source.chroma_reach;
+  for (int i = 0; i < n; ++i) {
+    if (!(share[i] > 0)) continue;
+    const int right = std::min(taps.x[i] + 1 + reach, source.width - 1) >> source.mcu_width_log2;
+    const int lower = std::min(taps.y[i] + 1 + reach, source.height - 1) >> source.mcu_height_log2;
+    const int left = std::max(taps.x[i] - reach, 0) >> source.mcu_width_log2;
+    const int upper = std::max(taps.y[i] - reach, 0) >> source.mcu_height_log2;
+    const int first = upper * source.mcus_per_row + left;
+    const int last = lower * source.mcus_per_row + right;
+    if (first == marked && last == marked) continue;
+    marked = last;
+    source.wanted_mcus[first] = 1;
+    source.wanted_mcus[last] = 1;
+    source.wanted_mcus[upper * source.mcus_per_row + right] = 1;
+    source.wanted_mcus[lower * source.mcus_per_row + left] = 1;
+  }
+}
+
+void mark_pixels(const SourceView& source, const Taps& taps, int n) {
+  for (int i = 0; i < n; ++i) {
+    std::uint8_t* at =
+        source.read_pixels + static_cast<std::size_t>(taps.y[i]) * source.width + taps.x[i];
+    if (taps.weight00[i] > 0) at[0] = 1;
+    if (taps.weight01[i] > 0) at[1] = 1;
+    if (taps.weight10[i] > 0) at[source.width] = 1;
+    if (taps.weight11[i] > 0) at[source.width + 1] = 1;
+  }
+}
+
+void mark(const PixelRun& run) {
+  Weights weights;
+  Taps taps;
+  HWY_ALIGN float counts[kChunk];
+  for (int begin = run.begin; begin < run.end; begin += kChunk) {
+    const int n = std::min(kChunk, run.end - begin);
+    find_weights(run, begin, n, weights);
+    const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
+    for (int c = 0; c < run.count; ++c) {
+      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps);
+      for (int i = 0; i < n; ++i) {
+        const bool met = run.at_infinity || along.base + static_cast<float>(i) * along.step > 0;
+        if (!met) taps.weight00[i] = taps.weight01[i] = taps.weight10[i] = taps.weight11[i] = 0;
+        counts[i] = (taps.weight00[i] + taps.weight01[i]) + (taps.weight10[i] + taps.weight11[i]);
+      }
+      mark_mcus(*run.source[c], taps, counts, n);
+      if (run.source[c]->read_pixels != nullptr) mark_pixels(*run.source[c], taps, n);
+    }
+  }
+}
+
+const char* target() { return hwy::TargetName(HWY_TARGET); }
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace raystage
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace raystage {
+
+HWY_EXPORT(mark);
+HWY_EXPORT(blend);
+HWY_EXPORT(target);
+
+void mark_run(const PixelRun& run) { HWY_DYNAMIC_DISPATCH(mark)(run); }
+void blend_run(const PixelRun& run, float full_scale, float* rgba, float* z) {
+  HWY_DYNAMIC_DISPATCH(blend)(run, full_scale, rgba, z);
+}
+const char* kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
+
+}  // namespace raystage
+#endif

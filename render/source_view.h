@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+namespace raystage {
+
+/// One source camera as the sampling kernels read it: from a pixel of the view to weighted pixels
+/// of the camera's frame. Plain numbers, nothing owned.
+struct SourceView {
+  /// (X, Y, W) = ideal_from_pixel * (x, y, 1), row-major; ideal image point (X/W, Y/W), W > 0.
+  std::array<double, 9> ideal_from_pixel{};
+  float fx = 1, fy = 1, cx = 0, cy = 0;  ///< pixels
+  float k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
+  float fold_radius_squared = 0;  ///< the lens model's end; infinity without one
+  bool distorted = false;
+  int width = 0, height = 0;  ///< pixels
+
+  /// For blending: R, G, B, 65535 per pixel, rows without padding between them (DecodedFrame);
+  /// null for a camera that contributes to no pixel.
+  const std::uint16_t* rgbx = nullptr;
+
+  /// For planning: one byte per MCU of the frame, set to 1 where a sample reads it.
+  std::uint8_t* wanted_mcus = nullptr;
+  int mcus_per_row = 0;
+  int mcu_width_log2 = 3, mcu_height_log2 = 3;
+  int chroma_reach =
+      0;  ///< pixels further than the sample's own that its chroma is made of: 0 or 1
+  /// For counting: one byte per pixel, set to 1 where a sample reads it with a weight; or null.
+  std::uint8_t* read_pixels = nullptr;
+};
+
+/// A run of pixels of one row of the view that lie between the same cameras.
+struct PixelRun {
+  int begin = 0, end = 0, y = 0;
+  int count = 0;  ///< source cameras: 1 to 3
+  std::array<SourceView*, 3> source{};
+  /// Weights' numerators as linear functions of the pixel position (RayCells::Cell::share).
+  std::array<std::array<double, 3>, 3> share{};
+  std::array<double, 3> total{};  ///< their sum's; only its sign matters
+  std::array<double, 3> slope{};  ///< of the focal plane (PlaneProjection)
+  double distance = 0;
+  bool at_infinity = false;
+};
+
+/// A ray that a camera sees within its outermost half pixel, or in the last hundredth before its
+/// lens model ends, counts in part: the weight falls to 0 at the border, without a step.
+inline constexpr float kBorderFade = 2.0F;  // per pixel
+inline constexpr float kFoldFade = 100.0F;  // per fold radius squared
+
+/// Marks what blend_run will read. Run-time dispatch: see kernel_target().
+void mark_run(const PixelRun& run);
+
+/// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats a pixel
+/// (premultiplied, scaled by `full_scale`), `z` 1 float (+infinity where alpha is 0).
+void blend_run(const PixelRun& run, float full_scale, float* rgba, float* z);
+
+/// The instruction set in use, e.g. "AVX3".
+const char* kernel_target();
+
+}  // namespace raystage

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "render/view.h"
+#include "schemas/geometry.h"
+#include "schemas/rig_document.h"
+#include "store/jpeg/encode.h"
+
+namespace raystage::testing {
+
+/// A folder of its own for a test, removed at the end.
+class TestFolder {
+ public:
+  TestFolder();
+  ~TestFolder();
+  TestFolder(const TestFolder&) = delete;
+  TestFolder& operator=(const TestFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+/// Linear RGB of a painted plane z = -depth at (x, y) in the world, metres; smooth.
+std::array<double, 3> painted_plane(double x, double y);
+
+struct SyntheticTake {
+  std::vector<CameraGeometry> cameras;
+  double plane_depth = 4;                   ///< the painted plane is z = -plane_depth
+  int frames = 1;                           ///< at 15 fps
+  std::vector<std::pair<int, int>> absent;  ///< (camera, frame) that were dropped
+  PhotometricResponse photometric;          ///< of every camera, as calibrated
+  JpegEncodeSettings jpeg;
+};
+
+/// `rows` x `columns` wall-eyed cameras in the plane z = 0 around the origin, 62 degrees wide.
+std::vector<CameraGeometry> camera_grid(int rows, int columns, double spacing, int width,
+                                        int height, const Distortion& distortion = {});
+
+/// Writes the take to `folder` (which must not exist).
+void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::path& folder);
+
+}  // namespace raystage::testing

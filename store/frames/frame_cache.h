@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "store/jpeg/decode.h"
+#include "store/jpeg/layout.h"
+#include "store/take.h"
+
+namespace raystage {
+
+/// A camera's frame in linear light, whole or in part.
+struct DecodedFrame {
+  int width = 0, height = 0;  ///< pixels; rows follow each other without padding
+  /// R, G, B, 65535 per pixel. Full scale 65535 stands for FrameCache::full_scale(). One row and
+  /// one pixel of padding follow, so that a bilinear tap on the last pixel may read its right and
+  /// lower neighbours (with weight 0). Pixels outside decoded MCUs are undefined.
+  std::unique_ptr<std::uint16_t[]> rgbx;
+  McuMask decoded;        ///< empty: everything
+  std::size_t bytes = 0;  ///< of memory held
+};
+
+/// Decoded frames of a take within a bound of memory, least recently used out first. A frame asked
+/// for again with more than it holds is decoded whole: the second look says that it will be looked
+/// at often. Thread-safe; a frame is decoded once however many threads ask.
+class FrameCache {
+ public:
+  FrameCache(const Take& take, std::size_t budget_bytes);
+  ~FrameCache();
+
+  /// Throws Error (bad input) for a damaged frame or one whose size is not the camera's.
+  std::shared_ptr<const JpegLayout> layout(int camera, int frame);
+
+  /// The frame with at least the `wanted` MCUs (see JpegDecoder::decode_region for what that
+  /// promises at their borders). Adds the pixels entropy-decoded for it to `pixels_decoded`.
+  std::shared_ptr<const DecodedFrame> fetch(int camera, int frame, const McuMask& wanted,
+                                            std::int64_t& pixels_decoded);
+
+  /// Linear light that code 65535 stands for: at least 1, more where a camera's photometric
+  /// correction raises its white above 1.
+  double full_scale() const;
+  std::size_t bytes_held() const;
+
+ private:
+  struct State;
+  std::shared_ptr<State> state_;
+};
+
+}  // namespace raystage

@@ -1,0 +1,245 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/colmap_model.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "rig/pose.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+/// A text file by lines, each by words.
+class LineReader {
+ public:
+  explicit LineReader(const std::filesystem::path& file)
+      : name_(file.string()), text_(read_file(file)), rest_(text_) {}
+
+  /// The next line, whatever it holds; false at the end.
+  bool next_line() {
+    if (rest_.empty()) return false;
+    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+    line_ = rest_.substr(0, end);
+    if (line_.ends_with('\r')) line_.remove_suffix(1);
+    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    ++number_;
+    return true;
+  }
+  /// The next line that is neither empty nor a remark.
+  bool next_entry() {
+    while (next_line()) {
+      const std::size_t first = line_.find_first_not_of(" \t");
+      if (first != line_.npos && line_[first] != '#') return true;
+    }
+    return false;
+  }
+  std::string_view word(std::string_view what) {
+    skip_space();
+    if (line_.empty()) throw refuse(fmt::format("the {} is missing", what));
+    const std::size_t end = std::min(line_.find_first_of(" \t"), line_.size());
+    const std::string_view result = line_.substr(0, end);
+    line_.remove_prefix(end);
+    return result;
+  }
+  /// What is left of the line: a file name may hold spaces.
+  std::string_view rest_of_line(std::string_view what) {
+    skip_space();
+    if (line_.empty()) throw refuse(fmt::format("the {} is missing", what));
+    return line_.substr(0, line_.find_last_not_of(" \t") + 1);
+  }
+  bool at_end_of_line() {
+    skip_space();
+    return line_.empty();
+  }
+  template <typename Number>
+  Number number(std::string_view what) {
+    const std::string_view text = word(what);
+    Number value{};
+    const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+    const bool whole = error == std::errc{} && stop == text.data() + text.size();
+    if (!whole || !std::isfinite(static_cast<double>(value))) {
+      throw refuse(fmt::format("found \"{}\" for the {}, allowed: a finite number", text, what));
+    }
+    return value;
+  }
+  Error refuse(std::string what) const {
+    return Error::bad_input(std::move(what), fmt::format("{}:{}", name_, number_),
+                            "Export the model again with colmap model_converter --output_type TXT");
+  }
+
+ private:
+  void skip_space() { line_.remove_prefix(std::min(line_.find_first_not_of(" \t"), line_.size())); }
+  std::string name_, text_;
+  std::string_view rest_, line_;
+  int number_ = 0;
+};
+
+struct ColmapCamera {
+  int width = 0, height = 0;
+  Intrinsics intrinsics;
+};
+
+/// Where a model's parameters go, in their order (colmap/src/colmap/sensor/models.h).
+struct ColmapCameraModel {
+  std::string_view name;
+  std::vector<double Intrinsics::*> pinhole;
+  std::vector<double Distortion::*> distortion;
+  bool one_focal_length;
+};
+
+const ColmapCameraModel* find_model(std::string_view name) {
+  using I = Intrinsics;
+  using D = Distortion;
+  static const std::array<ColmapCameraModel, 5> kModels{{
+      {"SIMPLE_PINHOLE", {&I::fx, &I::cx, &I::cy}, {}, true},
+      {"PINHOLE", {&I::fx, &I::fy, &I::cx, &I::cy}, {}, false},
+      {"SIMPLE_RADIAL", {&I::fx, &I::cx, &I::cy}, {&D::k1}, true},
+      {"RADIAL", {&I::fx, &I::cx, &I::cy}, {&D::k1, &D::k2}, true},
+      {"OPENCV", {&I::fx, &I::fy, &I::cx, &I::cy}, {&D::k1, &D::k2, &D::p1, &D::p2}, false},
+  }};
+  const auto found = std::find_if(kModels.begin(), kModels.end(),
+                                  [&](const auto& model) { return model.name == name; });
+  return found == kModels.end() ? nullptr : &*found;
+}
+
+ColmapCamera read_camera(LineReader& lines) {
+  const std::string_view name = lines.word("camera model");
+  const ColmapCameraModel* model = find_model(name);
+  if (model == nullptr) {
+    throw lines.refuse(fmt::format(
+        "the camera model {} is not supported, allowed: SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, "
+        "RADIAL, OPENCV; undistort the images with colmap image_undistorter",
+        name));
+  }
+  ColmapCamera camera;
+  camera.width = lines.number<int>("width");
+  camera.height = lines.number<int>("height");
+  if (std::min(camera.width, camera.height) < 1 || std::max(camera.width, camera.height) > 65535) {
+    throw lines.refuse(fmt::format("found the size {}x{}, allowed: 1 to 65535 pixels", camera.width,
+                                   camera.height));
+  }
+  Intrinsics& intrinsics = camera.intrinsics;
+  for (const auto member : model->pinhole) {
+    intrinsics.*member = lines.number<double>("camera parameters");
+  }
+  for (const auto member : model->distortion) {
+    intrinsics.distortion.*member = lines.number<double>("camera parameters");
+  }
+  if (model->one_focal_length) intrinsics.fy = intrinsics.fx;
+  if (!lines.at_end_of_line()) {
+    throw lines.refuse(fmt::format("there are more parameters than {} has", name));
+  }
+  if (intrinsics.fx <= 0 || intrinsics.fy <= 0) {
+    throw lines.refuse("the focal length is not greater than 0");
+  }
+  return camera;
+}
+
+std::map<std::int64_t, ColmapCamera> read_cameras(const std::filesystem::path& file) {
+  LineReader lines(file);
+  std::map<std::int64_t, ColmapCamera> cameras;
+  while (lines.next_entry()) {
+    const auto id = lines.number<std::int64_t>("camera's number");
+    if (!cameras.emplace(id, read_camera(lines)).second) {
+      throw lines.refuse(fmt::format("the camera {} comes twice", id));
+    }
+  }
+  return cameras;
+}
+
+struct ColmapImage {
+  std::string name;
+  ColmapCamera camera;
+  Matrix4 world_from_camera{};
+};
+
+Matrix4 read_pose(LineReader& lines) {
+  std::array<double, 7> values{};
+  for (double& value : values) value = lines.number<double>("pose");
+  Eigen::Quaterniond camera_from_world(values[0], values[1], values[2], values[3]);
+  constexpr double kSmallest = 1e-9;
+  if (camera_from_world.norm() < kSmallest) throw lines.refuse("the quaternion has length 0");
+  camera_from_world.normalize();
+  const Eigen::Matrix3d world_from_camera =
+      camera_from_world.toRotationMatrix().transpose();  // y down, +z forward
+  Pose pose;
+  pose.position = -(world_from_camera * Eigen::Vector3d(values[4], values[5], values[6]));
+  pose.world_from_camera_rotation = world_from_camera * Eigen::Vector3d(1, -1, -1).asDiagonal();
+  return matrix_from_pose(pose);
+}
+
+std::vector<ColmapImage> read_images(const std::filesystem::path& file,
+                                     const std::map<std::int64_t, ColmapCamera>& cameras) {
+  LineReader lines(file);
+  std::vector<ColmapImage> images;
+  while (lines.next_entry()) {
+    ColmapImage image;
+    lines.word("image's number");
+    image.world_from_camera = read_pose(lines);
+    const auto id = lines.number<std::int64_t>("camera's number");
+    const auto camera = cameras.find(id);
+    if (camera == cameras.end()) {
+      throw lines.refuse(fmt::format("the camera {} is not in cameras.txt", id));
+    }
+    image.camera = camera->second;
+    image.name = lines.rest_of_line("image's name");
+    images.push_back(std::move(image));
+    lines.next_line();  // the image's 2-D points: may be empty, and are of no use here
+  }
+  std::sort(images.begin(), images.end(),
+            [](const auto& a, const auto& b) { return a.name < b.name; });
+  return images;
+}
+
+}  // namespace
+
+ImportManifest read_colmap_model(const std::filesystem::path& folder,
+                                 const ModelSettings& settings) {
+  const std::filesystem::path file = folder / "images.txt";
+  const auto images = read_images(file, read_cameras(folder / "cameras.txt"));
+  if (images.empty()) {
+    throw Error::bad_input("the model has no registered image", file.string(),
+                           "Export a model with images");
+  }
+  std::vector<std::filesystem::path> folders;
+  if (settings.images) {
+    folders = {*settings.images};
+  } else {
+    folders = {folder / ".." / "images", folder / ".." / ".." / "images", folder / "images",
+               folder};
+  }
+  const auto base = image_folder(folders, images.front().name, file);
+
+  std::vector<std::string> names;
+  for (const ColmapImage& image : images) names.push_back(image.name);
+  const std::vector<std::string> ids = camera_ids(names);
+
+  ImportManifest manifest = manifest_of_model(file, settings);
+  for (std::size_t i = 0; i < images.size(); ++i) {
+    const ColmapCamera& camera = images[i].camera;
+    ImportManifest::Camera entry;
+    entry.geometry = {.id = ids[i],
+                      .width = camera.width,
+                      .height = camera.height,
+                      .intrinsics = camera.intrinsics,
+                      .world_from_camera = images[i].world_from_camera,
+                      .row = std::nullopt,
+                      .column = std::nullopt};
+    entry.frames.push_back({(base / images[i].name).string(), 0});
+    manifest.cameras.push_back(std::move(entry));
+  }
+  return manifest;
+}
+
+}  // namespace raystage

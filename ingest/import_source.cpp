@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/import_source.h"
+
+#include <string_view>
+#include <system_error>
+
+#include "ingest/colmap_model.h"
+#include "ingest/nerf_transforms.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "schemas/json_text.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_file(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored);
+}
+
+bool holds_colmap_text(const fs::path& folder) {
+  return is_file(folder / "cameras.txt") && is_file(folder / "images.txt");
+}
+
+Error not_understood(const fs::path& path, std::string what_happened) {
+  return Error::bad_input(
+      std::move(what_happened), path.string(),
+      "Give an import manifest (\"schema\": \"raystage/import/1\"), a NeRF transforms.json, or a "
+      "COLMAP text model (cameras.txt and images.txt)");
+}
+
+ImportSource from_json(const fs::path& file, const ModelSettings& settings) {
+  const std::string text = read_file(file);
+  const std::size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
+  if (first == text.npos || text[first] != '{') {
+    throw not_understood(file, "this is nothing that can be imported");
+  }
+  const nlohmann::json document = parse_json(text, file.string());
+  const fs::path base = file.parent_path();
+  if (document.contains("schema") || !document.contains("frames")) {
+    if (!document.contains("schema")) {
+      throw not_understood(file, "this JSON file has neither \"schema\" nor \"frames\"");
+    }
+    if (settings.images) {
+      throw Error::bad_input("an import manifest says itself where its images are", file.string(),
+                             "Leave --images out; it is for COLMAP and NeRF models");
+    }
+    return {parse_import_manifest(text, file.string()), base};
+  }
+  return {read_nerf_transforms(file, text, settings), {}};
+}
+
+ImportSource from_folder(const fs::path& folder, const ModelSettings& settings) {
+  if (is_file(folder / "import.json")) return from_json(folder / "import.json", settings);
+  for (const char* place : {"", "sparse/0", "sparse"}) {
+    const fs::path model = *place == '\0' ? folder : folder / place;
+    if (holds_colmap_text(model)) return {read_colmap_model(model, settings), {}};
+  }
+  if (is_file(folder / "transforms.json")) return from_json(folder / "transforms.json", settings);
+  for (const char* place : {"cameras.bin", "sparse/0/cameras.bin", "sparse/cameras.bin"}) {
+    if (!is_file(folder / place)) continue;
+    throw Error::bad_input("this is a binary COLMAP model", (folder / place).string(),
+                           "Convert it with colmap model_converter --output_type TXT");
+  }
+  throw not_understood(folder, "the folder holds nothing that can be imported");
+}
+
+}  // namespace
+
+ImportSource open_import_source(const fs::path& path, const ModelSettings& settings) {
+  std::error_code ignored;
+  if (fs::is_directory(path, ignored)) return from_folder(path, settings);
+  const fs::path name = path.filename();
+  if (name == "cameras.bin" || name == "images.bin") {
+    throw Error::bad_input("this is a binary COLMAP model", path.string(),
+                           "Convert it with colmap model_converter --output_type TXT");
+  }
+  if (is_file(path) && (name == "cameras.txt" || name == "images.txt")) {
+    const fs::path folder = path.parent_path().empty() ? fs::path(".") : path.parent_path();
+    return {read_colmap_model(folder, settings), {}};
+  }
+  return from_json(path, settings);
+}
+
+}  // namespace raystage

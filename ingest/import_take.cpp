@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/import_take.h"
+
+#include <fmt/format.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task.h>
+
+#include <atomic>
+#include <span>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "ingest/movie_reader.h"
+#include "ingest/source_image.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "store/jpeg/layout.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+bool is_jpeg(std::span<const std::byte> bytes) {
+  return bytes.size() >= 2 && bytes[0] == std::byte{0xFF} && bytes[1] == std::byte{0xD8};
+}
+
+std::int64_t frames_of(const ImportManifest::Camera& camera) {
+  return static_cast<std::int64_t>(camera.movie.empty() ? camera.frames.size()
+                                                        : camera.times_ns.size());
+}
+
+/// One import: what its cameras share.
+class Importer {
+ public:
+  Importer(const ImportManifest& manifest, const std::filesystem::path& base,
+           const ImportSettings& settings, std::stop_token stop)
+      : manifest_(manifest), base_(base), settings_(settings), stop_(std::move(stop)) {
+    for (const auto& camera : manifest.cameras) total_ += frames_of(camera);
+  }
+
+  void check_files() const;
+  void import_camera(const ImportManifest::Camera& camera, ArchiveWriter& archive);
+  ImportSummary summary() const;
+
+ private:
+  struct Target {
+    const CameraGeometry& geometry;
+    ArchiveWriter& archive;
+    ImageSize size() const { return {geometry.width, geometry.height}; }
+  };
+
+  bool linear() const { return manifest_.color_space == "lin_rec709_scene"; }
+  void import_file(const ImportManifest::Frame& frame, const Target& target);
+  void import_movie(const ImportManifest::Camera& camera, const Target& target);
+  void append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target,
+                   const std::string& name);
+  void append_image(const RgbImage& image, Nanoseconds time, const Target& target);
+  void append(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target);
+  void stop_if_asked() const;
+
+  const ImportManifest& manifest_;
+  const std::filesystem::path& base_;
+  const ImportSettings& settings_;
+  const std::stop_token stop_;
+  std::int64_t total_ = 0;
+  std::atomic<std::int64_t> copied_ = 0, rewritten_ = 0, encoded_ = 0, done_ = 0;
+  std::atomic<std::uint64_t> jpeg_bytes_ = 0;
+};
+
+/// Says that a file is missing before the first frame is written, not an hour later.
+void Importer::check_files() const {
+  const auto check = [&](const std::string& file, const std::string& camera) {
+    const std::filesystem::path path = base_ / file;
+    std::error_code error;
+    if (std::filesystem::is_regular_file(path, error)) return;
+    throw Error::bad_input(
+        fmt::format("the file of camera \"{}\" is not there", camera), path.string(),
+        "Correct the manifest, whose paths are relative to its folder, or bring the file");
+  };
+  for (const ImportManifest::Camera& camera : manifest_.cameras) {
+    if (!camera.movie.empty()) check(camera.movie, camera.geometry.id);
+    for (const auto& frame : camera.frames) check(frame.file, camera.geometry.id);
+  }
+}
+
+void Importer::import_camera(const ImportManifest::Camera& camera, ArchiveWriter& archive) {
+  const Target target{camera.geometry, archive};
+  if (!camera.movie.empty()) {
+    import_movie(camera, target);
+    return;
+  }
+  for (const ImportManifest::Frame& frame : camera.frames) {
+    stop_if_asked();
+    import_file(frame, target);
+  }
+}
+
+void Importer::import_file(const ImportManifest::Frame& frame, const Target& target) {
+  const std::filesystem::path file = base_ / frame.file;
+  const std::string text = read_file(file);
+  const auto bytes = std::as_bytes(std::span(text));
+  if (is_jpeg(bytes)) {
+    append_jpeg(bytes, frame.time_ns, target, file.string());
+  } else {
+    append_image(read_source_image(file, target.size(), linear()), frame.time_ns, target);
+  }
+}
+
+void Importer::import_movie(const ImportManifest::Camera& camera, const Target& target) {
+  const std::filesystem::path file = base_ / camera.movie;
+  const std::size_t times = camera.times_ns.size();
+  const auto refuse_count = [&](std::size_t frames) {
+    throw Error::bad_input(
+        fmt::format("the movie has {} frames, but the camera \"{}\" has {} times", frames,
+                    camera.geometry.id, times),
+        file.string(), "Give one time per frame in \"times_ns\"");
+  };
+  MovieReader movie(file);
+  MovieFrame frame;
+  std::size_t count = 0;
+  for (; movie.next(frame); ++count) {
+    stop_if_asked();
+    if (count == times) refuse_count(count + 1 + static_cast<std::size_t>(movie.skip_rest()));
+    const std::string name = fmt::format("{} frame {}", file.string(), count);
+    if (!frame.jpeg.empty()) {
+      append_jpeg(frame.jpeg, camera.times_ns[count], target, name);
+    } else {
+      if (linear()) {
+        throw Error::bad_input("a movie holds no linear light, but color_space says so",
+                               file.string(), "Give color_space \"srgb_texture\"");
+      }
+      check_image_size({frame.image.width, frame.image.height}, target.size(), name);
+      append_image(frame.image, camera.times_ns[count], target);
+    }
+  }
+  if (count != times) refuse_count(count);
+}
+
+void Importer::append_jpeg(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target,
+                           const std::string& name) {
+  if (linear()) {
+    throw Error::bad_input("a JPEG holds no linear light, but color_space says so", name,
+                           "Give color_space \"srgb_texture\"");
+  }
+  const JpegLayout layout = parse_jpeg_layout(jpeg, name);
+  check_image_size({layout.width, layout.height}, target.size(), name);
+  if (settings_.restart_markers) {
+    append(add_restart_markers(jpeg, *settings_.restart_markers, name), time, target);
+    ++rewritten_;
+  } else {
+    append(jpeg, time, target);
+    ++copied_;
+  }
+}
+
+void Importer::append_image(const RgbImage& image, Nanoseconds time, const Target& target) {
+  append(encode_jpeg(image, settings_.encode), time, target);
+  ++encoded_;
+}
+
+void Importer::append(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target) {
+  target.archive.append(jpeg, time);
+  jpeg_bytes_ += jpeg.size();
+  const std::int64_t done = ++done_;
+  if (settings_.progress) {
+    settings_.progress(static_cast<double>(done) / static_cast<double>(total_));
+  }
+}
+
+void Importer::stop_if_asked() const {
+  // The second question: another camera failed, and this one's work is for nothing.
+  if (stop_.stop_requested() || tbb::is_current_task_group_canceling()) {
+    throw Error::failed("the import was stopped", "", "Start it again; no take was left behind");
+  }
+}
+
+ImportSummary Importer::summary() const {
+  return {.cameras = static_cast<int>(manifest_.cameras.size()),
+          .frames = done_,
+          .copied = copied_,
+          .rewritten = rewritten_,
+          .encoded = encoded_,
+          .jpeg_bytes = jpeg_bytes_};
+}
+
+TakeDocument take_document(const ImportManifest& manifest, const ImportSettings& settings) {
+  TakeDocument take;
+  take.name = manifest.name;
+  take.created_by = settings.created_by;
+  take.epoch_utc = manifest.epoch_utc;
+  take.nominal_fps = manifest.nominal_fps;
+  take.color_space = "srgb_texture";  // linear images are converted on the way
+  take.clock = "manifest";
+  take.arbitrary_scale = manifest.arbitrary_scale;
+  take.depth_range = manifest.depth_range;
+  for (const auto& camera : manifest.cameras) {
+    take.cameras.push_back({.id = camera.geometry.id, .archive = {}, .journal = {}, .node = {}});
+  }
+  return take;
+}
+
+RigDocument rig_document(const ImportManifest& manifest) {
+  RigDocument rig;
+  rig.name = manifest.name;
+  for (const auto& camera : manifest.cameras) rig.cameras.push_back({camera.geometry, {}});
+  return rig;
+}
+
+}  // namespace
+
+ImportSummary import_take(const ImportManifest& manifest, const std::filesystem::path& base,
+                          const std::filesystem::path& take_folder, const ImportSettings& settings,
+                          std::stop_token stop) {
+  Importer importer(manifest, base, settings, std::move(stop));
+  importer.check_files();
+  TakeWriter writer(take_folder, take_document(manifest, settings), rig_document(manifest));
+  tbb::parallel_for(std::size_t{0}, manifest.cameras.size(), [&](std::size_t camera) {
+    importer.import_camera(manifest.cameras[camera], writer.archive(static_cast<int>(camera)));
+  });
+  writer.commit();
+  return importer.summary();
+}
+
+}  // namespace raystage

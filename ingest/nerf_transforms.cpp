@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/nerf_transforms.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+#include <cmath>
+#include <optional>
+#include <system_error>
+#include <utility>
+
+#include "ingest/source_image.h"
+#include "rig/pose.h"
+#include "schemas/error.h"
+#include "schemas/json_text.h"
+#include "schemas/validator.h"
+
+namespace raystage {
+namespace {
+
+using nlohmann::json;
+
+// What is used of the format; further properties are theirs.
+constexpr const char* kSchema = R"({
+  "$defs": {
+    "number": {"type": "number"},
+    "focal": {"type": "number", "exclusiveMinimum": 0, "maximum": 10000000},
+    "angle": {"type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 3.141592653589793},
+    "size": {"type": "integer", "minimum": 1, "maximum": 65535},
+    "centre": {"type": "number", "minimum": -10000000, "maximum": 10000000},
+    "coefficient": {"type": "number", "minimum": -1000000, "maximum": 1000000},
+    "camera_model": {"enum": ["OPENCV", "PINHOLE", "SIMPLE_PINHOLE"]},
+    "camera": {
+      "type": "object",
+      "properties": {
+        "camera_angle_x": {"$ref": "#/$defs/angle"}, "camera_angle_y": {"$ref": "#/$defs/angle"},
+        "fl_x": {"$ref": "#/$defs/focal"}, "fl_y": {"$ref": "#/$defs/focal"},
+        "cx": {"$ref": "#/$defs/centre"}, "cy": {"$ref": "#/$defs/centre"},
+        "w": {"$ref": "#/$defs/size"}, "h": {"$ref": "#/$defs/size"},
+        "k1": {"$ref": "#/$defs/coefficient"}, "k2": {"$ref": "#/$defs/coefficient"},
+        "k3": {"$ref": "#/$defs/coefficient"}, "k4": {"const": 0},
+        "p1": {"$ref": "#/$defs/coefficient"}, "p2": {"$ref": "#/$defs/coefficient"},
+        "camera_model": {"$ref": "#/$defs/camera_model"}, "is_fisheye": {"const": false}
+      }
+    },
+    "frame": {
+      "type": "object",
+      "required": ["file_path", "transform_matrix"],
+      "properties": {
+        "file_path": {"type": "string", "minLength": 1, "maxLength": 4000},
+        "transform_matrix": {
+          "type": "array", "minItems": 3, "maxItems": 4,
+          "items": {"type": "array", "minItems": 4, "maxItems": 4,
+                    "items": {"type": "number", "minimum": -1000000000, "maximum": 1000000000}}
+        }
+      }
+    }
+  },
+  "type": "object",
+  "required": ["frames"],
+  "properties": {"frames": {"type": "array", "minItems": 1, "items": {"$ref": "#/$defs/frame"}}}
+})";
+
+void check_schema(const json& document, std::string_view name) {
+  const json schema = json::parse(kSchema);
+  SchemaValidator(schema).validate(document, name);
+  // The camera's properties may stand at the top and, overriding those, in each frame.
+  json camera = schema["$defs"]["camera"];
+  camera["$defs"] = schema["$defs"];
+  const SchemaValidator camera_validator(std::move(camera));
+  camera_validator.validate(document, name);
+  for (std::size_t i = 0; i < document["frames"].size(); ++i) {
+    try {
+      camera_validator.validate(document["frames"][i], "");
+    } catch (const Error& error) {  // its pointer begins at the frame: "#/fl_x"
+      throw bad_value(name, pointer_to("/frames", i) + error.where().substr(1),
+                      error.what_happened(), error.what_to_do());
+    }
+  }
+}
+
+/// The properties of one frame, with those of the whole document behind them.
+class FrameProperties {
+ public:
+  FrameProperties(const json& document, const json& frame) : document_(document), frame_(frame) {}
+
+  std::optional<double> number(const char* key) const {
+    for (const json* object : {&frame_, &document_}) {
+      const auto found = object->find(key);
+      if (found != object->end()) return found->get<double>();
+    }
+    return std::nullopt;
+  }
+  double number(const char* key, double otherwise) const { return number(key).value_or(otherwise); }
+
+ private:
+  const json& document_;
+  const json& frame_;
+};
+
+std::filesystem::path find_image(const std::filesystem::path& folder, const std::string& path,
+                                 const std::string& name, const std::string& pointer) {
+  std::error_code ignored;
+  for (const char* extension :
+       {"", ".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".exr", ".tif", ".tiff"}) {
+    const std::filesystem::path file = folder / (path + extension);
+    if (std::filesystem::is_regular_file(file, ignored)) return file;
+  }
+  throw bad_value(name, pointer,
+                  fmt::format("the image \"{}\" is not there, with or without an extension, in {}",
+                              path, folder.string()),
+                  "Say with --images in which folder the images are");
+}
+
+Intrinsics intrinsics_of(const FrameProperties& frame, ImageSize size, const std::string& name,
+                         const std::string& pointer) {
+  const auto focal = [](double pixels, double angle) { return pixels / 2 / std::tan(angle / 2); };
+  Intrinsics result;
+  if (const auto fl_x = frame.number("fl_x")) {
+    result.fx = *fl_x;
+  } else if (const auto angle = frame.number("camera_angle_x")) {
+    result.fx = focal(size.width, *angle);
+  } else {
+    throw bad_value(name, pointer,
+                    "neither \"fl_x\" (pixels) nor \"camera_angle_x\" (radians) is given",
+                    "Add one of them to the frame or to the whole file");
+  }
+  result.fy = result.fx;
+  if (const auto fl_y = frame.number("fl_y")) {
+    result.fy = *fl_y;
+  } else if (const auto angle = frame.number("camera_angle_y")) {
+    result.fy = focal(size.height, *angle);
+  }
+  result.cx = frame.number("cx", size.width / 2.0);
+  result.cy = frame.number("cy", size.height / 2.0);
+  result.distortion = {.k1 = frame.number("k1", 0),
+                       .k2 = frame.number("k2", 0),
+                       .p1 = frame.number("p1", 0),
+                       .p2 = frame.number("p2", 0),
+                       .k3 = frame.number("k3", 0)};
+  return result;
+}
+
+/// Removes a uniform scale and rounding; refuses more than that.
+Matrix4 pose_of(const json& matrix, const std::string& name, const std::string& pointer) {
+  Eigen::Matrix3d axes;
+  Pose pose;
+  for (Eigen::Index row = 0; row < 3; ++row) {
+    const json& values = matrix[static_cast<std::size_t>(row)];
+    for (Eigen::Index column = 0; column < 3; ++column) {
+      axes(row, column) = values[static_cast<std::size_t>(column)].get<double>();
+    }
+    pose.position[row] = values[3].get<double>();
+  }
+  const double scale = std::cbrt(axes.determinant());
+  constexpr double kSmallest = 1e-9, kTolerance = 1e-3;
+  if (!(scale > kSmallest)) {
+    throw bad_value(name, pointer, "the matrix mirrors or is flat, allowed: a rotation",
+                    "Use right-handed axes: camera x right, y up, looking down -z");
+  }
+  axes /= scale;
+  const double off = (axes.transpose() * axes - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
+  if (off > kTolerance) {
+    throw bad_value(name, pointer,
+                    fmt::format("the matrix is skewed or scaled unevenly by {:.3g}, allowed: a "
+                                "rotation with one scale",
+                                off),
+                    "Export rigid cameras");
+  }
+  pose.world_from_camera_rotation = Eigen::Quaterniond(axes).normalized().toRotationMatrix();
+  return matrix_from_pose(pose);
+}
+
+}  // namespace
+
+ImportManifest read_nerf_transforms(const std::filesystem::path& file, std::string_view text,
+                                    const ModelSettings& settings) {
+  const std::string name = file.string();
+  const json document = parse_json(text, name);
+  check_schema(document, name);
+  const json& frames = document["frames"];
+  const std::filesystem::path folder = settings.images.value_or(file.parent_path());
+
+  ImportManifest manifest = manifest_of_model(file, settings);
+  std::vector<std::string> names;
+  for (const json& frame : frames) names.push_back(frame["file_path"].get<std::string>());
+  const std::vector<std::string> ids = camera_ids(names);
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const std::string pointer = pointer_to("/frames", i);
+    const std::filesystem::path image =
+        find_image(folder, names[i], name, pointer_to(pointer, "file_path"));
+    const FrameProperties properties(document, frames[i]);
+    ImageSize size;
+    if (properties.number("w") && properties.number("h")) {
+      size = {static_cast<int>(*properties.number("w")), static_cast<int>(*properties.number("h"))};
+    } else {
+      size = image_size(image);
+    }
+    ImportManifest::Camera camera;
+    camera.geometry = {.id = ids[i],
+                       .width = size.width,
+                       .height = size.height,
+                       .intrinsics = intrinsics_of(properties, size, name, pointer),
+                       .world_from_camera = pose_of(frames[i]["transform_matrix"], name,
+                                                    pointer_to(pointer, "transform_matrix")),
+                       .row = std::nullopt,
+                       .column = std::nullopt};
+    camera.frames.push_back({image.string(), 0});
+    manifest.cameras.push_back(std::move(camera));
+  }
+  return manifest;
+}
+
+}  // namespace raystage

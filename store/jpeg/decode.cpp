@@ -4,10 +4,14 @@
 #include <cassert>
 
 #include "store/jpeg/libjpeg.h"
+#include "store/jpeg/linear_pixels.h"
+#include "store/jpeg/scan_decoder.h"
 
 namespace raystage {
 
-struct JpegDecoder::State {};
+struct JpegDecoder::State {
+  ScanDecoder scan;
+};
 
 JpegDecoder::JpegDecoder() : state_(std::make_unique<State>()) {}
 JpegDecoder::~JpegDecoder() = default;
@@ -48,20 +52,23 @@ std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const J
   assert(wanted.size() == static_cast<std::size_t>(layout.mcu_count()));
   assert(rgbx_linear.size() ==
          4 * static_cast<std::size_t>(layout.width) * static_cast<std::size_t>(layout.height));
-  const RgbImage image = decode(jpeg, name);
-  for (int y = 0; y < layout.height; ++y) {
-    for (int x = 0; x < layout.width; ++x) {
-      const int mcu = y / layout.mcu_height * layout.mcus_per_row + x / layout.mcu_width;
-      if (!wanted[static_cast<std::size_t>(mcu)]) continue;
-      const std::size_t pixel =
-          static_cast<std::size_t>(y) * static_cast<std::size_t>(layout.width) +
-          static_cast<std::size_t>(x);
-      for (std::size_t c = 0; c < 3; ++c)
-        rgbx_linear[4 * pixel + c] = table.code[c][image.pixels[3 * pixel + c]];
-      rgbx_linear[4 * pixel + 3] = 65535;
-    }
+  const auto mcu_pixels = std::int64_t{layout.mcu_width} * layout.mcu_height;
+  if (layout.baseline_ycc) {
+    const std::int64_t mcus = state_->scan.decode(jpeg, layout, wanted, name);
+    convert_to_linear(state_->scan, layout, wanted, table, rgbx_linear);
+    return mcus * mcu_pixels;
   }
-  return static_cast<std::int64_t>(layout.mcu_count()) * layout.mcu_width * layout.mcu_height;
+  const RgbImage image = decode(jpeg, name);
+  const auto width = static_cast<std::size_t>(layout.width);
+  for (std::size_t pixel = 0; pixel < width * static_cast<std::size_t>(layout.height); ++pixel) {
+    const auto x = static_cast<int>(pixel % width), y = static_cast<int>(pixel / width);
+    const int mcu = y / layout.mcu_height * layout.mcus_per_row + x / layout.mcu_width;
+    if (wanted[static_cast<std::size_t>(mcu)] == 0) continue;
+    for (std::size_t c = 0; c < 3; ++c)
+      rgbx_linear[4 * pixel + c] = table.code[c][image.pixels[3 * pixel + c]];
+    rgbx_linear[4 * pixel + 3] = 65535;
+  }
+  return layout.mcu_count() * mcu_pixels;
 }
 
 }  // namespace raystage

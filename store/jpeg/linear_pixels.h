@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "store/jpeg/decode.h"
+#include "store/jpeg/layout.h"
+#include "store/jpeg/scan_decoder.h"
+
+namespace raystage {
+
+/// Upsamples chroma, converts YCbCr to RGB and looks RGB up, for the wanted MCUs of decoded planes:
+/// bit for bit what libjpeg-turbo's full decode does with smooth upsampling.
+/// `rgbx_linear`: 4 values a pixel of the whole picture; pixels of other MCUs are left alone.
+void convert_to_linear(const ScanDecoder& scan, const JpegLayout& layout,
+                       std::span<const std::uint8_t> wanted, const LinearTable& table,
+                       std::span<std::uint16_t> rgbx_linear);
+
+}  // namespace raystage

@@ -15,13 +15,13 @@ namespace raystage {
 
 struct ImportSettings {
   /// For images that are no JPEG; its restart_interval too.
-  JpegEncodeSettings encode;
+  JpegEncodeSettings encode{};
   /// JPEG input is rewritten with restart markers every so many MCUs (-1: by
   /// default_restart_interval), coefficients untouched. Nothing: it is stored byte for byte.
-  std::optional<int> restart_markers;
-  std::string created_by;  ///< program and version, for take.json
+  std::optional<int> restart_markers{};
+  std::string created_by{};  ///< program and version, for take.json
   /// Called with the share done, in [0, 1], from any thread. May be empty.
-  std::function<void(double)> progress;
+  std::function<void(double)> progress{};
 };
 
 struct ImportSummary {

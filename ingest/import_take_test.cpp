@@ -1,0 +1,303 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/import_take.h"
+
+#include <OpenImageIO/imageio.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cmath>
+#include <csignal>
+#include <limits>
+
+#include "images/image_file.h"
+#include "ingest/import_test_data.h"
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+#include "schemas/transfer_function.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+using test::picture;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+class ImportTake : public ::testing::Test {
+ protected:
+  ImportTake() { create_folder(outputs()); }
+
+  const std::filesystem::path& inputs() const { return folder_.path(); }
+  std::filesystem::path outputs() const { return folder_.path() / "out"; }
+  std::filesystem::path take() const { return outputs() / "take"; }
+
+  ImportSummary run(const ImportManifest& manifest, const ImportSettings& settings = {}) {
+    return import_take(manifest, inputs(), take(), settings);
+  }
+  /// The refusal; that nothing was left of the take is checked.
+  std::string refusal(const ImportManifest& manifest, ExitCode exit_code) {
+    std::string message = "accepted";
+    try {
+      run(manifest);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), exit_code) << error.what();
+      message = error.what();
+    }
+    EXPECT_TRUE(std::filesystem::is_empty(outputs()));
+    return message;
+  }
+  /// A manifest of one camera with one image file.
+  ImportManifest one_image(const std::string& file, int width = 48, int height = 40) const {
+    ImportManifest manifest = test::empty_manifest();
+    manifest.cameras.push_back(test::camera("a", width, height));
+    manifest.cameras[0].frames.push_back({file, 0});
+    return manifest;
+  }
+  RgbImage decoded(int camera, int frame) const {
+    return JpegDecoder().decode(Take(take()).archive(camera).jpeg(frame), "frame");
+  }
+
+  TestFolder folder_;
+};
+
+double largest_difference(const RgbImage& a, const RgbImage& b) {
+  double worst = a.pixels.size() == b.pixels.size() ? 0 : 1000;
+  for (std::size_t i = 0; i < std::min(a.pixels.size(), b.pixels.size()); ++i) {
+    worst = std::max(worst, std::abs(double{1} * a.pixels[i] - b.pixels[i]));
+  }
+  return worst;
+}
+
+TEST_F(ImportTake, StoresJpegByteForByte) {
+  ImportManifest manifest = test::write_two_cameras(inputs());
+  manifest.depth_range = DepthRange{1, std::numeric_limits<double>::infinity()};
+  manifest.arbitrary_scale = true;
+  manifest.cameras[1].geometry.row = 0;
+  manifest.cameras[1].geometry.column = 1;
+  manifest.cameras[1].geometry.world_from_camera[3] = 0.1;
+  const ImportSummary summary = run(manifest, {.created_by = "test 1"});
+  EXPECT_EQ(summary.cameras, 2);
+  EXPECT_EQ(summary.frames, 6);
+  EXPECT_EQ(summary.copied, 6);
+
+  const Take read(take());
+  std::uint64_t bytes = 0;
+  for (int c = 0; c < 2; ++c) {
+    ASSERT_EQ(read.archive(c).frames().size(), 3u);
+    EXPECT_TRUE(read.archive(c).was_closed());
+    for (int i = 0; i < 3; ++i) {
+      const auto& frame =
+          manifest.cameras[static_cast<std::size_t>(c)].frames[static_cast<std::size_t>(i)];
+      EXPECT_EQ(test::text_of(read.archive(c).jpeg(i)), read_file(inputs() / frame.file));
+      EXPECT_EQ(read.archive(c).frames()[static_cast<std::size_t>(i)].time_ns, frame.time_ns);
+      bytes += read.archive(c).jpeg(i).size();
+    }
+  }
+  EXPECT_EQ(summary.jpeg_bytes, bytes);
+  EXPECT_EQ(read.document().name, "test");
+  EXPECT_EQ(read.document().created_by, "test 1");
+  EXPECT_EQ(read.document().epoch_utc, 5);
+  EXPECT_EQ(read.document().clock, "manifest");
+  EXPECT_TRUE(read.document().arbitrary_scale);
+  EXPECT_EQ(read.document().depth_range, manifest.depth_range);
+  EXPECT_EQ(read_rig(take() / "rig.json").cameras[1].geometry, manifest.cameras[1].geometry);
+}
+
+TEST_F(ImportTake, RestartMarkersChangeNoPixel) {
+  const ImportManifest manifest = test::write_two_cameras(inputs());
+  const ImportSummary summary = run(manifest, {.restart_markers = -1});
+  EXPECT_EQ(summary.rewritten, 6);
+  const Take read(take());
+  JpegDecoder decoder;
+  for (int c = 0; c < 2; ++c) {
+    for (int i = 0; i < 3; ++i) {
+      const auto jpeg = read.archive(c).jpeg(i);
+      EXPECT_TRUE(parse_jpeg_layout(jpeg, "").regions_decodable());
+      const auto& frame =
+          manifest.cameras[static_cast<std::size_t>(c)].frames[static_cast<std::size_t>(i)];
+      const std::string original = read_file(inputs() / frame.file);
+      EXPECT_EQ(decoder.decode(jpeg, ""), decoder.decode(std::as_bytes(std::span(original)), ""));
+    }
+  }
+}
+
+TEST_F(ImportTake, OtherImagesAreEncodedOnceAndWell) {
+  const RgbImage image = picture(48, 40, 1);
+  write_image(image, inputs() / "a.png");
+  const ImportSummary summary = run(one_image("a.png"));
+  EXPECT_EQ(summary.encoded, 1);
+  EXPECT_LE(largest_difference(decoded(0, 0), image), 6);
+  const JpegLayout layout = parse_jpeg_layout(Take(take()).archive(0).jpeg(0), "");
+  EXPECT_TRUE(layout.regions_decodable());
+  EXPECT_EQ(layout.h[0], layout.h[1]);  // 4:4:4
+}
+
+TEST_F(ImportTake, QualityAndChromaAreAsAsked) {
+  write_image(picture(48, 40, 1), inputs() / "a.png");
+  ImportSettings settings;
+  settings.encode = {.quality = 30, .chroma = JpegEncodeSettings::Chroma::k420};
+  const ImportSummary summary = run(one_image("a.png"), settings);
+  const JpegLayout layout = parse_jpeg_layout(Take(take()).archive(0).jpeg(0), "");
+  EXPECT_EQ(layout.h[0], 2 * layout.h[1]);
+  std::filesystem::remove_all(take());
+  EXPECT_LT(summary.jpeg_bytes, run(one_image("a.png")).jpeg_bytes);
+}
+
+void write_with_oiio(const std::filesystem::path& file, int width, int height, int channels,
+                     OIIO::TypeDesc type, const std::vector<float>& values) {
+  const auto output = OIIO::ImageOutput::create(file.string());
+  ASSERT_TRUE(output);
+  ASSERT_TRUE(output->open(file.string(), OIIO::ImageSpec(width, height, channels, type)));
+  ASSERT_TRUE(output->write_image(OIIO::TypeDesc::FLOAT, values.data()));
+  ASSERT_TRUE(output->close());
+}
+
+TEST_F(ImportTake, SixteenBitsAreRounded) {
+  const std::vector<float> values(std::size_t{16 * 16 * 3}, 100.4F / 255);
+  write_with_oiio(inputs() / "a.png", 16, 16, 3, OIIO::TypeDesc::UINT16, values);
+  run(one_image("a.png", 16, 16));
+  EXPECT_NEAR(decoded(0, 0).pixels[100], 100, 1);
+}
+
+TEST_F(ImportTake, GreyWithAlphaBecomesGrey) {
+  std::vector<float> values;
+  for (int i = 0; i < 16 * 16; ++i) values.insert(values.end(), {0.5F, 1.0F});
+  write_with_oiio(inputs() / "a.png", 16, 16, 2, OIIO::TypeDesc::UINT8, values);
+  run(one_image("a.png", 16, 16));
+  for (const std::uint8_t code : decoded(0, 0).pixels) EXPECT_NEAR(code, 128, 1);
+}
+
+TEST_F(ImportTake, LinearImagesBecomeSrgb) {
+  std::vector<float> values;
+  for (int i = 0; i < 16 * 16; ++i) {
+    values.insert(values.end(), {0.2F, 5.0F, std::numeric_limits<float>::quiet_NaN()});
+  }
+  write_with_oiio(inputs() / "a.exr", 16, 16, 3, OIIO::TypeDesc::FLOAT, values);
+  ImportManifest manifest = one_image("a.exr", 16, 16);
+  manifest.color_space = "lin_rec709_scene";
+  run(manifest);
+  const RgbImage image = decoded(0, 0);
+  EXPECT_NEAR(image.pixels[0], srgb_from_linear(0.2) * 255, 2);
+  EXPECT_NEAR(image.pixels[1], 255, 2);
+  EXPECT_NEAR(image.pixels[2], 0, 2);
+  EXPECT_EQ(Take(take()).document().color_space, "srgb_texture");
+}
+
+TEST_F(ImportTake, FloatingPointWithoutLinearLightIsRefused) {
+  write_with_oiio(inputs() / "a.exr", 16, 16, 3, OIIO::TypeDesc::HALF,
+                  std::vector<float>(16 * 16 * 3, 0.5F));
+  EXPECT_THAT(refusal(one_image("a.exr", 16, 16), ExitCode::kBadInput),
+              AllOf(HasSubstr("a.exr"), HasSubstr("floating-point")));
+}
+
+TEST_F(ImportTake, LinearJpegIsRefused) {
+  ImportManifest manifest = test::write_two_cameras(inputs());
+  manifest.color_space = "lin_rec709_scene";
+  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("a JPEG holds no linear light"));
+}
+
+TEST_F(ImportTake, MissingFilesAreNamedFirst) {
+  ImportManifest manifest = test::write_two_cameras(inputs());
+  manifest.cameras[1].frames[2].file = "gone.jpg";
+  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput),
+              AllOf(HasSubstr("gone.jpg"), HasSubstr("\"cam1\" is not there")));
+  manifest.cameras[1].frames[2].file = "out";  // a folder
+  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("is not there"));
+}
+
+TEST_F(ImportTake, ATruncatedJpegIsRefused) {
+  const ImportManifest manifest = test::write_two_cameras(inputs());
+  const auto file = inputs() / manifest.cameras[1].frames[1].file;
+  const std::string whole = read_file(file);
+  for (const std::size_t size :
+       {std::size_t{2}, std::size_t{20}, whole.size() / 2, whole.size() - 1}) {
+    write_file_atomically(file, whole.substr(0, size));
+    EXPECT_THAT(refusal(manifest, ExitCode::kBadInput), HasSubstr("1_1.jpg")) << size;
+  }
+}
+
+TEST_F(ImportTake, FilesThatAreNoImagesAreRefused) {
+  for (const std::string text : {"", "hello", "\x89PNG\r\n"}) {
+    write_file_atomically(inputs() / "a.png", text);
+    EXPECT_THAT(refusal(one_image("a.png"), ExitCode::kBadInput), HasSubstr("a.png"));
+  }
+}
+
+TEST_F(ImportTake, AnImageOfTheWrongSizeIsRefused) {
+  ImportManifest manifest = test::write_two_cameras(inputs());
+  manifest.cameras[0].geometry.width = 47;
+  EXPECT_THAT(refusal(manifest, ExitCode::kBadInput),
+              AllOf(HasSubstr("0_"), HasSubstr("the image is 48x40, but its camera is 47x40")));
+  write_image(picture(48, 40, 1), inputs() / "a.png");
+  EXPECT_THAT(refusal(one_image("a.png", 48, 41), ExitCode::kBadInput), HasSubstr("48x41"));
+}
+
+TEST_F(ImportTake, AnExistingTakeIsLeftAlone) {
+  const ImportManifest manifest = test::write_two_cameras(inputs());
+  run(manifest);
+  const std::string before = read_file(take() / "take.json");
+  try {
+    run(manifest, {.created_by = "other"});
+    FAIL() << "overwritten";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+    EXPECT_EQ(error.where(), take().string());
+  }
+  EXPECT_EQ(read_file(take() / "take.json"), before);
+}
+
+TEST_F(ImportTake, AFullDiskLeavesNothing) {
+  const ImportManifest manifest = test::write_two_cameras(inputs());
+  // Files of this process may not grow beyond a few bytes, as on a full disk.
+  auto* const handler = std::signal(SIGXFSZ, SIG_IGN);
+  rlimit old{};
+  getrlimit(RLIMIT_FSIZE, &old);
+  const rlimit small{1500, old.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &small);
+  const std::string message = refusal(manifest, ExitCode::kFailed);
+  setrlimit(RLIMIT_FSIZE, &old);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_NE(message, "accepted");
+}
+
+TEST_F(ImportTake, AFolderWithoutPermissionIsRefused) {
+  const ImportManifest manifest = test::write_two_cameras(inputs());
+  constexpr uid_t kNobody = 65534;
+  const bool root = geteuid() == 0;  // root may write anywhere: be somebody else for a moment
+  std::filesystem::permissions(inputs(), std::filesystem::perms(0755));
+  std::filesystem::permissions(outputs(), std::filesystem::perms(0555));
+  const int changed = root ? seteuid(kNobody) : 0;
+  const std::string message = refusal(manifest, ExitCode::kFailed);
+  const int restored = root ? seteuid(0) : 0;
+  std::filesystem::permissions(outputs(), std::filesystem::perms(0755));
+  ASSERT_EQ(changed, 0);
+  ASSERT_EQ(restored, 0);
+  EXPECT_THAT(message, HasSubstr("ermission denied"));
+}
+
+TEST_F(ImportTake, AStopLeavesNothing) {
+  const ImportManifest manifest = test::write_two_cameras(inputs());
+  std::stop_source source;
+  ImportSettings settings;
+  settings.progress = [&](double) { source.request_stop(); };
+  EXPECT_THROW(import_take(manifest, inputs(), take(), settings, source.get_token()), Error);
+  EXPECT_TRUE(std::filesystem::is_empty(outputs()));
+}
+
+TEST_F(ImportTake, ProgressEndsAtOne) {
+  std::atomic<int> calls = 0, ends = 0;
+  ImportSettings settings;
+  settings.progress = [&](double done) {
+    ++calls;
+    if (done == 1) ++ends;
+  };
+  run(test::write_two_cameras(inputs()), settings);
+  EXPECT_EQ(calls, 6);
+  EXPECT_EQ(ends, 1);
+}
+
+}  // namespace
+}  // namespace raystage

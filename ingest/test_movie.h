@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+extern "C" {
+#include <libavutil/pixfmt.h>
+}
+
+#include <array>
+#include <filesystem>
+
+namespace raystage::test {
+
+/// A movie of one colour, losslessly compressed (FFV1, 4:4:4) in Matroska.
+struct MovieDescription {
+  int width = 0, height = 0;  ///< pixels
+  int frames = 1;
+  std::array<int, 3> yuv{120, 128, 128};  ///< codes of every pixel
+  AVColorSpace matrix = AVCOL_SPC_UNSPECIFIED;
+  AVColorRange range = AVCOL_RANGE_MPEG;
+};
+
+/// Throws std::runtime_error where FFmpeg does not.
+void write_movie(const std::filesystem::path& file, const MovieDescription& movie);
+
+}  // namespace raystage::test

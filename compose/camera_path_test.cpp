@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/camera_path.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using Key = ShotDocument::CameraKey;
+using Eigen::AngleAxisd;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+Key make_key(double frame, const Vector3d& position, const Quaterniond& q, double fov) {
+  return {frame, {position.x(), position.y(), position.z()}, {q.w(), q.x(), q.y(), q.z()}, fov};
+}
+
+Quaterniond turned(double degrees, const Vector3d& axis) {
+  return Quaterniond(AngleAxisd(degrees * std::numbers::pi / 180, axis.normalized()));
+}
+
+/// Keys with uneven spacing, positions of very different distance, any rotations and signs.
+std::vector<Key> arbitrary_keys() {
+  const int count = *rc::gen::inRange(2, 7);
+  std::vector<Key> keys;
+  double frame = *rc::gen::inRange(-20, 20);
+  const auto number = [] { return *rc::gen::inRange(-1000, 1001) * 1e-2; };
+  for (int i = 0; i < count; ++i) {
+    Quaterniond q(number() + 0.001, number(), number(), number());
+    q.normalize();
+    keys.push_back(
+        make_key(frame, {number(), number(), number() * 100}, q, *rc::gen::inRange(5, 150)));
+    frame += *rc::gen::element(0.5, 1.0, 7.0, 300.0);
+  }
+  return keys;
+}
+
+double rotation_between(const Eigen::Matrix3d& a, const Eigen::Matrix3d& b) {
+  return AngleAxisd(a.transpose() * b).angle();
+}
+
+TEST(CameraPath, PassesExactlyThroughItsKeys) {
+  EXPECT_TRUE(rc::check([] {
+    const auto keys = arbitrary_keys();
+    const CameraPath path(keys);
+    for (const Key& key : keys) {
+      const Pose pose = path.pose(key.frame);
+      const Quaterniond q(key.orientation[0], key.orientation[1], key.orientation[2],
+                          key.orientation[3]);
+      RC_ASSERT((pose.position - Vector3d(key.position.data())).norm() < 1e-12);
+      RC_ASSERT((pose.world_from_camera_rotation - q.toRotationMatrix()).norm() < 1e-12);
+      RC_ASSERT(std::abs(path.horizontal_fov(key.frame) -
+                         key.horizontal_fov_deg * std::numbers::pi / 180) < 1e-12);
+      // And arrives there from the left.
+      RC_ASSERT((path.pose(key.frame - 1e-9).position - pose.position).norm() < 1e-4);
+      RC_ASSERT(rotation_between(path.pose(key.frame - 1e-9).world_from_camera_rotation,
+                                 pose.world_from_camera_rotation) < 1e-6);
+    }
+  }));
+}
+
+TEST(CameraPath, RotationsStayRotationsAndNothingBlowsUp) {
+  EXPECT_TRUE(rc::check([] {
+    const auto keys = arbitrary_keys();
+    const CameraPath path(keys);
+    for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
+      const Vector3d a(keys[i].position.data()), b(keys[i + 1].position.data());
+      const double low = std::min(keys[i].horizontal_fov_deg, keys[i + 1].horizontal_fov_deg);
+      const double high = std::max(keys[i].horizontal_fov_deg, keys[i + 1].horizontal_fov_deg);
+      for (double u = 0; u <= 1; u += 1.0 / 16) {
+        const double frame = keys[i].frame + u * (keys[i + 1].frame - keys[i].frame);
+        const Pose pose = path.pose(frame);
+        const Eigen::Matrix3d& r = pose.world_from_camera_rotation;
+        RC_ASSERT((r.transpose() * r - Eigen::Matrix3d::Identity()).norm() < 1e-12);
+        RC_ASSERT(std::abs(r.determinant() - 1) < 1e-12);
+        // The promised distance from the straight line between the keys.
+        const Vector3d chord = b - a;
+        const double along =
+            chord.squaredNorm() > 0
+                ? std::clamp((pose.position - a).dot(chord) / chord.squaredNorm(), 0.0, 1.0)
+                : 0;
+        RC_ASSERT((pose.position - a - along * chord).norm() <= 0.375 * chord.norm() + 1e-9);
+        const double fov = path.horizontal_fov(frame) * 180 / std::numbers::pi;
+        RC_ASSERT(fov >= low - 1e-9);
+        RC_ASSERT(fov <= high + 1e-9);
+      }
+    }
+  }));
+}
+
+TEST(CameraPath, SpeedIsContinuousAtInnerKeys) {
+  EXPECT_TRUE(rc::check([] {
+    const auto keys = arbitrary_keys();
+    const CameraPath path(keys);
+    constexpr double kStep = 1e-5;
+    for (std::size_t i = 1; i + 1 < keys.size(); ++i) {
+      const double frame = keys[i].frame;
+      const Pose before = path.pose(frame - kStep), at = path.pose(frame),
+                 after = path.pose(frame + kStep);
+      const Vector3d in = (at.position - before.position) / kStep;
+      const Vector3d out = (after.position - at.position) / kStep;
+      RC_ASSERT((in - out).norm() < 1e-3 * (1 + in.norm()) + 0.2);
+
+      const AngleAxisd spin_in(before.world_from_camera_rotation.transpose() *
+                               at.world_from_camera_rotation);
+      const AngleAxisd spin_out(at.world_from_camera_rotation.transpose() *
+                                after.world_from_camera_rotation);
+      RC_ASSERT((spin_in.axis() * spin_in.angle() - spin_out.axis() * spin_out.angle()).norm() /
+                    kStep <
+                2e-3);
+    }
+  }));
+}
+
+TEST(CameraPath, TwoKeysGiveConstantSpeed) {
+  const CameraPath path(
+      std::vector<Key>{make_key(1, {0, 0, 0}, Quaterniond::Identity(), 40),
+                       make_key(5, {4, 0, 8}, turned(100, Vector3d::UnitY()), 40)});
+  for (const double frame : {1.0, 1.5, 2.0, 4.25}) {
+    EXPECT_NEAR(path.pose(frame).position.x(), frame - 1, 1e-12);
+    EXPECT_NEAR(
+        rotation_between(Eigen::Matrix3d::Identity(), path.pose(frame).world_from_camera_rotation),
+        (frame - 1) * 25 * std::numbers::pi / 180, 1e-12);
+  }
+}
+
+TEST(CameraPath, RestsBeforeTheFirstAndAfterTheLastKey) {
+  const CameraPath path(
+      std::vector<Key>{make_key(10, {1, 2, 3}, Quaterniond::Identity(), 40),
+                       make_key(20, {4, 5, 6}, turned(30, Vector3d::UnitX()), 60)});
+  EXPECT_EQ(path.pose(-100).position, Vector3d(1, 2, 3));
+  EXPECT_EQ(path.pose(20.5).position, Vector3d(4, 5, 6));
+  EXPECT_NEAR(path.horizontal_fov(1000), std::numbers::pi / 3, 1e-12);
+}
+
+TEST(CameraPath, RestsBetweenEqualKeys) {
+  const CameraPath path(
+      std::vector<Key>{make_key(1, {0, 0, 0}, Quaterniond::Identity(), 40),
+                       make_key(100, {0, 0, 0}, Quaterniond::Identity(), 40),
+                       make_key(101, {9, 0, 0}, turned(90, Vector3d::UnitY()), 20)});
+  EXPECT_EQ(path.pose(60).position, Vector3d::Zero());
+  EXPECT_NEAR(path.horizontal_fov(99), 40 * std::numbers::pi / 180, 1e-12);
+}
+
+TEST(CameraPath, OneKeyStandsStill) {
+  const CameraPath path(std::vector<Key>{make_key(7, {1, 0, 0}, turned(12, {1, 2, 3}), 33)});
+  EXPECT_EQ(path.pose(-3).position, path.pose(44).position);
+  const VirtualCamera camera = path.camera(12, 640, 360);
+  EXPECT_EQ(camera.width, 640);
+  EXPECT_NEAR(camera.intrinsics.fx, 320 / std::tan(33 * std::numbers::pi / 360), 1e-9);
+  EXPECT_NEAR(camera.intrinsics.fy, camera.intrinsics.fx, 1e-12);
+  EXPECT_EQ(camera.intrinsics.cx, 320);
+  EXPECT_EQ(camera.intrinsics.cy, 180);
+}
+
+TEST(CameraPath, TakesTheShortWayRoundWhateverTheSigns) {
+  Quaterniond flipped = turned(20, Vector3d::UnitY());
+  flipped.coeffs() = -flipped.coeffs();
+  const CameraPath path(std::vector<Key>{make_key(0, {0, 0, 0}, Quaterniond::Identity(), 40),
+                                         make_key(2, {0, 0, 0}, flipped, 40)});
+  EXPECT_NEAR(
+      rotation_between(Eigen::Matrix3d::Identity(), path.pose(1).world_from_camera_rotation),
+      10 * std::numbers::pi / 180, 1e-12);
+}
+
+TEST(CameraPath, ADollyZoomKeepsTheSizeOfItsSubject) {
+  // The subject stands at the origin; the camera backs off from 2 m to 8 m.
+  const auto fov = [](double distance) {
+    return 2 * std::atan(1.0 / distance) * 180 / std::numbers::pi;
+  };
+  const CameraPath path(std::vector<Key>{make_key(1, {0, 0, 2}, Quaterniond::Identity(), fov(2)),
+                                         make_key(31, {0, 0, 3}, Quaterniond::Identity(), fov(3)),
+                                         make_key(49, {0, 0, 8}, Quaterniond::Identity(), fov(8))});
+  for (double frame = 1; frame <= 49; frame += 0.5) {
+    const double half_width_seen =
+        std::tan(path.horizontal_fov(frame) / 2) * path.pose(frame).position.z();
+    EXPECT_NEAR(half_width_seen, 1, 1e-12) << "frame " << frame;
+  }
+}
+
+TEST(CameraPath, RefusesUnusableKeys) {
+  const Key good = make_key(1, {0, 0, 0}, Quaterniond::Identity(), 40);
+  EXPECT_THROW(CameraPath(std::vector<Key>{}), Error);
+  EXPECT_THROW(CameraPath(std::vector<Key>{good, good}), Error);
+  Key bad = good;
+  bad.orientation = {0, 0, 0, 0};
+  EXPECT_THROW(CameraPath(std::vector<Key>{bad}), Error);
+  bad = good;
+  bad.horizontal_fov_deg = 180;
+  EXPECT_THROW(CameraPath(std::vector<Key>{bad}), Error);
+  bad = good;
+  bad.position[1] = NAN;
+  EXPECT_THROW(CameraPath(std::vector<Key>{bad}), Error);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <ImathMatrix.h>
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "render/view.h"
+#include "schemas/time.h"
+
+// OpenEXR's versioned namespace makes a forward declaration of Imf::Header unportable.
+#include <OpenEXR/ImfHeader.h>
+
+namespace raystage {
+
+/// What the header of a rendered frame says besides its pixels; the attributes and their
+/// conventions stand in docs/formats/exr.md.
+struct ExrMetadata {
+  VirtualCamera camera;  ///< of this frame
+  int frame = 0;         ///< imageCounter
+  int fps_numerator = 24, fps_denominator = 1;
+  /// Captures per second of the material, where one shot frame is one capture.
+  std::optional<double> capture_rate;
+  std::string take_name;                   ///< reelName; left out when empty
+  std::optional<Nanoseconds> capture_utc;  ///< instant shown, since 1970; none: nothing was there
+  std::vector<std::string> absent_cameras;
+  std::string method, fingerprint, program_version;
+  std::string compression = "piz";  ///< none | rle | zips | zip | piz
+  /// Writes `chromaticities` (Rec.709) for readers that do not know `colorInteropID`; the
+  /// recommendation forbids both in one file.
+  bool chromaticities = false;
+};
+
+/// OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z backward). Imath
+/// multiplies row vectors, so the translation stands in the last row.
+Imath::M44f exr_world_to_camera(const Pose& pose);
+/// World to (0,0) = upper left, (1,1) = lower right corner of the display window (the outer corners
+/// of the corner pixels), y down, after division by w. Lens distortion is not part of it. Its z
+/// runs from 0 at 1 cm in front of the camera to 1 at infinity.
+Imath::M44f exr_world_to_ndc(const VirtualCamera& camera);
+
+/// The whole header, channels R, G, B, A (half), Z and lf.coverage (float) included. Throws Error
+/// (bad input) for an unknown compression.
+Imf::Header exr_header(int width, int height, const ExrMetadata& metadata);
+
+/// Throws Error (bad input) naming the compressions there are, unless `name` is one.
+void check_exr_compression(const std::string& name);
+
+}  // namespace raystage

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace raystage {
+
+/// Collects everything that determines a file's contents into one XXH3-128. Each value goes in with
+/// a label and its length, so that neighbours cannot run into each other.
+class Fingerprint {
+ public:
+  Fingerprint();
+  ~Fingerprint();
+  Fingerprint(const Fingerprint& other);
+  Fingerprint& operator=(const Fingerprint&) = delete;
+
+  Fingerprint& text(std::string_view label, std::string_view value);
+  Fingerprint& integer(std::string_view label, std::int64_t value);
+  /// By its bits, so no digit is lost; -0 counts as 0.
+  Fingerprint& number(std::string_view label, double value);
+  /// 32 hex digits.
+  std::string hex() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace raystage

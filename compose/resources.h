@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+
+namespace raystage {
+
+/// Threads this process may keep busy: its CPU affinity, cut by the CPU quota of its control group
+/// (cgroup version 2), at least 1. Slurm and containers set the one or the other.
+int available_threads();
+
+/// Bytes of memory this process may use: the machine's, cut by the limit of its control group.
+std::size_t available_memory();
+
+/// Largest resident size of this process so far, bytes.
+std::size_t peak_memory();
+
+}  // namespace raystage

@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/sequence.h"
+
+#include <fmt/format.h>
+#include <tbb/parallel_pipeline.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <fstream>
+#include <limits>
+#include <mutex>
+#include <new>
+
+#include "compose/exr_file.h"
+#include "compose/frame_range.h"
+#include "compose/resources.h"
+#include "compose/sequence_name.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kMaxFramesInFlight = 16;
+constexpr std::size_t kMiB = std::size_t{1} << 20;
+constexpr std::size_t kMinCache = 64 * kMiB;
+constexpr std::size_t kDefaultCache = 4096 * kMiB;
+/// The view (24), its EXR samples (16), the file being built (16) and the renderer's own tables.
+constexpr std::size_t kBytesPerPixelInFlight = 96;
+constexpr std::size_t kRawExrBytesPerPixel = 16;
+
+struct MemoryPlan {
+  int in_flight = 1;
+  std::size_t cache_bytes = kMinCache;
+};
+
+MemoryPlan plan_memory(const ShotDocument& shot, const SequenceOptions& options) {
+  const std::size_t per_frame = static_cast<std::size_t>(shot.width) *
+                                static_cast<std::size_t>(shot.height) * kBytesPerPixelInFlight;
+  const std::size_t budget =
+      options.memory_bytes > 0 ? options.memory_bytes : available_memory() / 2;
+  if (budget < per_frame + kMinCache) {
+    throw Error::bad_input(
+        fmt::format("one frame needs {:.2f} GB of memory and {:.2f} GB are granted",
+                    static_cast<double>(per_frame + kMinCache) * 1e-9,
+                    static_cast<double>(budget) * 1e-9),
+        "", "Raise --memory");
+  }
+  MemoryPlan plan;
+  plan.in_flight = options.frames_in_flight > 0
+                       ? options.frames_in_flight
+                       : std::min(tbb::this_task_arena::max_concurrency(), kMaxFramesInFlight);
+  const std::size_t room = (budget - kMinCache) / per_frame;
+  plan.in_flight = static_cast<int>(std::min(static_cast<std::size_t>(plan.in_flight), room));
+  plan.cache_bytes = budget - static_cast<std::size_t>(plan.in_flight) * per_frame;
+  if (options.memory_bytes == 0) plan.cache_bytes = std::min(plan.cache_bytes, kDefaultCache);
+  return plan;
+}
+
+std::vector<int> frames_to_render(const ShotDocument& shot, const SequenceOptions& options) {
+  std::vector<int> frames;
+  if (!options.frames) {
+    for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) frames.push_back(frame);
+    return frames;
+  }
+  std::copy_if(options.frames->begin(), options.frames->end(), std::back_inserter(frames),
+               [&](int frame) { return frame >= shot.first_frame && frame <= shot.last_frame; });
+  const std::string range = fmt::format("{}-{}", shot.first_frame, shot.last_frame);
+  if (frames.empty()) {
+    throw Error::bad_input(fmt::format("none of the frames {} is in the shot, which has {}",
+                                       format_frame_range(*options.frames), range),
+                           "", "Ask for frames of the shot");
+  }
+  if (frames.size() < options.frames->size()) {
+    options.say(
+        fmt::format("the shot has frames {}; {} of the frames asked for lie outside and "
+                    "are left out",
+                    range, options.frames->size() - frames.size()));
+  }
+  return frames;
+}
+
+void check_folder(const std::filesystem::path& folder) {
+  create_folder(folder);
+  // Asking the permissions is not enough: a disk may be mounted read-only or be full.
+  const TemporaryFile probe(folder / "probe");
+  std::ofstream file(probe.path());
+  file << "probe" << std::flush;
+  if (!file) {
+    throw Error::failed("the output folder cannot be written to", folder.string(),
+                        "Check its permissions and the room on the disk");
+  }
+}
+
+void check_room(const std::filesystem::path& folder, const ShotDocument& shot, std::size_t frames,
+                const SequenceOptions& options) {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(folder, error);
+  if (error || space.available == std::numeric_limits<std::uintmax_t>::max()) return;
+  const double raw = static_cast<double>(shot.width) * shot.height * kRawExrBytesPerPixel *
+                     static_cast<double>(frames);
+  // Lossless compression rarely gains more than a factor of four on pictures.
+  const double least = shot.output.compression == "none" ? raw : raw / 4;
+  const double available = static_cast<double>(space.available);
+  const std::string text = fmt::format(
+      "the disk has room for {:.2f} GB and the {} frames need {:.2f} "
+      "to {:.2f} GB",
+      available * 1e-9, frames, least * 1e-9, raw * 1e-9);
+  if (available < least)
+    throw Error::failed(text, folder.string(), "Make room or render elsewhere");
+  if (available < raw) options.say("warning: " + text);
+}
+
+void check_existing(const SequenceName& name, std::span<const int> frames) {
+  std::vector<int> there;
+  std::error_code ignored;
+  std::copy_if(frames.begin(), frames.end(), std::back_inserter(there),
+               [&](int frame) { return std::filesystem::exists(name.path(frame), ignored); });
+  if (there.empty()) return;
+  throw Error::bad_input(fmt::format("{} of {} frames are there already ({})", there.size(),
+                                     frames.size(), format_frame_range(there)),
+                         name.pattern(),
+                         "Use --existing skip to keep those that are whole and up to date, or "
+                         "--existing overwrite");
+}
+
+SequenceName checked_name(const SequenceOptions& options, std::size_t frames) {
+  SequenceName name(options.output);
+  if (frames > 1 && !name.has_frame_token()) {
+    throw Error::bad_input(fmt::format("{} frames would all get the same name", frames),
+                           options.output, "Write NAME.####.exr");
+  }
+  if (std::filesystem::path(options.output).extension() != ".exr") {
+    throw Error::bad_input("only EXR files are written", options.output, "Write NAME.####.exr");
+  }
+  return name;
+}
+
+RenderedView black_view(int width, int height) {
+  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+  RenderedView view;
+  view.width = width;
+  view.height = height;
+  view.rgba.assign(pixels * 4, 0.0F);
+  view.coverage.assign(pixels, 0.0F);
+  view.z.assign(pixels, std::numeric_limits<float>::infinity());
+  return view;
+}
+
+/// One run over the frames; its members are what the frames in flight share.
+class SequenceRun {
+ public:
+  SequenceRun(const ShotPlan& plan, const SequenceName& name, std::span<const PlannedFrame> frames,
+              const LightFieldRenderer& renderer, const SequenceOptions& options,
+              std::stop_token stop)
+      : plan_(plan),
+        name_(name),
+        frames_(frames),
+        renderer_(renderer),
+        options_(options),
+        stop_(std::move(stop)) {}
+
+  SequenceReport run(int in_flight) {
+    const auto start = std::chrono::steady_clock::now();
+    std::size_t next = 0;
+    const auto feed = [&](tbb::flow_control& control) -> std::size_t {
+      if (next < frames_.size() && !stop_.stop_requested()) return next++;
+      control.stop();
+      return 0;
+    };
+    tbb::parallel_pipeline(
+        static_cast<std::size_t>(in_flight),
+        tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, feed) &
+            tbb::make_filter<std::size_t, void>(tbb::filter_mode::parallel,
+                                                [this](std::size_t i) { process(frames_[i]); }));
+    report_.seconds =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    report_.asked = static_cast<int>(frames_.size());
+    const std::size_t done =
+        static_cast<std::size_t>(report_.rendered + report_.skipped) + report_.failures.size();
+    report_.stopped = done < frames_.size();
+    std::sort(report_.failures.begin(), report_.failures.end(),
+              [](const auto& a, const auto& b) { return a.frame < b.frame; });
+    return std::move(report_);
+  }
+
+ private:
+  // Reading, sampling and writing in tenths of a frame, so that a heavy frame shows progress.
+  static constexpr int kPartsOfFrame = 10, kPartsOfRender = 8;
+
+  void process(const PlannedFrame& frame) {
+    int parts_left = kPartsOfFrame;
+    try {
+      process_or_throw(frame, parts_left);
+    } catch (const std::bad_alloc&) {
+      throw;  // a farm retries with more memory; the other frames would fare no better
+    } catch (const std::exception& error) {
+      options_.say(fmt::format("frame {} failed: {}", frame.frame, error.what()));
+      const std::scoped_lock lock(mutex_);
+      report_.failures.push_back({frame.frame, error.what()});
+    }
+    if (!stop_.stop_requested()) advance(parts_left);
+  }
+
+  void process_or_throw(const PlannedFrame& frame, int& parts_left) {
+    const std::filesystem::path file = name_.path(frame.frame);
+    const std::string fingerprint = plan_.fingerprint(frame, options_.chromaticities);
+    if (options_.existing == ExistingFiles::kSkip && exr_is_whole(file, fingerprint)) {
+      const std::scoped_lock lock(mutex_);
+      ++report_.skipped;
+      return;
+    }
+    ExrMetadata metadata = plan_.metadata(frame);
+    metadata.fingerprint = fingerprint;
+    metadata.program_version = options_.program_version;
+    metadata.chromaticities = options_.chromaticities;
+
+    RenderedView view;
+    if (frame.tick) {
+      // Isolated: while this thread waits for its frame's tiles it must not begin another frame,
+      // which would keep this one waiting.
+      tbb::this_task_arena::isolate([&] {
+        view = renderer_.render(metadata.camera,
+                                plan_.timeline().ticks[static_cast<std::size_t>(*frame.tick)],
+                                plan_.reconstruction());
+      });
+    } else {
+      view = black_view(plan_.shot().width, plan_.shot().height);
+    }
+    advance(kPartsOfRender);
+    parts_left -= kPartsOfRender;
+    if (stop_.stop_requested()) return;
+
+    const std::size_t bytes = write_exr(view, metadata, file);
+    const std::scoped_lock lock(mutex_);
+    ++report_.rendered;
+    report_.bytes_written += static_cast<std::int64_t>(bytes);
+    report_.pixels_decoded += view.statistics.pixels_decoded;
+    report_.decode_ms += view.statistics.decode_ms;
+    report_.render_ms += view.statistics.render_ms;
+  }
+
+  void advance(int parts) {
+    const std::int64_t done = parts_done_ += parts;
+    options_.progress(static_cast<double>(done) /
+                      (static_cast<double>(frames_.size()) * kPartsOfFrame));
+  }
+
+  const ShotPlan& plan_;
+  const SequenceName& name_;
+  std::span<const PlannedFrame> frames_;
+  const LightFieldRenderer& renderer_;
+  const SequenceOptions& options_;
+  std::stop_token stop_;
+  std::atomic<std::int64_t> parts_done_ = 0;
+  std::mutex mutex_;  ///< of report_
+  SequenceReport report_;
+};
+
+}  // namespace
+
+ExitCode SequenceReport::exit_code() const {
+  if (rendered + skipped == asked && asked > 0) return ExitCode::kSuccess;
+  if (stopped || rendered + skipped == 0) return ExitCode::kFailed;
+  return ExitCode::kSomeFramesFailed;
+}
+
+std::string SequenceReport::summary() const {
+  std::string text = fmt::format("{} of {} frames rendered", rendered, asked);
+  if (skipped > 0) text += fmt::format(", {} were there already", skipped);
+  if (!failures.empty()) {
+    std::vector<int> frames;
+    for (const Failure& failure : failures) frames.push_back(failure.frame);
+    text += fmt::format(", {} failed ({})", failures.size(), format_frame_range(frames));
+  }
+  if (stopped) text += ", stopped early";
+  text += fmt::format("; {:.1f} s", seconds);
+  if (rendered > 0 && seconds > 0) text += fmt::format(", {:.2f} frames/s", rendered / seconds);
+  return text + fmt::format("; {:.1f} Mpixel decoded, {:.1f} MB written, peak memory {:.0f} MB",
+                            static_cast<double>(pixels_decoded) * 1e-6,
+                            static_cast<double>(bytes_written) * 1e-6,
+                            static_cast<double>(peak_memory()) * 1e-6);
+}
+
+std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot) {
+  const std::string shot_name = shot.name.empty() ? shot_file.stem().string() : shot.name;
+  const std::string& layer = shot.layers.front().name;
+  std::string name = layer.empty() ? shot_name : shot_name + "_" + layer;
+  // The names are free text; a path or a frame token in them must not take effect.
+  for (char& c : name) {
+    if (c == '/' || c == '#' || c == '@' || c == '%' || c == ' ') c = '_';
+  }
+  return (shot_file.parent_path() / "renders" / (name + ".####.exr")).string();
+}
+
+SequenceReport render_sequence(const std::filesystem::path& shot_file,
+                               const SequenceOptions& options, std::stop_token stop) {
+  const ShotPlan plan(shot_file);
+  const ShotDocument& shot = plan.shot();
+  const std::vector<int> numbers = frames_to_render(shot, options);
+  const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
+  const MemoryPlan memory = plan_memory(shot, options);
+  SequenceOptions resolved = options;
+  if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
+  const SequenceName name = checked_name(resolved, frames.size());
+  if (options.existing == ExistingFiles::kError) check_existing(name, numbers);
+  RendererSettings settings;
+  settings.cache_bytes = memory.cache_bytes;
+  const LightFieldRenderer renderer(plan.take(), settings);
+  check_folder(name.folder());
+  check_room(name.folder(), shot, frames.size(), options);
+
+  const auto held = std::count_if(frames.begin(), frames.end(), [](auto& f) { return f.held; });
+  const auto black = std::count_if(frames.begin(), frames.end(), [](auto& f) { return !f.tick; });
+  if (held > 0) options.say(fmt::format("{} frames hold another instant of the take", held));
+  if (black > 0) options.say(fmt::format("{} frames are empty: the take has nothing there", black));
+  options.say(fmt::format("writing {} frames to {}, {} in flight, {:.2f} GB of cache",
+                          frames.size(), resolved.output, memory.in_flight,
+                          static_cast<double>(memory.cache_bytes) * 1e-9));
+  options.progress(0);
+  return SequenceRun(plan, name, frames, renderer, resolved, std::move(stop)).run(memory.in_flight);
+}
+
+}  // namespace raystage

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "compose/shot_plan.h"
+#include "schemas/error.h"
+
+namespace raystage {
+
+/// What to do about frames whose file is there already.
+enum class ExistingFiles {
+  kError,     ///< refuse before anything is rendered
+  kSkip,      ///< keep files that are whole and carry the fingerprint; render the others anew
+  kOverwrite  ///< render all
+};
+
+struct SequenceOptions {
+  std::string output;                      ///< SequenceName pattern of .exr files
+  std::optional<std::vector<int>> frames;  ///< sorted; none: all of the shot
+  ExistingFiles existing = ExistingFiles::kError;
+  MissingFrames missing = MissingFrames::kError;
+  int frames_in_flight = 0;      ///< 0: one per thread of the TBB arena, at most 16
+  std::size_t memory_bytes = 0;  ///< for frames and cache; 0: half of available_memory(), at most
+                                 ///< what the frames in flight need and 4 GiB of cache
+  bool chromaticities = false;   ///< as in ExrMetadata
+  std::string program_version;
+  /// Rising from 0 to 1; called from many threads.
+  std::function<void(double)> progress = [](double) {};
+  /// One line for the log: what was clamped, held, skipped or failed; called from many threads.
+  std::function<void(std::string_view)> say = [](std::string_view) {};
+};
+
+/// What became of a sequence.
+struct SequenceReport {
+  struct Failure {
+    int frame = 0;
+    std::string what;
+  };
+  int asked = 0, rendered = 0, skipped = 0;
+  bool stopped = false;           ///< a stop was requested before the last frame
+  std::vector<Failure> failures;  ///< by frame
+  double seconds = 0;             ///< wall-clock, of the frames
+  std::int64_t bytes_written = 0, pixels_decoded = 0;
+  double decode_ms = 0, render_ms = 0;  ///< summed over the frames
+
+  /// kSuccess only if every frame asked for is there, whole.
+  ExitCode exit_code() const;
+  /// One line: frames, frames per second, decoded pixels, bytes written, peak memory.
+  std::string summary() const;
+};
+
+/// Renders a shot's frames to EXR files, several frames in flight. Everything that can be is
+/// checked before the first one; a frame that fails later is reported and the others go on. Files
+/// appear whole or not at all. Once `stop` is requested frames under way are dropped. Uses the TBB
+/// arena it is called in; the bytes do not depend on its size. Throws Error where nothing can be
+/// rendered, std::bad_alloc when memory runs out.
+SequenceReport render_sequence(const std::filesystem::path& shot_file,
+                               const SequenceOptions& options, std::stop_token stop);
+
+/// "renders/SHOT_LAYER.####.exr" beside the shot.
+std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot);
+
+}  // namespace raystage

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/sequence_name.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kMaxPadding = 16;
+
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+struct Token {
+  std::size_t begin = 0, end = 0;
+  int padding = 0;
+};
+
+/// The token that starts at `at`, nullopt if none does.
+std::optional<Token> token_at(std::string_view text, std::size_t at) {
+  const char c = text[at];
+  std::size_t end = at;
+  if (c == '#' || c == '@') {
+    while (end < text.size() && text[end] == c) ++end;
+    const auto length = static_cast<int>(std::min<std::size_t>(end - at, kMaxPadding + 1));
+    return Token{at, end, c == '#' && length == 1 ? 4 : length};
+  }
+  if (c != '%') return std::nullopt;
+  ++end;
+  int padding = 0;
+  while (end < text.size() && is_digit(text[end]) && padding <= kMaxPadding) {
+    padding = padding * 10 + (text[end++] - '0');
+  }
+  const bool zero_padded = padding == 0 || text[at + 1] == '0';
+  if (end >= text.size() || text[end] != 'd' || !zero_padded) {
+    throw Error::bad_input("the token after '%' is unknown", std::string(text),
+                           "Write %04d or #### for the frame number");
+  }
+  return Token{at, end + 1, std::max(padding, 1)};
+}
+
+}  // namespace
+
+SequenceName::SequenceName(std::string_view pattern) : pattern_(pattern), before_(pattern) {
+  const std::size_t slash = pattern.rfind('/');
+  const std::size_t name_begin = slash == std::string_view::npos ? 0 : slash + 1;
+  if (pattern.size() == name_begin) {
+    throw Error::bad_input("the file name is missing", pattern_,
+                           "Write FOLDER/NAME.####.exr for a sequence");
+  }
+  for (std::size_t at = name_begin; at < pattern.size(); ++at) {
+    const auto token = token_at(pattern, at);
+    if (!token) continue;
+    if (has_token_) {
+      throw Error::bad_input("the frame number has two places", pattern_,
+                             "Keep one of #### and %04d");
+    }
+    if (token->padding > kMaxPadding) {
+      throw Error::bad_input(fmt::format("more than {} digits", kMaxPadding), pattern_,
+                             "Write #### for four digits");
+    }
+    has_token_ = true;
+    padding_ = token->padding;
+    before_ = pattern.substr(0, token->begin);
+    after_ = pattern.substr(token->end);
+    at = token->end - 1;
+  }
+  // Only what could be meant as a token: '@' and '%' alone do occur in folders' names.
+  const std::string_view folders = pattern.substr(0, name_begin);
+  if (!has_token_ && (folders.find("##") != std::string_view::npos)) {
+    throw Error::bad_input("the frame number stands in a folder's name", pattern_,
+                           "Put #### into the file's name");
+  }
+}
+
+std::filesystem::path SequenceName::folder() const {
+  const auto folder = std::filesystem::path(pattern_).parent_path();
+  return folder.empty() ? std::filesystem::path(".") : folder;
+}
+
+std::string SequenceName::number(int frame) const {
+  return fmt::format("{:0{}d}", frame, padding_);
+}
+
+std::filesystem::path SequenceName::path(int frame) const {
+  return has_token_ ? before_ + number(frame) + after_ : pattern_;
+}
+
+std::optional<int> SequenceName::frame_of(std::string_view file_name) const {
+  if (!has_token_) return std::nullopt;
+  const std::string_view before =
+      std::string_view(before_).substr(before_.find_last_of('/') + 1);  // npos + 1 == 0
+  if (file_name.size() < before.size() + after_.size() || !file_name.starts_with(before) ||
+      !file_name.ends_with(after_)) {
+    return std::nullopt;
+  }
+  const std::string_view digits =
+      file_name.substr(before.size(), file_name.size() - before.size() - after_.size());
+  int frame = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), frame);
+  if (error != std::errc{} || end != digits.data() + digits.size() || number(frame) != digits) {
+    return std::nullopt;
+  }
+  return frame;
+}
+
+}  // namespace raystage

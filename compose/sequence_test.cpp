@@ -1,0 +1,384 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/sequence.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include <cmath>
+#include <fstream>
+#include <mutex>
+
+#include "compose/exr_file.h"
+#include "compose/sequence_name.h"
+#include "schemas/atomic_file.h"
+#include "schemas/test_folder.h"
+#include "schemas/transfer_function.h"
+#include "store/jpeg/encode.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr int kCameras = 4, kTicks = 6, kWidth = 64, kHeight = 48;
+constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 10;
+
+/// 2 x 2 cameras 10 cm apart that look along -z at a wall whose grey rises by `kStep` per tick.
+constexpr int kFirstGrey = 60, kStep = 20;
+
+void write_wall_take(const std::filesystem::path& folder) {
+  TakeDocument take;
+  take.name = "wall";
+  take.created_by = "test";
+  take.epoch_utc = 1'700'000'000 * kNanosecondsPerSecond;
+  take.nominal_fps = 10;
+  take.color_space = "srgb_texture";
+  take.depth_range = DepthRange{2, 6};
+  RigDocument rig;
+  rig.name = "four";
+  for (int i = 0; i < kCameras; ++i) {
+    RigDocument::Camera camera;
+    CameraGeometry& g = camera.geometry;
+    g.id = "c" + std::to_string(i);
+    g.width = kWidth;
+    g.height = kHeight;
+    g.intrinsics = {60, 60, kWidth / 2.0, kHeight / 2.0, {}};
+    g.world_from_camera[3] = 0.1 * (i % 2);
+    g.world_from_camera[7] = -0.1 * (i / 2);
+    rig.cameras.push_back(camera);
+    take.cameras.push_back({g.id, "", "", ""});
+  }
+  TakeWriter writer(folder, take, rig);
+  for (int i = 0; i < kCameras; ++i) {
+    for (int tick = 0; tick < kTicks; ++tick) {
+      if (i == 3 && tick == 2) continue;  // a drop
+      RgbImage image{kWidth, kHeight, {}};
+      image.pixels.assign(static_cast<std::size_t>(kWidth) * kHeight * 3,
+                          static_cast<std::uint8_t>(kFirstGrey + kStep * tick));
+      writer.archive(i).append(encode_jpeg(image, {}), kInterval + tick * kInterval + i * 1000);
+    }
+  }
+  writer.commit();
+  const Take opened(folder);
+  write_timeline(build_timeline(opened, 10, 0), folder);
+}
+
+ShotDocument wall_shot() {
+  ShotDocument shot;
+  shot.name = "sh";
+  shot.width = 40;
+  shot.height = 30;
+  shot.fps = shot.fps_numerator = 10;
+  shot.first_frame = 101;
+  shot.last_frame = 106;
+  shot.camera.push_back({101, {0.03, -0.03, 0}, {1, 0, 0, 0}, 40});
+  shot.camera.push_back({106, {0.04, -0.03, 0}, {1, 0, 0, 0}, 40});
+  ShotDocument::Layer layer;
+  layer.take = "take";
+  shot.layers.push_back(layer);
+  return shot;
+}
+
+class Sequence : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    write_wall_take(folder_.path() / "take");
+    shot_ = wall_shot();
+    options_.output = (folder_.path() / "out" / "a.####.exr").string();
+    options_.program_version = "0.1.0";
+    options_.say = [this](std::string_view line) {
+      const std::scoped_lock lock(mutex_);
+      said_.emplace_back(line);
+    };
+    options_.progress = [this](double done) {
+      const std::scoped_lock lock(mutex_);
+      progress_ = std::max(progress_, done);
+    };
+  }
+
+  SequenceReport run(std::stop_token stop = {}) {
+    write_shot(shot_, shot_file());
+    return render_sequence(shot_file(), options_, std::move(stop));
+  }
+  /// The text of the Error that the run ends in.
+  std::string refusal(ExitCode code = ExitCode::kBadInput) {
+    try {
+      run();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), code) << error.what();
+      return error.what();
+    }
+    return "no error";
+  }
+  std::filesystem::path shot_file() const { return folder_.path() / "shot.json"; }
+  std::filesystem::path file(int frame) const { return SequenceName(options_.output).path(frame); }
+  int files() const {
+    int count = 0;
+    std::error_code none;
+    for (auto& entry : std::filesystem::directory_iterator(folder_.path() / "out", none)) {
+      count += entry.is_regular_file() ? 1 : 0;
+    }
+    return count;
+  }
+  /// Linear value and alpha in the middle of a frame.
+  std::pair<float, float> middle(int frame) const {
+    const ExrImage image = read_exr(file(frame));
+    const std::size_t at = (15 * 40 + 20) * 4;
+    return {image.rgba.at(at), image.rgba.at(at + 3)};
+  }
+  static float grey(int tick) {
+    return static_cast<float>(linear_from_srgb((kFirstGrey + kStep * tick) / 255.0));
+  }
+
+  TestFolder folder_;
+  ShotDocument shot_;
+  SequenceOptions options_;
+  std::mutex mutex_;
+  std::vector<std::string> said_;
+  double progress_ = 0;
+};
+
+TEST_F(Sequence, RendersEveryFrameAtItsTime) {
+  const SequenceReport report = run();
+  EXPECT_EQ(report.exit_code(), ExitCode::kSuccess);
+  EXPECT_EQ(report.rendered, 6);
+  EXPECT_EQ(files(), 6) << "and nothing temporary";
+  EXPECT_EQ(progress_, 1);
+  EXPECT_THAT(report.summary(), HasSubstr("6 of 6 frames rendered"));
+  for (int tick = 0; tick < kTicks; ++tick) {
+    const auto [value, alpha] = middle(101 + tick);
+    EXPECT_NEAR(value, grey(tick), 0.005F) << tick;
+    EXPECT_NEAR(alpha, 1, 1e-3F);
+  }
+}
+
+TEST_F(Sequence, StartAndSpeedChooseTheInstant) {
+  ShotDocument::Layer& layer = shot_.layers[0];
+  layer.start_seconds = 0.5;
+  layer.speed = -0.5;
+  run();
+  EXPECT_NEAR(middle(101).first, grey(5), 0.005F);
+  EXPECT_NEAR(middle(103).first, grey(4), 0.005F);
+  EXPECT_NEAR(middle(105).first, grey(3), 0.005F);
+}
+
+TEST_F(Sequence, FramesOutsideTheShotAreLeftOutAndSaid) {
+  options_.frames = {95, 102, 104, 106, 110};
+  EXPECT_EQ(run().rendered, 3);
+  EXPECT_EQ(files(), 3);
+  EXPECT_THAT(said_, Contains(HasSubstr("2 of the frames asked for")));
+  options_.frames = {1, 2};
+  EXPECT_THAT(refusal(), HasSubstr("none of the frames 1-2"));
+}
+
+TEST_F(Sequence, ExistingFilesStopTheRunUnlessToldOtherwise) {
+  options_.frames = {101, 102};
+  run();
+  const auto time = std::filesystem::last_write_time(file(101));
+  EXPECT_THAT(refusal(), HasSubstr("2 of 2 frames are there already (101-102)"));
+  options_.existing = ExistingFiles::kSkip;
+  const SequenceReport report = run();
+  EXPECT_EQ(report.skipped, 2);
+  EXPECT_EQ(report.rendered, 0);
+  EXPECT_EQ(report.exit_code(), ExitCode::kSuccess);
+  EXPECT_EQ(std::filesystem::last_write_time(file(101)), time);
+  options_.existing = ExistingFiles::kOverwrite;
+  EXPECT_EQ(run().rendered, 2);
+}
+
+TEST_F(Sequence, SkipTrustsOnlyWholeFilesOfTheSameInputs) {
+  run();
+  options_.existing = ExistingFiles::kSkip;
+  // A torn copy.
+  std::filesystem::resize_file(file(103), std::filesystem::file_size(file(103)) - 7);
+  EXPECT_EQ(run().rendered, 1);
+  // The last key moves: the first frame's camera stays as it was, the others change.
+  shot_.camera[1].position[0] += 0.001;
+  EXPECT_EQ(run().rendered, 5);
+  shot_.layers[0].focal_plane = {ShotDocument::FocalPlane::Kind::kDepth, 3.5, {}};
+  EXPECT_EQ(run().rendered, 6);
+  options_.chromaticities = true;
+  EXPECT_EQ(run().rendered, 6);
+  // Another calibration.
+  const auto rig = folder_.path() / "take" / "rig.json";
+  RigDocument document = read_rig(rig);
+  document.cameras[0].photometric.contrast[0] = 1.1;
+  write_rig(document, rig);
+  EXPECT_EQ(run().rendered, 6);
+  EXPECT_EQ(run().skipped, 6);
+  // A new synchronisation with the same outcome changes nothing.
+  const Take take(folder_.path() / "take");
+  write_timeline(build_timeline(take, 10, 0), take.folder());
+  EXPECT_EQ(run().skipped, 6);
+}
+
+TEST_F(Sequence, SkipSurvivesAMoveOfTheProject) {
+  run();
+  const TestFolder other;
+  std::filesystem::copy(folder_.path(), other.path(), std::filesystem::copy_options::recursive);
+  options_.output = (other.path() / "out" / "a.####.exr").string();
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(render_sequence(other.path() / "shot.json", options_, {}).skipped, 6);
+}
+
+TEST_F(Sequence, SameBytesForAnyNumberOfThreadsAndFramesInFlight) {
+  std::vector<std::string> first;
+  for (const int threads : {1, 2, 5}) {
+    options_.existing = ExistingFiles::kOverwrite;
+    options_.frames_in_flight = threads * 2 - 1;
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(threads));
+    tbb::task_arena arena(threads);
+    EXPECT_EQ(arena.execute([&] { return run(); }).rendered, 6);
+    std::vector<std::string> bytes;
+    for (int frame = 101; frame <= 106; ++frame) bytes.push_back(read_file(file(frame)));
+    if (first.empty()) first = bytes;
+    EXPECT_EQ(bytes, first) << threads << " threads";
+  }
+}
+
+TEST_F(Sequence, WhatTheTakeLacksIsAnErrorHeldOrBlack) {
+  shot_.last_frame = 108;
+  EXPECT_THAT(refusal(), HasSubstr("2 of 8 frames (107-108)"));
+  EXPECT_EQ(files(), 0);
+  options_.missing = MissingFrames::kHold;
+  EXPECT_EQ(run().exit_code(), ExitCode::kSuccess);
+  EXPECT_NEAR(middle(108).first, grey(5), 0.005F);
+  EXPECT_THAT(said_, Contains(HasSubstr("2 frames hold")));
+  options_.missing = MissingFrames::kBlack;
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().rendered, 2) << "the fingerprint knows the difference";
+  EXPECT_EQ(middle(108).second, 0);
+  EXPECT_EQ(middle(106).second, 1);
+
+  shot_.layers[0].start_seconds = -0.2;
+  options_.missing = MissingFrames::kHold;
+  run();
+  EXPECT_NEAR(middle(101).first, grey(0), 0.005F) << "held from after, where nothing is before";
+}
+
+TEST_F(Sequence, ATakeOfOneInstantIsAStill) {
+  const Take take(folder_.path() / "take");
+  Timeline timeline = build_timeline(take, 10, 0);
+  timeline.ticks.resize(1);
+  write_timeline(timeline, take.folder());
+  EXPECT_EQ(run().rendered, 6);
+  EXPECT_NEAR(middle(106).first, grey(0), 0.005F);
+}
+
+TEST_F(Sequence, ADamagedFrameFailsAloneAndIsNamed) {
+  {
+    const Take take(folder_.path() / "take");
+    for (int camera = 0; camera < kCameras; ++camera) {
+      // By time: camera 3 lacks one.
+      const auto index = take.archive(camera).nearest_frame(kInterval * 4);
+      const FrameRecord record =
+          take.archive(camera).frames()[static_cast<std::size_t>(index.value())];
+      std::fstream archive(folder_.path() / "take" /
+                               take.document().cameras[static_cast<std::size_t>(camera)].archive,
+                           std::ios::in | std::ios::out | std::ios::binary);
+      archive.seekp(static_cast<std::streamoff>(record.offset));
+      archive << "damaged";
+    }
+  }
+  const SequenceReport report = run();
+  EXPECT_EQ(report.exit_code(), ExitCode::kSomeFramesFailed);
+  EXPECT_EQ(report.rendered, 5);
+  ASSERT_EQ(report.failures.size(), 1U);
+  EXPECT_EQ(report.failures[0].frame, 104);
+  EXPECT_THAT(report.summary(), HasSubstr("1 failed (104)"));
+  EXPECT_THAT(said_, Contains(HasSubstr("frame 104 failed")));
+  EXPECT_FALSE(std::filesystem::exists(file(104)));
+  EXPECT_EQ(files(), 5);
+  EXPECT_EQ(progress_, 1);
+}
+
+TEST_F(Sequence, AStopDropsWhatIsUnderWay) {
+  std::stop_source source;
+  options_.frames_in_flight = 1;
+  options_.progress = [&](double done) {
+    if (done > 0.2) source.request_stop();
+  };
+  const SequenceReport report = run(source.get_token());
+  EXPECT_TRUE(report.stopped);
+  EXPECT_EQ(report.exit_code(), ExitCode::kFailed);
+  EXPECT_LT(report.rendered, 6);
+  EXPECT_EQ(files(), report.rendered);
+}
+
+TEST_F(Sequence, ChecksEverythingFirst) {
+  options_.output = (folder_.path() / "still.exr").string();
+  EXPECT_THAT(refusal(), HasSubstr("same name"));
+  options_.output = (folder_.path() / "a.####.png").string();
+  EXPECT_THAT(refusal(), HasSubstr("only EXR"));
+  options_.output = (shot_file() / "a.####.exr").string();
+  EXPECT_NE(refusal(ExitCode::kFailed), "no error") << "a file where the folder should be";
+  options_.output = (folder_.path() / "out" / "a.####.exr").string();
+  options_.memory_bytes = 1000;
+  EXPECT_THAT(refusal(), HasSubstr("--memory"));
+  options_.memory_bytes = 0;
+  shot_.layers[0].method = "magic";
+  EXPECT_THAT(refusal(), HasSubstr("magic"));
+  shot_.layers[0].method = "focal_plane";
+  shot_.layers[0].take = "elsewhere";
+  EXPECT_NE(refusal(), "no error");
+  shot_.layers[0].take = "take";
+  std::filesystem::remove(folder_.path() / "take" / "timeline.zst");
+  EXPECT_THAT(refusal(), HasSubstr("raystage sync"));
+  EXPECT_EQ(files(), 0);
+}
+
+TEST_F(Sequence, TheBestPlaneNeedsADepthRange) {
+  TakeDocument take = read_take(folder_.path() / "take" / "take.json");
+  take.depth_range.reset();
+  write_take(take, folder_.path() / "take" / "take.json");
+  const std::string text = refusal();
+  EXPECT_THAT(text, HasSubstr("depth range"));
+  EXPECT_THAT(text, HasSubstr("shot.json#/layers/0/focal_plane"));
+}
+
+TEST_F(Sequence, HeaderTellsWhatIsAbsentAndWhen) {
+  write_shot(shot_, shot_file());
+  const ShotPlan plan(shot_file());
+  const auto frames = plan.plan(std::vector<int>{101, 103}, MissingFrames::kError);
+  EXPECT_TRUE(plan.metadata(frames[0]).absent_cameras.empty());
+  EXPECT_THAT(plan.metadata(frames[1]).absent_cameras, ElementsAre("c3"));
+  const Nanoseconds first = plan.timeline().ticks[0].time_ns;
+  EXPECT_EQ(plan.metadata(frames[1]).capture_utc,
+            plan.take().document().epoch_utc + first + 2 * kInterval);
+  EXPECT_EQ(plan.metadata(frames[0]).capture_rate, 10);
+}
+
+TEST_F(Sequence, FocalPlanesOfEveryKind) {
+  write_shot(shot_, shot_file());
+  const ShotPlan plan(shot_file());
+  const Rig& rig = plan.take().rig();
+  using Kind = ShotDocument::FocalPlane::Kind;
+  const auto equation = [&](const ShotDocument::FocalPlane& plane) {
+    return focal_plane_equation(plane, rig, DepthRange{2, 6}, "here");
+  };
+  // 2 / (1/2 + 1/6) = 3 m in front of an array that looks along -z.
+  const Eigen::Vector4d best = equation({Kind::kBest, 0, {}});
+  EXPECT_NEAR(std::abs(best[2]), 1, 1e-9);
+  EXPECT_NEAR(best.dot(Eigen::Vector4d(0.3, 0.2, -3, 1)), 0, 1e-9);
+  EXPECT_NEAR((best - equation({Kind::kDepth, 3, {}})).norm(), 0, 1e-12);
+  EXPECT_EQ(equation({Kind::kInfinity, 0, {}}), Eigen::Vector4d(0, 0, 0, 1));
+  EXPECT_EQ(equation({Kind::kEquation, 0, {0, 2, 0, 4}}), Eigen::Vector4d(0, 1, 0, 2));
+  EXPECT_EQ(equation({Kind::kEquation, 0, {0, 0, 0, 4}}), Eigen::Vector4d(0, 0, 0, 1));
+  EXPECT_THROW(equation({Kind::kEquation, 0, {0, 0, 0, 0}}), Error);
+}
+
+TEST(DefaultOutput, StandsBesideTheShotAndIsOneSafeName) {
+  ShotDocument shot = wall_shot();
+  shot.layers[0].name = "lf/beauty #1";
+  EXPECT_EQ(default_output("p/shot.json", shot), "p/renders/sh_lf_beauty__1.####.exr");
+  shot.name = shot.layers[0].name = "";
+  EXPECT_EQ(default_output("shot.json", shot), "renders/shot.####.exr");
+}
+
+}  // namespace
+}  // namespace raystage

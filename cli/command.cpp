@@ -90,23 +90,39 @@ int run_command(std::string_view name, const CommandBody& body) {
   return code;
 }
 
-Progress::Progress(bool enabled) : enabled_(enabled), terminal_(isatty(STDERR_FILENO) == 1) {}
+Progress::Progress(ProgressStyle style)
+    : style_(style), bar_(style == ProgressStyle::kAuto && isatty(STDERR_FILENO) == 1) {}
 
 void Progress::report(double done) {
-  if (!enabled_) return;
+  if (style_ == ProgressStyle::kNone) return;
   const int percent = std::clamp(static_cast<int>(done * 100), 0, 100);
   const std::scoped_lock lock(mutex_);
   if (percent <= percent_) return;
   percent_ = percent;
-  if (terminal_) {
-    constexpr int kWidth = 40;
-    const int filled = percent * kWidth / 100;
-    fmt::print(stderr, "\r[{:=<{}}{: <{}}] {:3}%{}", "", filled, "", kWidth - filled, percent,
-               percent == 100 ? "\n" : "");
+  if (bar_) {
+    draw_bar();
+    if (percent == 100) std::fputc('\n', stderr);
+  } else if (style_ == ProgressStyle::kOpenJd) {
+    fmt::print(stderr, "openjd_progress: {}\n", percent);
   } else {
     fmt::print(stderr, "Progress: {}%\n", percent);
   }
   std::fflush(stderr);
+}
+
+void Progress::say(std::string_view line) {
+  const std::scoped_lock lock(mutex_);
+  const bool bar_open = bar_ && percent_ >= 0 && percent_ < 100;
+  if (bar_open) fmt::print(stderr, "\r{: <60}\r", "");
+  fmt::print(stderr, "{}\n", line);
+  if (bar_open) draw_bar();
+  std::fflush(stderr);
+}
+
+void Progress::draw_bar() const {
+  constexpr int kWidth = 40;
+  const int filled = percent_ * kWidth / 100;
+  fmt::print(stderr, "\r[{:=<{}}{: <{}}] {:3}%", "", filled, "", kWidth - filled, percent_);
 }
 
 }  // namespace raystage

@@ -19,16 +19,30 @@ using CommandBody = std::function<ExitCode(std::stop_token stop)>;
 /// process then exits with 128 + the signal's number.
 int run_command(std::string_view name, const CommandBody& body);
 
-/// Progress on stderr: a bar where a terminal watches, otherwise lines "Progress: 42%", flushed,
-/// only rising. Thread-safe.
+/// How progress is shown on stderr.
+enum class ProgressStyle {
+  kAuto,    ///< a bar where a terminal watches, otherwise kPlain
+  kPlain,   ///< lines "Progress: 42%"
+  kOpenJd,  ///< lines "openjd_progress: 42" (Open Job Description)
+  kNone
+};
+
+/// Progress on stderr: flushed, only rising. Thread-safe.
 class Progress {
  public:
-  explicit Progress(bool enabled = true);
+  explicit Progress(bool enabled = true)
+      : Progress(enabled ? ProgressStyle::kAuto : ProgressStyle::kNone) {}
+  explicit Progress(ProgressStyle style);
   /// `done` in [0, 1].
   void report(double done);
+  /// A line of text on stderr that does not run into the bar.
+  void say(std::string_view line);
 
  private:
-  bool enabled_, terminal_;
+  void draw_bar() const;
+
+  ProgressStyle style_;
+  bool bar_ = false;  ///< kAuto on a terminal
   int percent_ = -1;
   std::mutex mutex_;
 };

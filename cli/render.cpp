@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage render: a shot as an EXR sequence.
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+#include <unistd.h>
+
+#include <array>
+#include <map>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "compose/frame_range.h"
+#include "compose/resources.h"
+#include "compose/sequence.h"
+#include "raystage_version.h"
+
+namespace raystage {
+namespace {
+
+constexpr double kBytesPerGb = 1e9;
+
+struct Options {
+  std::string shot, output, frames;
+  int threads = 0, frames_in_flight = 0;
+  double memory_gb = 0;
+  bool chromaticities = false;
+  ExistingFiles existing = ExistingFiles::kError;
+  MissingFrames missing = MissingFrames::kError;
+  ProgressStyle progress = ProgressStyle::kAuto;
+};
+
+/// An option with a closed list of words; CLI11's own transformer would show users our numbers.
+template <class T>
+void add_choice(CLI::App& app, const std::string& name, T& value,
+                const std::map<std::string, T>& choices, const std::string& help) {
+  std::string names;
+  std::vector<std::string> words;
+  for (const auto& [word, unused] : choices) {
+    words.push_back(word);
+    names += (names.empty() ? "" : "|") + word;
+  }
+  app.add_option_function<std::string>(
+         name, [&value, choices](const std::string& word) { value = choices.at(word); }, help)
+      ->check(CLI::IsMember(words).description(""))
+      ->type_name(names);
+}
+
+void declare(CLI::App& app, Options& options) {
+  app.add_option("SHOT", options.shot, "the shot to render (shot.json)")->required();
+  app.add_option("-o,--output", options.output,
+                 "name of the frames; #### is the frame number with that many digits, as is %04d\n"
+                 "(default: renders/SHOT_LAYER.####.exr beside the shot)")
+      ->type_name("DIR/NAME.####.exr");
+  app.add_option("--frames", options.frames,
+                 "frames to render, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames outside\n"
+                 "the shot are left out (default: all of the shot)")
+      ->type_name("RANGE");
+  add_choice<ExistingFiles>(app, "--existing", options.existing,
+                            {{"error", ExistingFiles::kError},
+                             {"skip", ExistingFiles::kSkip},
+                             {"overwrite", ExistingFiles::kOverwrite}},
+                            "frames whose file is there: error = refuse to start; skip = keep a "
+                            "file that is\nwhole and was made from the same inputs, render the "
+                            "others; overwrite = render all\n(default: error)");
+  add_choice<MissingFrames>(app, "--missing", options.missing,
+                            {{"error", MissingFrames::kError},
+                             {"hold", MissingFrames::kHold},
+                             {"black", MissingFrames::kBlack}},
+                            "frames before or after the take: error = refuse to start; hold = show "
+                            "the nearest\ninstant; black = empty frames (default: error)");
+  app.add_option("--threads", options.threads,
+                 "threads (default: the CPUs that affinity and control group grant)")
+      ->check(CLI::Range(1, 1024))
+      ->type_name("N");
+  app.add_option("--frames-in-flight", options.frames_in_flight,
+                 "frames worked on at once (default: one per thread, at most 16)")
+      ->check(CLI::Range(1, 256))
+      ->type_name("N");
+  app.add_option("--memory", options.memory_gb,
+                 "memory for frames in flight and decoded source frames, GB = 10^9 bytes\n"
+                 "(default: half of the machine's or control group's; at most 4 GiB of source "
+                 "frames)")
+      ->check(CLI::PositiveNumber)
+      ->type_name("GB");
+  app.add_flag("--chromaticities", options.chromaticities,
+               "write the chromaticities attribute for readers that do not know colorInteropID");
+  add_choice<ProgressStyle>(
+      app, "--progress", options.progress,
+      {{"auto", ProgressStyle::kAuto},
+       {"plain", ProgressStyle::kPlain},
+       {"openjd", ProgressStyle::kOpenJd},
+       {"none", ProgressStyle::kNone}},
+      "on stderr: auto = a bar on a terminal, else plain; plain = \"Progress: "
+      "42%\";\nopenjd = \"openjd_progress: 42\" (default: auto)");
+  app.footer(
+      "Exit codes: 0 every frame asked for is there, whole; 1 failed; 2 bad usage or input;\n"
+      "3 some frames failed, the rest is done; 33 out of memory; 128+n stopped by signal n.");
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
+}
+
+ExitCode render(const Options& options, std::stop_token stop) {
+  Progress progress(options.progress);
+  const int threads = options.threads > 0 ? options.threads : available_threads();
+  progress.say(
+      fmt::format("raystage render {} on {}: {} threads, SHOT {}, --existing {}, frames {}",
+                  RAYSTAGE_VERSION, host_name(), threads, options.shot,
+                  options.existing == ExistingFiles::kError  ? "error"
+                  : options.existing == ExistingFiles::kSkip ? "skip"
+                                                             : "overwrite",
+                  options.frames.empty() ? "all" : options.frames));
+
+  SequenceOptions sequence;
+  sequence.output = options.output;
+  if (!options.frames.empty()) sequence.frames = parse_frame_range(options.frames);
+  sequence.existing = options.existing;
+  sequence.missing = options.missing;
+  sequence.frames_in_flight = options.frames_in_flight;
+  sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
+  sequence.chromaticities = options.chromaticities;
+  sequence.program_version = RAYSTAGE_VERSION;
+  sequence.progress = [&](double done) { progress.report(done); };
+  sequence.say = [&](std::string_view line) { progress.say(line); };
+
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(threads));
+  tbb::task_arena arena(threads);
+  const SequenceReport report =
+      arena.execute([&] { return render_sequence(options.shot, sequence, stop); });
+  progress.say(report.summary());
+  return report.exit_code();
+}
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app{"Renders a shot as an EXR sequence.", "raystage render"};
+  Options options;
+  declare(app, options);
+  return parse_and_run(app, argc, argv, "render",
+                       [&](std::stop_token stop) { return render(options, stop); });
+}

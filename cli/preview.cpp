@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage preview: an EXR sequence as a movie and a contact sheet.
+#include "compose/preview/preview.h"
+
+#include <fmt/format.h>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "compose/frame_range.h"
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app{"Turns an EXR sequence into a movie and a contact sheet.", "raystage preview"};
+  PreviewOptions options;
+  std::string frames;
+  double fps = 0;
+  bool black = false;
+  std::string missing = "error";
+  app.add_option("SEQUENCE", options.sequence, "the frames, e.g. DIR/NAME.####.exr")->required();
+  app.add_option("-o,--output", options.movie,
+                 "movie to write, .mp4, .mov or .mkv: H.264 (MPEG-4 where libx264 is absent)")
+      ->type_name("MOVIE");
+  app.add_option("--contact-sheet", options.contact_sheet, "picture to write, .png")
+      ->type_name("PNG");
+  app.add_option("--columns", options.sheet_columns, "pictures side by side on it (default: 4)")
+      ->check(CLI::Range(1, 100))
+      ->type_name("N");
+  app.add_option("--sheet-frames", options.sheet_frames,
+                 "frames on it, spread evenly over the sequence (default: 16)")
+      ->check(CLI::Range(1, 10000))
+      ->type_name("N");
+  app.add_option("--thumbnail", options.thumbnail_width,
+                 "width of a picture on it, pixels, at most that of the frames (default: 400)")
+      ->check(CLI::Range(16, 8192))
+      ->type_name("PIXELS");
+  app.add_option("--frames", frames, "frames to show, e.g. 1-48x2 (default: all there are)")
+      ->type_name("RANGE");
+  app.add_option("--fps", fps,
+                 "frames per second (default: as the files say; a sequence of every n-th frame\n"
+                 "plays at its own speed)")
+      ->check(CLI::Range(0.1, 1000.0))
+      ->type_name("FPS");
+  app.add_option("--exposure", options.display.exposure,
+                 "brighten by this many stops before the sRGB curve (default: 0)")
+      ->check(CLI::Range(-32.0, 32.0))
+      ->type_name("STOPS");
+  app.add_flag("--black", black, "show what is not opaque over black (default: over a checker)");
+  app.add_option("--missing", missing,
+                 "frames that are not there: error = refuse; hold = show the one before\n"
+                 "(default: error)")
+      ->check(CLI::IsMember({"error", "hold"}).description(""))
+      ->type_name("error|hold");
+  return parse_and_run(app, argc, argv, "preview", [&](std::stop_token stop) {
+    if (options.movie.empty() && options.contact_sheet.empty()) {
+      throw Error::bad_input("nothing to write", "", "Give -o MOVIE, --contact-sheet PNG or both");
+    }
+    if (!frames.empty()) options.frames = parse_frame_range(frames);
+    if (fps > 0) options.fps = fps;
+    if (black) options.display.background = Background::kBlack;
+    options.hold_missing = missing == "hold";
+    Progress progress;
+    options.progress = [&](double done) { progress.report(done); };
+    const PreviewReport report = make_preview(options, stop);
+    if (report.stopped) return ExitCode::kFailed;
+    std::string line = fmt::format("{} frames", report.frames);
+    if (report.held > 0) line += fmt::format(", {} of them held", report.held);
+    if (!report.encoder.empty()) {
+      line += fmt::format("; {} ({}, {:.3f} frames/s)", options.movie.string(), report.encoder,
+                          report.fps);
+    }
+    if (!options.contact_sheet.empty()) line += "; " + options.contact_sheet.string();
+    progress.say(line);
+    return ExitCode::kSuccess;
+  });
+}

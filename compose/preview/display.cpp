@@ -1,0 +1,107 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/preview/display.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+
+#include "schemas/transfer_function.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kCheckerSize = 16;
+constexpr float kCheckerLight = 0.18F, kCheckerDark = 0.09F;
+
+/// sRGB codes of linear light in steps fine enough to hit the right code everywhere but at a few
+/// borders between codes, where it is off by less than 0.51 codes.
+class SrgbTable {
+ public:
+  SrgbTable() {
+    for (std::size_t i = 0; i < codes_.size(); ++i) {
+      const double linear = static_cast<double>(i) / (codes_.size() - 1);
+      codes_[i] = static_cast<std::uint8_t>(std::lround(255 * srgb_from_linear(linear)));
+    }
+  }
+  std::uint8_t operator()(float linear) const {
+    if (!(linear > 0)) return 0;  // NaN too
+    const float step = std::min(linear, 1.0F) * static_cast<float>(codes_.size() - 1) + 0.5F;
+    return codes_[static_cast<std::size_t>(step)];
+  }
+
+ private:
+  std::array<std::uint8_t, 65536> codes_{};
+};
+
+/// The pixels of one axis that fall into one pixel of the smaller picture, with their weights.
+struct Span {
+  int first = 0;
+  std::vector<float> weight;
+};
+
+std::vector<Span> spans(int from, int to) {
+  std::vector<Span> result;
+  const double scale = static_cast<double>(from) / to;
+  for (int i = 0; i < to; ++i) {
+    const double begin = i * scale, end = std::min<double>((i + 1) * scale, from);
+    Span span{static_cast<int>(begin), {}};
+    for (int p = span.first; p < end; ++p) {
+      const double covered = std::min<double>(p + 1, end) - std::max<double>(p, begin);
+      span.weight.push_back(static_cast<float>(covered / scale));
+    }
+    result.push_back(std::move(span));
+  }
+  return result;
+}
+
+}  // namespace
+
+RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
+  static const SrgbTable code_of;
+  const float gain = static_cast<float>(std::exp2(settings.exposure));
+  RgbImage shown{image.width, image.height, {}};
+  shown.pixels.reserve(image.rgba.size() / 4 * 3);
+  const float* pixel = image.rgba.data();
+  for (int y = 0; y < image.height; ++y) {
+    for (int x = 0; x < image.width; ++x, pixel += 4) {
+      float behind = 0;
+      if (settings.background == Background::kChecker) {
+        const bool light = ((x / kCheckerSize) + (y / kCheckerSize)) % 2 == 0;
+        behind = (light ? kCheckerLight : kCheckerDark) * (1 - std::clamp(pixel[3], 0.0F, 1.0F));
+      }
+      for (int c = 0; c < 3; ++c) shown.pixels.push_back(code_of(pixel[c] * gain + behind));
+    }
+  }
+  return shown;
+}
+
+ExrImage reduced(const ExrImage& image, int width, int height) {
+  ExrImage result;
+  result.width = std::min(width, image.width);
+  result.height = std::min(height, image.height);
+  result.fps_numerator = image.fps_numerator;
+  result.fps_denominator = image.fps_denominator;
+  const std::vector<Span> columns = spans(image.width, result.width);
+  const std::vector<Span> rows = spans(image.height, result.height);
+  result.rgba.reserve(static_cast<std::size_t>(result.width) *
+                      static_cast<std::size_t>(result.height) * 4);
+  for (const Span& row : rows) {
+    for (const Span& column : columns) {
+      std::array<float, 4> sum{};
+      for (std::size_t j = 0; j < row.weight.size(); ++j) {
+        const std::size_t line =
+            (static_cast<std::size_t>(row.first) + j) * static_cast<std::size_t>(image.width);
+        for (std::size_t i = 0; i < column.weight.size(); ++i) {
+          const std::size_t at = (line + static_cast<std::size_t>(column.first) + i) * 4;
+          const float weight = row.weight[j] * column.weight[i];
+          for (std::size_t c = 0; c < 4; ++c) sum[c] += weight * image.rgba[at + c];
+        }
+      }
+      result.rgba.insert(result.rgba.end(), sum.begin(), sum.end());
+    }
+  }
+  return result;
+}
+
+}  // namespace raystage

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/preview/preview.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <numeric>
+#include <set>
+#include <system_error>
+
+#include "compose/frame_range.h"
+#include "compose/preview/contact_sheet.h"
+#include "compose/preview/movie_writer.h"
+#include "compose/sequence_name.h"
+#include "images/image_file.h"
+#include "schemas/error.h"
+#include "schemas/frame_rate.h"
+
+namespace raystage {
+namespace {
+
+/// The frames to show: those asked for, or every step from the first to the last file.
+struct Selection {
+  std::vector<int> frames;
+  std::set<int> missing;
+  int step = 1;
+};
+
+Selection select(const PreviewOptions& options) {
+  const std::vector<int> there = existing_frames(options.sequence);
+  if (there.empty()) {
+    throw Error::bad_input("no file of this sequence exists", options.sequence,
+                           "Check the folder and the number of #");
+  }
+  Selection selection;
+  const std::vector<int>& basis = options.frames ? *options.frames : there;
+  int step = 0;
+  for (std::size_t i = 1; i < basis.size(); ++i) step = std::gcd(step, basis[i] - basis[i - 1]);
+  selection.step = std::max(step, 1);
+  if (options.frames) {
+    selection.frames = *options.frames;
+  } else {
+    for (int f = there.front(); f <= there.back(); f += selection.step) {
+      selection.frames.push_back(f);
+    }
+  }
+  std::set_difference(selection.frames.begin(), selection.frames.end(), there.begin(), there.end(),
+                      std::inserter(selection.missing, selection.missing.end()));
+  const bool nothing_to_hold = selection.missing.contains(selection.frames.front());
+  if (!selection.missing.empty() && (!options.hold_missing || nothing_to_hold)) {
+    const std::vector<int> missing(selection.missing.begin(), selection.missing.end());
+    throw Error::bad_input(fmt::format("{} of {} frames are missing ({})", missing.size(),
+                                       selection.frames.size(), format_frame_range(missing)),
+                           options.sequence,
+                           "Render them, name others with --frames, or use --missing hold");
+  }
+  return selection;
+}
+
+/// Of the movie: a sequence of every n-th frame plays at its own speed.
+FrameRate movie_rate(const PreviewOptions& options, const ExrImage& first, int step) {
+  if (options.fps) {
+    if (const auto rate = frame_rate_from(*options.fps)) return *rate;
+    throw Error::bad_input(fmt::format("{} frames per second cannot be written", *options.fps), "",
+                           "Give a number with up to six decimals, up to 1000");
+  }
+  const std::int64_t denominator = std::int64_t{first.fps_denominator} * step;
+  const std::int64_t divisor = std::gcd<std::int64_t>(first.fps_numerator, denominator);
+  constexpr std::int64_t kLargest = 1'000'000;  // a sequence with gaps of years is no movie
+  return {static_cast<int>(first.fps_numerator / divisor),
+          static_cast<int>(std::min(denominator / divisor, kLargest))};
+}
+
+}  // namespace
+
+std::vector<int> existing_frames(const std::string& sequence) {
+  const SequenceName name(sequence);
+  std::error_code error;
+  if (!name.has_frame_token()) {
+    return std::filesystem::is_regular_file(name.path(0), error) ? std::vector<int>{0}
+                                                                 : std::vector<int>{};
+  }
+  std::vector<int> frames;
+  for (std::filesystem::directory_iterator entry(name.folder(), error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (const auto frame = name.frame_of(entry->path().filename().string())) {
+      frames.push_back(*frame);
+    }
+  }
+  std::sort(frames.begin(), frames.end());
+  return frames;
+}
+
+PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) {
+  const Selection selection = select(options);
+  const SequenceName name(options.sequence);
+  const std::vector<int> on_sheet = spread_evenly(selection.frames, options.sheet_frames);
+  const bool want_movie = !options.movie.empty(), want_sheet = !options.contact_sheet.empty();
+
+  PreviewReport report;
+  std::unique_ptr<MovieWriter> movie;
+  std::vector<RgbImage> thumbnails;
+  ExrImage image;
+  std::size_t done = 0;
+  for (const int frame : selection.frames) {
+    if (stop.stop_requested()) {
+      report.stopped = true;
+      return report;
+    }
+    const bool sheet = want_sheet && std::binary_search(on_sheet.begin(), on_sheet.end(), frame);
+    if (selection.missing.contains(frame)) {
+      ++report.held;
+    } else {
+      ExrImage next = read_exr(name.path(frame));
+      if (report.frames > 0 && (next.width != image.width || next.height != image.height)) {
+        throw Error::bad_input(
+            fmt::format("the frame has {} x {} pixels and the one before {} x {}", next.width,
+                        next.height, image.width, image.height),
+            name.path(frame).string(), "Render the frames at one size");
+      }
+      image = std::move(next);
+    }
+    if (want_movie) {
+      if (!movie) {
+        const FrameRate rate = movie_rate(options, image, selection.step);
+        report.fps = static_cast<double>(rate.numerator) / rate.denominator;
+        movie = std::make_unique<MovieWriter>(
+            options.movie,
+            MovieWriter::Settings{image.width, image.height, rate.numerator, rate.denominator});
+        report.encoder = movie->encoder();
+      }
+      movie->append(display(image, options.display));
+    }
+    if (sheet) {
+      const int width = std::min(options.thumbnail_width, image.width);
+      const int height = std::max(
+          1,
+          static_cast<int>(std::lround(static_cast<double>(image.height) * width / image.width)));
+      thumbnails.push_back(display(reduced(image, width, height), options.display));
+    }
+    ++report.frames;
+    options.progress(static_cast<double>(++done) /
+                     (static_cast<double>(selection.frames.size()) + 1));
+  }
+  if (movie) movie->close();
+  if (want_sheet) {
+    write_image(contact_sheet(thumbnails, on_sheet, options.sheet_columns), options.contact_sheet);
+  }
+  options.progress(1);
+  return report;
+}
+
+}  // namespace raystage

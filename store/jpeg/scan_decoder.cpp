@@ -26,7 +26,8 @@ class BitReader {
   void refill() {
     std::uint64_t word;
     std::memcpy(&word, next_, sizeof(word));
-    if constexpr (std::endian::native == std::endian::little) word = __builtin_bswap64(word);
+    static_assert(std::endian::native == std::endian::little);
+    word = __builtin_bswap64(word);
     bits_ |= word >> count_;
     next_ += (63 - count_) >> 3;
     count_ |= 56;
@@ -133,7 +134,7 @@ void ScanDecoder::prepare(std::span<const std::byte> jpeg, const JpegLayout& lay
     plane.stride = static_cast<std::size_t>(layout.mcus_per_row * layout.h[c]) * 8;
     const std::size_t size =
         plane.stride * static_cast<std::size_t>(layout.mcu_rows * layout.v[c]) * 8;
-    if (plane.samples.size() < size) plane.samples.resize(size);
+    if (plane.samples.size() < size + Plane::kPadding) plane.samples.resize(size + Plane::kPadding);
   }
 }
 

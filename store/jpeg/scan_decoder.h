@@ -15,6 +15,8 @@ namespace raystage {
 
 /// Samples of one component, in whole MCUs.
 struct Plane {
+  static constexpr std::size_t kPadding = 128;  ///< bytes that may be read beyond the last sample
+
   std::size_t stride = 0;     ///< bytes from row to row
   int width = 0, height = 0;  ///< of the component's true samples: T.81 A.1.1's x_i, y_i
   std::vector<std::uint8_t> samples;

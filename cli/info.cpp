@@ -1,0 +1,239 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage info: what a take holds and what it lacks.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <set>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "store/take_summary.h"
+
+namespace raystage {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Camera = TakeSummary::Camera;
+
+constexpr double kNsPerMs = 1e6, kNsPerS = 1e9, kBytesPerMb = 1e6;
+
+double seconds(Nanoseconds time) { return static_cast<double>(time) / kNsPerS; }
+
+double megabytes_per_second(const TakeSummary& summary) {
+  if (summary.duration <= 0) return 0;
+  return static_cast<double>(summary.bytes_of_archives) / kBytesPerMb / seconds(summary.duration);
+}
+
+template <typename Keep>
+std::string ids_of(const TakeSummary& summary, Keep keep) {
+  constexpr int kMost = 12;
+  std::string text;
+  int count = 0;
+  for (const Camera& camera : summary.cameras) {
+    if (!keep(camera)) continue;
+    if (++count <= kMost) text += (text.empty() ? "" : ", ") + camera.id;
+  }
+  if (count > kMost) text += fmt::format(" and {} more", count - kMost);
+  return text;
+}
+
+template <typename Keep>
+long count_of(const TakeSummary& summary, Keep keep) {
+  return std::ranges::count_if(summary.cameras, keep);
+}
+
+void line(std::string_view name, const std::string& text) { fmt::print("{:<12}{}\n", name, text); }
+
+void print_missing(const TakeSummary& summary) {
+  std::array<int, kFrameStatusCount> all{};
+  for (const Camera& camera : summary.cameras) {
+    for (std::size_t s = 1; s < all.size(); ++s) all[s] += camera.by_status[s];
+  }
+  const int total = std::reduce(all.begin(), all.end());
+  line("Missing",
+       total == 0 ? "nothing that was recorded as missing" : fmt::format("{} frames", total));
+  for (const Camera& camera : summary.cameras) {
+    std::string reasons;
+    for (std::size_t s = 1; s < all.size(); ++s) {
+      if (camera.by_status[s] == 0) continue;
+      reasons += fmt::format("{}{} {}", reasons.empty() ? "" : ", ", camera.by_status[s],
+                             name_of(static_cast<FrameStatus>(s)));
+    }
+    if (!reasons.empty()) fmt::print("  {:<10}{}\n", camera.id, reasons);
+  }
+}
+
+void print_archives(const TakeSummary& summary) {
+  const auto open = [](const Camera& camera) { return camera.error.empty() && !camera.closed; };
+  const long not_closed = count_of(summary, open);
+  line("Archives",
+       not_closed == 0
+           ? fmt::format("{}, all closed",
+                         count_of(summary, [](const Camera& c) { return c.error.empty(); }))
+           : fmt::format("{} not closed (cut short, or still recording): {}", not_closed,
+                         ids_of(summary, open)));
+  const auto repaired = [](const Camera& c) { return c.recovered > 0 || c.damaged_records > 0; };
+  for (const Camera& camera : summary.cameras) {
+    if (!camera.error.empty()) fmt::print("  {}\n", camera.error);
+    if (repaired(camera)) {
+      fmt::print("  {:<10}{} frames not in the journal, {} damaged journal records\n", camera.id,
+                 camera.recovered, camera.damaged_records);
+    }
+  }
+}
+
+std::string restart_markers(const TakeSummary& summary) {
+  const long with = count_of(summary, [](const Camera& c) { return c.restart_markers == true; });
+  const long without =
+      count_of(summary, [](const Camera& c) { return c.restart_markers == false; });
+  if (with + without == 0) return "unknown";
+  if (without == 0) return "restart markers: rectangles decode alone";
+  if (with == 0) return "no restart markers: frames decode whole";
+  return fmt::format("restart markers in {} of {} cameras", with, with + without);
+}
+
+std::string resolutions(const TakeSummary& summary) {
+  std::set<std::pair<int, int>> sizes;
+  for (const Camera& camera : summary.cameras) sizes.emplace(camera.width, camera.height);
+  std::string text;
+  for (const auto& [width, height] : sizes) {
+    text += fmt::format("{}{} x {}", text.empty() ? "" : ", ", width, height);
+  }
+  return text + " pixels";
+}
+
+void print_text(const Take& take, const TakeSummary& summary) {
+  const TakeDocument& document = take.document();
+  const char* unit = document.arbitrary_scale ? "units" : "m";
+  line("Take", fmt::format("{} ({})", document.name, take.folder().string()));
+  line("Recorded", format_utc(document.epoch_utc) +
+                       (document.created_by.empty() ? "" : " by " + document.created_by));
+  line("Cameras", fmt::format("{}, {}, {:.4g} {} apart", summary.cameras.size(),
+                              resolutions(summary), summary.spacing, unit));
+  const auto [fewest, most] = std::ranges::minmax(summary.cameras, {}, &Camera::frames);
+  line("Frames",
+       fmt::format("{}; {} to {} a camera", summary.frames(), fewest.frames, most.frames));
+  const double megabytes = static_cast<double>(summary.bytes_on_disk) / kBytesPerMb;
+  if (most.frames > 1) {
+    line("Duration", fmt::format("{:.3f} s at {:.6g} Hz (nominal {:.6g} Hz)",
+                                 seconds(summary.duration), summary.fps, document.nominal_fps));
+    line("On disk",
+         fmt::format("{:.1f} MB, {:.1f} MB/s", megabytes, megabytes_per_second(summary)));
+  } else {
+    line("Duration", "a still light field");
+    line("On disk", fmt::format("{:.1f} MB", megabytes));
+  }
+  line("Colour", document.color_space);
+  line("Clock", fmt::format("{}; a time marks: {}", document.clock, document.time_marks));
+  line("JPEG", restart_markers(summary));
+  if (document.depth_range) {
+    const DepthRange range = *document.depth_range;
+    line("Depth", std::isfinite(range.far)
+                      ? fmt::format("{:.4g} to {:.4g} {}", range.near, range.far, unit)
+                      : fmt::format("{:.4g} {} to infinity", range.near, unit));
+  }
+  if (summary.alias_free_distance > 0) {
+    line("Alias-free",
+         fmt::format("beyond {:.4g} {} (thesis eq. 4.3)", summary.alias_free_distance, unit));
+  }
+  print_archives(summary);
+  print_missing(summary);
+  if (summary.timeline) {
+    const auto& statistics = summary.timeline->statistics;
+    line("Timeline",
+         fmt::format("{} ticks at {:.6g} Hz; spread mean {:.3f} ms, at most {:.3f} ms; {} absent",
+                     summary.timeline->ticks, summary.timeline->fps,
+                     statistics.mean_spread_ns / kNsPerMs,
+                     static_cast<double>(statistics.max_spread) / kNsPerMs,
+                     std::reduce(statistics.absent.begin(), statistics.absent.end())));
+  } else {
+    line("Timeline", summary.timeline_error + ": run `raystage sync`");
+  }
+}
+
+Json json_of(const Camera& camera) {
+  Json missing = Json::object();
+  for (std::size_t s = 1; s < camera.by_status.size(); ++s) {
+    if (camera.by_status[s] > 0) {
+      missing[name_of(static_cast<FrameStatus>(s))] = camera.by_status[s];
+    }
+  }
+  Json json{{"id", camera.id},
+            {"width", camera.width},
+            {"height", camera.height},
+            {"frames", camera.frames},
+            {"missing", missing},
+            {"closed", camera.closed},
+            {"bytes", camera.bytes},
+            {"recovered_frames", camera.recovered},
+            {"damaged_records", camera.damaged_records}};
+  json["restart_markers"] = camera.restart_markers ? Json(*camera.restart_markers) : Json();
+  if (!camera.error.empty()) json["error"] = camera.error;
+  return json;
+}
+
+void print_json(const Take& take, const TakeSummary& summary) {
+  const TakeDocument& document = take.document();
+  Json cameras = Json::array();
+  for (const Camera& camera : summary.cameras) cameras.push_back(json_of(camera));
+  Json json{{"name", document.name},
+            {"epoch_utc", format_utc(document.epoch_utc)},
+            {"created_by", document.created_by},
+            {"color_space", document.color_space},
+            {"clock", document.clock},
+            {"time_marks", document.time_marks},
+            {"scale", document.arbitrary_scale ? "arbitrary" : "metres"},
+            {"nominal_fps", document.nominal_fps},
+            {"fps", summary.fps},
+            {"first_ns", summary.first},
+            {"duration_ns", summary.duration},
+            {"frames", summary.frames()},
+            {"bytes_on_disk", summary.bytes_on_disk},
+            {"megabytes_per_second", megabytes_per_second(summary)},
+            {"spacing_m", summary.spacing},
+            {"alias_free_distance_m", summary.alias_free_distance}};
+  if (document.depth_range) {
+    const double far = document.depth_range->far;
+    json["depth_range_m"] = {document.depth_range->near, std::isfinite(far) ? Json(far) : Json()};
+  }
+  json["timeline"] = Json();
+  if (summary.timeline) {
+    const auto& statistics = summary.timeline->statistics;
+    json["timeline"] = {
+        {"fps", summary.timeline->fps},
+        {"ticks", summary.timeline->ticks},
+        {"spread_ms",
+         {{"mean", statistics.mean_spread_ns / kNsPerMs},
+          {"median", static_cast<double>(statistics.median_spread) / kNsPerMs},
+          {"max", static_cast<double>(statistics.max_spread) / kNsPerMs}}},
+        {"absent_total", std::reduce(statistics.absent.begin(), statistics.absent.end())}};
+  }
+  json["cameras"] = cameras;
+  fmt::print("{}\n", json.dump(2));
+}
+
+ExitCode info(const std::string& folder, bool json) {
+  const Take take(folder);
+  const TakeSummary summary = summarise(take);
+  (json ? print_json : print_text)(take, summary);
+  return summary.whole() ? ExitCode::kSuccess : ExitCode::kBadInput;
+}
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app("Say what a take holds and what it lacks. Exit code 2 if an archive cannot be read.",
+               "raystage info");
+  std::string folder;
+  bool json = false;
+  app.add_option("TAKE", folder, "Folder of the take")->required();
+  app.add_flag("--json", json, "Print as JSON (times in ns, lengths in m)");
+  return parse_and_run(app, argc, argv, "info",
+                       [&](std::stop_token) { return info(folder, json); });
+}

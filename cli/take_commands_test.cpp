@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage sync and raystage info as users run them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "schemas/test_folder.h"
+#include "store/take_test_data.h"
+
+namespace raystage {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+struct CommandResult {
+  int exit_code = -1;
+  std::string output;
+};
+
+struct TakeCommands : testing::Test {
+  TakeCommands() {
+    std::vector<std::vector<Nanoseconds>> times(4);
+    for (int camera = 0; camera < 4; ++camera) {
+      for (int i = 0; i < 10; ++i) {
+        if (camera != 2 || i != 5) {
+          times[static_cast<std::size_t>(camera)].push_back(i * 50'000'000 + camera * 1'000'000);
+        }
+      }
+    }
+    test::write_take(take, times, 20);
+  }
+
+  // Both streams, as a user sees them.
+  static CommandResult run(const std::string& arguments) {
+    CommandResult result;
+    const std::string command = "'" RAYSTAGE_BIN_DIR "/raystage' " + arguments + " 2>&1";
+    std::FILE* pipe = popen(command.c_str(), "r");
+    if (pipe == nullptr) return result;
+    std::array<char, 4096> buffer{};
+    std::size_t count = 0;
+    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
+      result.output.append(buffer.data(), count);
+    }
+    const int status = pclose(pipe);
+    result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return result;
+  }
+
+  TestFolder folder;
+  std::filesystem::path take = folder.path() / "a take";
+  std::string quoted = "'" + take.string() + "'";
+};
+
+TEST_F(TakeCommands, SyncThenInfo) {
+  CommandResult info = run("info " + quoted);
+  EXPECT_EQ(info.exit_code, 0) << info.output;
+  EXPECT_THAT(info.output, HasSubstr("raystage sync"));
+  EXPECT_THAT(info.output, HasSubstr("320 x 240 pixels"));
+  EXPECT_THAT(info.output, HasSubstr("39; 9 to 10 a camera"));
+  EXPECT_THAT(info.output, HasSubstr("4, all closed"));
+
+  const CommandResult sync = run("sync " + quoted);
+  EXPECT_EQ(sync.exit_code, 0) << sync.output;
+  EXPECT_THAT(sync.output, HasSubstr("20 Hz"));
+  EXPECT_THAT(sync.output, HasSubstr("mean 3.000 ms, median 3.000 ms, at most 3.000 ms"));
+  EXPECT_THAT(sync.output, HasSubstr("1 of 40 frames"));
+  EXPECT_THAT(sync.output, HasSubstr("c2"));
+  EXPECT_THAT(sync.output, Not(HasSubstr("c1")));
+
+  info = run("info " + quoted);
+  EXPECT_THAT(info.output, HasSubstr("10 ticks at 20 Hz; spread mean 3.000 ms"));
+}
+
+TEST_F(TakeCommands, Json) {
+  const CommandResult sync = run("sync --json --fps 20 --tolerance 10 " + quoted);
+  ASSERT_EQ(sync.exit_code, 0) << sync.output;
+  const auto synced = nlohmann::json::parse(sync.output);
+  EXPECT_EQ(synced["ticks"], 10);
+  EXPECT_EQ(synced["tolerance_ns"], 10'000'000);
+  EXPECT_EQ(synced["absent"], (nlohmann::json{{"c2", 1}}));
+  const CommandResult info = run("info --json " + quoted);
+  ASSERT_EQ(info.exit_code, 0) << info.output;
+  const auto json = nlohmann::json::parse(info.output);
+  EXPECT_EQ(json["frames"], 39);
+  EXPECT_EQ(json["cameras"].size(), 4u);
+  EXPECT_EQ(json["cameras"][2]["frames"], 9);
+  EXPECT_EQ(json["timeline"]["absent_total"], 1);
+  EXPECT_NEAR(json["alias_free_distance_m"].get<double>(), 7.99, 0.005);
+}
+
+TEST_F(TakeCommands, BadUsageAndInputExitWithTwo) {
+  for (const char* command : {"info", "sync"}) {
+    const std::string name(command);
+    EXPECT_EQ(run(name).exit_code, 2);
+    EXPECT_EQ(run(name + " --nonsense " + quoted).exit_code, 2);
+    const CommandResult missing = run(name + " '" + (folder.path() / "nothing").string() + "'");
+    EXPECT_EQ(missing.exit_code, 2);
+    EXPECT_THAT(missing.output, HasSubstr("take.json"));
+    EXPECT_EQ(run(name + " --help").exit_code, 0);
+  }
+  for (const char* option :
+       {"--fps 0", "--fps -1", "--fps nan", "--fps inf", "--tolerance -1", "--tolerance x"}) {
+    EXPECT_EQ(run("sync " + std::string(option) + " " + quoted).exit_code, 2) << option;
+  }
+  EXPECT_FALSE(std::filesystem::exists(take / "timeline.zst"));
+}
+
+TEST_F(TakeCommands, InfoSaysWhichArchiveIsLost) {
+  std::filesystem::remove(take / "archive" / "c1.mkv");
+  const CommandResult info = run("info " + quoted);
+  EXPECT_EQ(info.exit_code, 2);
+  EXPECT_THAT(info.output, HasSubstr("c1.mkv"));
+  EXPECT_THAT(info.output, HasSubstr("29; 0 to 10 a camera"));
+}
+
+TEST_F(TakeCommands, InfoOfACutArchive) {
+  const auto file = take / "archive" / "c3.mkv";
+  std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
+  const CommandResult info = run("info " + quoted);
+  EXPECT_EQ(info.exit_code, 0);
+  EXPECT_THAT(info.output, HasSubstr("1 not closed"));
+  EXPECT_THAT(info.output, HasSubstr(" torn"));
+}
+
+}  // namespace
+}  // namespace raystage

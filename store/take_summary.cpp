@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/take_summary.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "schemas/error.h"
+#include "store/jpeg/layout.h"
+#include "store/tick_phase.h"
+
+namespace raystage {
+namespace {
+
+std::optional<bool> restart_markers_of(const ArchiveReader& archive, const std::string& id) {
+  if (archive.frames().empty()) return std::nullopt;
+  try {
+    return parse_jpeg_layout(archive.jpeg(0), id).restart_interval > 0;
+  } catch (const Error&) {
+    return std::nullopt;
+  }
+}
+
+TakeSummary::Camera summary_of(const Take& take, int camera) {
+  TakeSummary::Camera result;
+  result.id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+  const auto& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
+  result.width = model.width();
+  result.height = model.height();
+  try {
+    const ArchiveReader& archive = take.archive(camera);
+    result.frames = static_cast<int>(archive.frames().size());
+    for (const FrameRecord& record : archive.records()) {
+      ++result.by_status.at(static_cast<std::size_t>(record.status));
+    }
+    result.recovered = archive.recovered_frames();
+    result.damaged_records = archive.damaged_records();
+    result.closed = archive.was_closed();
+    result.bytes = archive.bytes();
+    result.restart_markers = restart_markers_of(archive, result.id);
+  } catch (const Error& error) {
+    result.error = error.what();
+  }
+  return result;
+}
+
+std::uint64_t size_below(const std::filesystem::path& folder) {
+  std::uint64_t bytes = 0;
+  std::error_code ignored;
+  for (std::filesystem::recursive_directory_iterator entry(folder, ignored), end; entry != end;
+       entry.increment(ignored)) {
+    if (!entry->is_regular_file(ignored)) continue;
+    const auto size = entry->file_size(ignored);
+    if (!ignored) bytes += size;
+  }
+  return bytes;
+}
+
+double median_of(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+double spacing_of(const Rig& rig) {
+  std::vector<double> nearest;
+  for (const Rig::Camera& camera : rig.cameras) {
+    double distance = std::numeric_limits<double>::infinity();
+    for (const Rig::Camera& other : rig.cameras) {
+      if (&other == &camera) continue;
+      distance = std::min(distance, (other.pose.position - camera.pose.position).norm());
+    }
+    if (std::isfinite(distance)) nearest.push_back(distance);
+  }
+  return median_of(std::move(nearest));
+}
+
+void add_times(const Take& take, TakeSummary& summary) {
+  std::vector<std::vector<Nanoseconds>> times;
+  Nanoseconds first = std::numeric_limits<Nanoseconds>::max(), last = -1;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    if (!summary.cameras[static_cast<std::size_t>(camera)].error.empty()) continue;
+    std::vector<Nanoseconds> column;
+    for (const FrameRecord& frame : take.archive(camera).frames()) column.push_back(frame.time_ns);
+    if (column.empty()) continue;
+    first = std::min(first, column.front());
+    last = std::max(last, column.back());
+    times.push_back(std::move(column));
+  }
+  summary.fps = detect_rate(times);
+  if (summary.fps == 0) summary.fps = take.document().nominal_fps;
+  if (last < 0) return;
+  summary.first = first;
+  summary.duration = last - first;
+  if (summary.fps > 0) {
+    summary.duration += std::llround(static_cast<double>(kNanosecondsPerSecond) / summary.fps);
+  }
+}
+
+}  // namespace
+
+std::uint64_t TakeSummary::frames() const {
+  std::uint64_t sum = 0;
+  for (const Camera& camera : cameras) sum += static_cast<std::uint64_t>(camera.frames);
+  return sum;
+}
+
+bool TakeSummary::whole() const {
+  return std::ranges::all_of(cameras, [](const Camera& camera) { return camera.error.empty(); });
+}
+
+double alias_free_distance(double spacing_m, double focal_length_px) {
+  return spacing_m * focal_length_px / 2;
+}
+
+TakeSummary summarise(const Take& take) {
+  TakeSummary summary;
+  std::vector<double> focal_lengths;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    summary.cameras.push_back(summary_of(take, camera));
+    summary.bytes_of_archives += summary.cameras.back().bytes;
+    focal_lengths.push_back(
+        take.rig().cameras[static_cast<std::size_t>(camera)].model.intrinsics().fx);
+  }
+  summary.bytes_on_disk = size_below(take.folder());
+  add_times(take, summary);
+  summary.spacing = spacing_of(take.rig());
+  summary.alias_free_distance =
+      alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));
+  try {
+    const Timeline timeline = read_timeline(take);
+    summary.timeline = {timeline.fps, static_cast<int>(timeline.ticks.size()),
+                        statistics_of(timeline)};
+  } catch (const Error& error) {
+    summary.timeline_error = error.what_happened();
+  }
+  return summary;
+}
+
+}  // namespace raystage

@@ -47,6 +47,7 @@ V hermite(const V& p0, const V& v0, const V& p1, const V& v1, double h, double u
   return p0 + (p1 - p0) * rise + v0 * (h * (u3 - 2 * u2 + u)) + v1 * (h * (u3 - u2));
 }
 
+/// The shorter way round: q and -q give the same.
 Vector3d rotation_vector(Quaterniond q) {
   if (q.w() < 0) q.coeffs() = -q.coeffs();
   const double sine = q.vec().norm();
@@ -92,9 +93,6 @@ CameraPath::CameraPath(std::span<const ShotDocument::CameraKey> keys) {
     if (!keys_.empty()) {
       if (!(mine.frame > keys_.back().frame)) {
         refuse("camera keys do not rise in frame number", "Sort the keys and remove doubles");
-      }
-      if (mine.orientation.dot(keys_.back().orientation) < 0) {
-        mine.orientation.coeffs() = -mine.orientation.coeffs();
       }
     }
     keys_.push_back(mine);

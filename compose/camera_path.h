@@ -40,11 +40,11 @@ class CameraPath {
   struct Key {
     double frame = 0;
     Eigen::Vector3d position;
-    Eigen::Quaterniond orientation;  ///< signs such that neighbours are less than 180 degrees apart
-    double focal = 1;                ///< in half image widths: 1 / tan(fov / 2)
-    Eigen::Vector3d velocity;        ///< metres per frame
-    Eigen::Vector3d spin;            ///< body frame, radians per frame
-    double zoom = 0;                 ///< change of `focal` per frame
+    Eigen::Quaterniond orientation;
+    double focal = 1;          ///< in half image widths: 1 / tan(fov / 2)
+    Eigen::Vector3d velocity;  ///< metres per frame
+    Eigen::Vector3d spin;      ///< body frame, radians per frame
+    double zoom = 0;           ///< change of `focal` per frame
   };
   struct Place {
     const Key *from = nullptr, *to = nullptr;

@@ -130,6 +130,21 @@ TEST(CameraPath, TwoKeysGiveConstantSpeed) {
   }
 }
 
+TEST(CameraPath, UnevenKeysOnASteadyMoveKeepItSteady) {
+  std::vector<Key> keys;
+  for (const double frame : {0.0, 1.0, 30.0, 34.0}) {
+    keys.push_back(make_key(frame, {frame, -2 * frame, 0}, turned(3 * frame, {1, 2, 0}), 40));
+  }
+  const CameraPath path(keys);
+  for (double frame = 0; frame <= 34; frame += 0.25) {
+    const Pose pose = path.pose(frame);
+    EXPECT_NEAR((pose.position - Vector3d(frame, -2 * frame, 0)).norm(), 0, 1e-12);
+    EXPECT_NEAR(rotation_between(turned(3 * frame, {1, 2, 0}).toRotationMatrix(),
+                                 pose.world_from_camera_rotation),
+                0, 1e-7);
+  }
+}
+
 TEST(CameraPath, RestsBeforeTheFirstAndAfterTheLastKey) {
   const CameraPath path(
       std::vector<Key>{make_key(10, {1, 2, 3}, Quaterniond::Identity(), 40),

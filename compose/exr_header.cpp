@@ -46,7 +46,7 @@ Imath::M44f imath_from_columns(const Eigen::Matrix4d& m) {
   Imath::M44f result;
   for (int row = 0; row < 4; ++row) {
     for (int column = 0; column < 4; ++column) {
-      result[column][row] = static_cast<float>(m(row, column));
+      result[column][row] = static_cast<float>(m(row, column)) + 0.0F;  // no -0
     }
   }
   return result;

@@ -30,6 +30,11 @@ constexpr std::size_t kDefaultCache = 4096 * kMiB;
 constexpr std::size_t kBytesPerPixelInFlight = 96;
 constexpr std::size_t kRawExrBytesPerPixel = 16;
 
+std::string size_text(double bytes) {
+  return bytes < 1e9 ? fmt::format("{:.1f} MB", bytes * 1e-6)
+                     : fmt::format("{:.2f} GB", bytes * 1e-9);
+}
+
 struct MemoryPlan {
   int in_flight = 1;
   std::size_t cache_bytes = kMinCache;
@@ -41,11 +46,10 @@ MemoryPlan plan_memory(const ShotDocument& shot, const SequenceOptions& options)
   const std::size_t budget =
       options.memory_bytes > 0 ? options.memory_bytes : available_memory() / 2;
   if (budget < per_frame + kMinCache) {
-    throw Error::bad_input(
-        fmt::format("one frame needs {:.2f} GB of memory and {:.2f} GB are granted",
-                    static_cast<double>(per_frame + kMinCache) * 1e-9,
-                    static_cast<double>(budget) * 1e-9),
-        "", "Raise --memory");
+    throw Error::bad_input(fmt::format("one frame needs {} of memory and {} are granted",
+                                       size_text(static_cast<double>(per_frame + kMinCache)),
+                                       size_text(static_cast<double>(budget))),
+                           "", "Raise --memory");
   }
   MemoryPlan plan;
   plan.in_flight = options.frames_in_flight > 0
@@ -103,10 +107,9 @@ void check_room(const std::filesystem::path& folder, const ShotDocument& shot, s
   // Lossless compression rarely gains more than a factor of four on pictures.
   const double least = shot.output.compression == "none" ? raw : raw / 4;
   const double available = static_cast<double>(space.available);
-  const std::string text = fmt::format(
-      "the disk has room for {:.2f} GB and the {} frames need {:.2f} "
-      "to {:.2f} GB",
-      available * 1e-9, frames, least * 1e-9, raw * 1e-9);
+  const std::string text =
+      fmt::format("the disk has room for {} and the {} frames need {} to {}", size_text(available),
+                  frames, size_text(least), size_text(raw));
   if (available < least)
     throw Error::failed(text, folder.string(), "Make room or render elsewhere");
   if (available < raw) options.say("warning: " + text);
@@ -277,10 +280,10 @@ std::string SequenceReport::summary() const {
   if (stopped) text += ", stopped early";
   text += fmt::format("; {:.1f} s", seconds);
   if (rendered > 0 && seconds > 0) text += fmt::format(", {:.2f} frames/s", rendered / seconds);
-  return text + fmt::format("; {:.1f} Mpixel decoded, {:.1f} MB written, peak memory {:.0f} MB",
+  return text + fmt::format("; {:.1f} Mpixel decoded, {} written, peak memory {}",
                             static_cast<double>(pixels_decoded) * 1e-6,
-                            static_cast<double>(bytes_written) * 1e-6,
-                            static_cast<double>(peak_memory()) * 1e-6);
+                            size_text(static_cast<double>(bytes_written)),
+                            size_text(static_cast<double>(peak_memory())));
 }
 
 std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot) {
@@ -315,9 +318,9 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   const auto black = std::count_if(frames.begin(), frames.end(), [](auto& f) { return !f.tick; });
   if (held > 0) options.say(fmt::format("{} frames hold another instant of the take", held));
   if (black > 0) options.say(fmt::format("{} frames are empty: the take has nothing there", black));
-  options.say(fmt::format("writing {} frames to {}, {} in flight, {:.2f} GB of cache",
-                          frames.size(), resolved.output, memory.in_flight,
-                          static_cast<double>(memory.cache_bytes) * 1e-9));
+  options.say(fmt::format("writing {} frames to {}, {} in flight, {} of cache", frames.size(),
+                          resolved.output, memory.in_flight,
+                          size_text(static_cast<double>(memory.cache_bytes))));
   options.progress(0);
   return SequenceRun(plan, name, frames, renderer, resolved, std::move(stop)).run(memory.in_flight);
 }

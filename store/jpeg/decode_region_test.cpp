@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <hwy/highway.h>
 
 #include <algorithm>
 #include <random>
@@ -171,6 +172,24 @@ TEST(DecodeRegion, EqualsTheFullDecodeForEveryKindOfPicture) {
       }
     }
   }
+}
+
+TEST(DecodeRegion, EqualsTheFullDecodeOnEveryInstructionSet) {
+  const RgbImage image = test_images::make(Kind::kMixed, 200, 130);
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(hwy::TargetName(target));
+    for (const auto& [h, v] : {std::pair{1, 1}, {2, 1}, {1, 2}, {2, 2}}) {
+      OddJpeg odd;
+      odd.h[0] = h;
+      odd.v[0] = v;
+      odd.restart_interval = 3;
+      expect_regions(encode_odd(image, odd), "sampling");
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
 }
 
 TEST(DecodeRegion, FallsBackToTheFullDecode) {

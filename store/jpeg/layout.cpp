@@ -6,6 +6,7 @@
 #include <string>
 
 #include "schemas/error.h"
+#include "store/jpeg/marker_search.h"
 #include "store/jpeg/markers.h"
 
 namespace raystage {
@@ -180,35 +181,22 @@ void LayoutParser::find_segments() {
   const bool huffman = process_ <= kProgressive;
   layout_.baseline_ycc = (process_ == kBaseline || process_ == kExtended) && plain_scan_ &&
                          color_is_ycc() && sampling_is_decodable();
-  const std::size_t size = std::min<std::size_t>(jpeg_.size(), UINT32_MAX - 2);
-  layout_.segment_offset.reserve(
-      layout_.baseline_ycc && interval_ > 0
-          ? std::min<std::size_t>(static_cast<std::size_t>(layout_.mcu_count() / interval_) + 2,
-                                  jpeg_.size() / 2)
-          : 2);
-  layout_.segment_offset.push_back(static_cast<std::uint32_t>(layout_.scan_offset));
   const bool keep = layout_.baseline_ycc && interval_ > 0;
-  int expected = 0xD0;
-  for (std::size_t at = layout_.scan_offset;;) {
-    const void* found = at < size ? std::memchr(jpeg_.data() + at, 0xFF, size - at) : nullptr;
-    if (found == nullptr) markers_.fail(jpeg_.size(), "the JPEG is cut short");
-    at = static_cast<std::size_t>(static_cast<const std::byte*>(found) - jpeg_.data()) + 1;
-    if (at >= size) markers_.fail(jpeg_.size(), "the JPEG is cut short");
-    const int code = byte_at(jpeg_, at);
-    if (code == 0xFF) continue;  // a fill byte: this one may begin the marker
-    ++at;
-    if (code == 0) continue;  // a stuffed data byte
-    if (code < 0xD0 || code > 0xD7) {
-      layout_.scan_end = at - 2;
-      break;
-    }
-    if (code != expected)
-      markers_.fail(at - 2, "restart marker " + std::to_string(code - 0xD0) + " stands where " +
-                                std::to_string(expected - 0xD0) + " should");
-    expected = 0xD0 + (expected + 1) % 8;
-    if (keep) layout_.segment_offset.push_back(static_cast<std::uint32_t>(at));
+  const std::vector<std::uint32_t> found = find_restart_markers(jpeg_, layout_.scan_offset);
+  const auto code_at = [&](std::size_t offset) { return byte_at(jpeg_, offset + 1); };
+  if (found.empty() || (code_at(found.back()) & 0xF8) == 0xD0)
+    markers_.fail(jpeg_.size(), "the JPEG is cut short");
+  layout_.scan_end = found.back();
+  layout_.segment_offset.reserve(keep ? found.size() + 1 : 2);
+  layout_.segment_offset.push_back(static_cast<std::uint32_t>(layout_.scan_offset));
+  for (std::size_t i = 0; i + 1 < found.size(); ++i) {
+    const int number = code_at(found[i]) - 0xD0, expected = static_cast<int>(i % 8);
+    if (number != expected)
+      markers_.fail(found[i], "restart marker " + std::to_string(number) + " stands where " +
+                                  std::to_string(expected) + " should");
     if (layout_.baseline_ycc && interval_ == 0)
-      markers_.fail(at - 2, "there is a restart marker, yet no DRI marker announces any");
+      markers_.fail(found[i], "there is a restart marker, yet no DRI marker announces any");
+    if (keep) layout_.segment_offset.push_back(found[i] + 2);
   }
   layout_.segment_offset.push_back(static_cast<std::uint32_t>(layout_.scan_end + 2));
   if (keep) {

@@ -4,10 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <random>
 #include <string>
 
 #include "schemas/error.h"
 #include "store/jpeg/encode.h"
+#include "store/jpeg/marker_search.h"
 #include "store/jpeg/test_encoder.h"
 #include "store/jpeg/test_images.h"
 
@@ -124,6 +126,25 @@ TEST(JpegLayout, AcceptsFillBytesBeforeMarkers) {
                                      bytes, code, code == 0xD1 ? before.scan_offset : 2)),
                  2, std::byte{0xFF});
   EXPECT_EQ(parse_jpeg_layout(bytes, "x").segment_count(), before.segment_count());
+}
+
+TEST(FindRestartMarkers, EqualsTheObviousSearch) {
+  std::mt19937 random(5);
+  const std::uint8_t values[] = {0xFF, 0xFF, 0x00, 0xD0, 0xD7, 0x42, 0x42, 0x42, 0xD8};
+  for (int repeat = 0; repeat < 2000; ++repeat) {
+    Bytes bytes(random() % 300);
+    const unsigned kinds = repeat % 2 == 0 ? 9 : 8;  // with or without another marker
+    for (std::byte& b : bytes) b = static_cast<std::byte>(values[random() % kinds]);
+    const std::size_t begin = bytes.empty() ? 0 : random() % bytes.size();
+    std::vector<std::uint32_t> expected;
+    for (std::size_t at = begin; at + 1 < bytes.size(); ++at) {
+      const int code = std::to_integer<int>(bytes[at + 1]);
+      if (bytes[at] != std::byte{0xFF} || code == 0 || code == 0xFF) continue;
+      expected.push_back(static_cast<std::uint32_t>(at));
+      if (code < 0xD0 || code > 0xD7) break;
+    }
+    ASSERT_EQ(find_restart_markers(bytes, begin), expected);
+  }
 }
 
 TEST(JpegLayout, RefusesEveryTruncation) {

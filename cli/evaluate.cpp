@@ -5,6 +5,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -93,6 +94,14 @@ int main(int argc, char** argv) {
   app.add_option("--leave-out", options.settings.leave_out,
                  "Cameras (ids, comma separated) to take out and use as truth")
       ->delimiter(',');
+  app.add_option("--blend", options.settings.blend_space,
+                 "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or "
+                 "linear (default: perceptual)")
+      ->transform(CLI::CheckedTransformer(
+                      std::map<std::string, BlendSpace>{{"perceptual", BlendSpace::kPerceptual},
+                                                        {"linear", BlendSpace::kLinear}})
+                      .description(""))
+      ->type_name("perceptual|linear");
   app.add_option("--camera-step", options.settings.camera_step,
                  "Use every n-th row and column of the grid only")
       ->capture_default_str()

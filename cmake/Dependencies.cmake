@@ -24,5 +24,13 @@ if(RAYSTAGE_TESTS)
 endif()
 if(RAYSTAGE_BENCHMARKS)
   find_package(benchmark REQUIRED)                 # benchmark::benchmark
-  find_package(OpenCV 4.6 CONFIG REQUIRED COMPONENTS core imgproc) # opencv_core opencv_imgproc
+  # Debian keeps OpenCV's CMake and pkg-config files in libopencv-dev, with VTK and Qt behind it: the
+  # two modules wanted are found without them.
+  find_path(OPENCV_INCLUDE opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
+  foreach(module core imgproc)
+    find_library(OPENCV_${module} opencv_${module} REQUIRED)
+    add_library(opencv_${module} INTERFACE IMPORTED)
+    target_link_libraries(opencv_${module} INTERFACE "${OPENCV_${module}}")
+    target_include_directories(opencv_${module} SYSTEM INTERFACE "${OPENCV_INCLUDE}")
+  endforeach()
 endif()

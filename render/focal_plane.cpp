@@ -66,7 +66,7 @@ class FocalPlaneFrame {
  private:
   struct Source {
     SourceView view;  // its rgbx stays null where no pixel of the view sees anything of the camera
-    McuMask wanted;
+    McuMask wanted;   // empty: the whole frame is decoded already
     std::vector<std::uint8_t> read_pixels;
     std::shared_ptr<const DecodedFrame> frame;
     bool used = false;
@@ -167,6 +167,10 @@ class FocalPlaneFrame {
 
   /// Rows go through private copies of the masks, joined afterwards: threads share no byte.
   void mark_needed() {
+    if (std::all_of(sources_.begin(), sources_.end(),
+                    [](const Source& source) { return source.wanted.empty(); })) {
+      return;
+    }
     std::mutex joining;
     const int rows_per_task = std::max(16, view_.height / 8);
     tbb::parallel_for(
@@ -178,6 +182,7 @@ class FocalPlaneFrame {
           for (std::size_t i = 0; i < sources_.size(); ++i) {
             if (!sources_[i].used) continue;
             views[i] = sources_[i].view;
+            if (sources_[i].wanted.empty()) continue;
             masks[i].assign(sources_[i].wanted.size(), 0);
             views[i].wanted_mcus = masks[i].data();
             if (!count_needed_) continue;
@@ -211,7 +216,13 @@ class FocalPlaneFrame {
     std::atomic<int> cameras = 0;
     tbb::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
       Source& wanted = sources_[i];
-      if (std::find(wanted.wanted.begin(), wanted.wanted.end(), 1) == wanted.wanted.end()) return;
+      if (!wanted.used) return;
+      const bool is_whole =
+          wanted.wanted.empty();  // ... was, at least: fetch sees to it if need be
+      if (!is_whole &&
+          std::find(wanted.wanted.begin(), wanted.wanted.end(), 1) == wanted.wanted.end()) {
+        return;
+      }
       std::int64_t decoded = 0;
       wanted.frame = instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i],
                                            wanted.wanted, decoded);
@@ -231,7 +242,8 @@ class FocalPlaneFrame {
       const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width);
       for (const RayCells::Span& span : spans_[static_cast<std::size_t>(y)]) {
         const std::size_t at = row + static_cast<std::size_t>(span.begin);
-        blend_run(run_of(span, y), full_scale, &image.rgba[at * 4], &image.z[at]);
+        blend_run(run_of(span, y), instant_.cache->blend_space(), full_scale, &image.rgba[at * 4],
+                  &image.z[at]);
       }
       for (std::size_t at = row; at < row + static_cast<std::size_t>(view_.width); ++at) {
         image.coverage[at] = image.rgba[at * 4 + 3];

@@ -13,6 +13,7 @@
 #include "render/ray_cells.h"
 #include "render/source_view.h"
 #include "schemas/error.h"
+#include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {
@@ -22,12 +23,12 @@ using Eigen::Vector3d;
 using Eigen::Vector4d;
 
 struct Sample {
-  std::array<double, 3> rgb{};  ///< linear light
+  std::array<double, 3> rgb{};  ///< on the scale of the blend space, full scale 1
   double seen = 0;              ///< 1 within the frame, falling to 0 at its border
 };
 
 /// Bilinear look-up; pixel centres at +0.5.
-Sample look_up(const DecodedFrame& frame, const Vector2d& pixel, double seen, double full_scale) {
+Sample look_up(const DecodedFrame& frame, const Vector2d& pixel, double seen) {
   const double left = std::clamp(pixel.x() - 0.5, 0.0, frame.width - 1.0);
   const double top = std::clamp(pixel.y() - 0.5, 0.0, frame.height - 1.0);
   const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
@@ -36,7 +37,7 @@ Sample look_up(const DecodedFrame& frame, const Vector2d& pixel, double seen, do
   const auto code = [&](int x, int y, std::size_t c) {
     const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
                            static_cast<std::size_t>(x);
-    return frame.rgbx[at * 4 + c] / 65535.0 * full_scale;
+    return frame.rgbx[at * 4 + c] / 65535.0;
   };
   Sample sample;
   sample.seen = seen;
@@ -117,6 +118,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
   const RayCells present(ideal_view, *instant.rig, *instant.present);
   const RayCells complete(ideal_view, *instant.rig, *instant.complete);
   const double full_scale = instant.cache->full_scale();
+  const bool perceptual = instant.cache->blend_space() == BlendSpace::kPerceptual;
 
   const auto reconstruct = [&](int x, int y, float* rgba, float& coverage, float& z) {
     const auto ray_in_view = view_model.unproject({x + 0.5, y + 0.5});
@@ -140,12 +142,19 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
       Vector2d pixel;
       const double seen = visibility(source.model, towards, pixel);
       if (seen <= 0) continue;
-      const Sample sample = look_up(*frames[camera], pixel, seen, full_scale);
+      const Sample sample = look_up(*frames[camera], pixel, seen);
       const double weight = crossing->weight[i] * sample.seen;
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * sample.rgb[c];
       sum[3] += weight;
     }
-    for (std::size_t c = 0; c < 4; ++c) rgba[c] = static_cast<float>(sum[c]);
+    if (sum[3] > 0) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double mean = sum[c] / sum[3];
+        const double linear = perceptual ? linear_from_srgb(mean) : mean;
+        rgba[c] = static_cast<float>(linear * full_scale * sum[3]);
+      }
+    }
+    rgba[3] = static_cast<float>(sum[3]);
     coverage = rgba[3];
     if (instant.present != instant.complete) {
       if (const auto whole = complete.locate(ideal_x, ideal_y)) {

@@ -35,11 +35,13 @@ struct Pair {
 };
 
 Pair render_both(const Take& take, const VirtualCamera& view, const Eigen::Vector4d& plane,
-                 int frame = 0, std::vector<int> left_out = {}) {
+                 int frame = 0, std::vector<int> left_out = {},
+                 BlendSpace space = BlendSpace::kPerceptual) {
   const FrameSelection frames = select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
   RendererSettings settings;
   settings.left_out = std::move(left_out);
   settings.count_needed_pixels = true;
+  settings.blend_space = space;
   Pair pair;
   pair.fast = LightFieldRenderer(take, settings).render(view, frames, {"focal_plane", plane});
   settings.reference = true;
@@ -91,7 +93,7 @@ TEST_F(FocalPlane, AgreesWithTheReferenceFromEverywhere) {
         {Eigen::Vector3d(0.03, 0.03, 0), 0.0, 0.0, 62.0},            // at a camera
         {Eigen::Vector3d(0, 0, 0.25), 3.0, -2.0, 40.0},              // behind it
         {Eigen::Vector3d(0.02, 0, -0.3), -4.0, 1.0, 30.0},           // in front of it
-        {Eigen::Vector3d(0.5, 0, 0.5), 30.0, 0.0, 60.0},             // from the side
+        {Eigen::Vector3d(0.25, 0, 0.5), 20.0, 0.0, 60.0},            // from the side
         {Eigen::Vector3d(0, 0, 40), 0.0, 0.0, 0.5}}) {               // from far behind
     SCOPED_TRACE(position.transpose());
     const Pair pair = render_both(
@@ -276,6 +278,36 @@ TEST_F(FocalPlane, DecodesLittleMoreThanItNeeds) {
   ASSERT_GT(s.pixels_needed, 0);
   EXPECT_LT(static_cast<double>(s.pixels_decoded) / static_cast<double>(s.pixels_needed), 1.3);
   EXPECT_GE(s.pixels_decoded, s.pixels_needed);
+}
+
+TEST_F(FocalPlane, BothBlendSpacesAgreeWithTheReference) {
+  const Take take = write(grid_take(3, 3));
+  const VirtualCamera view =
+      virtual_camera_with_fov(90, 70, 30 * kDegree, looking({0.01, 0.02, 0.2}, 1));
+  const Eigen::Vector4d ghosting(0, 0, 1, 1);  // far from the painted plane: the samples disagree
+  const Pair perceptual = render_both(take, view, ghosting);
+  const Pair linear = render_both(take, view, ghosting, 0, {}, BlendSpace::kLinear);
+  expect_equal(perceptual);
+  expect_equal(linear);
+  EXPECT_NE(perceptual.fast.rgba, linear.fast.rgba);
+}
+
+TEST_F(FocalPlane, WhatIsInMemoryIsNotPlannedForAgain) {
+  const Take take = write(grid_take(3, 3));
+  const FrameSelection frames = select_frames(take, 0, 1);
+  const LightFieldRenderer renderer(take, {});
+  std::vector<RenderedView> views;
+  for (int again = 0; again < 4; ++again) {  // in part, then whole, then from memory
+    const VirtualCamera view =
+        virtual_camera_with_fov(90, 70, 0.5, looking({0.01 * again, 0.02, 0.2}, 1));
+    const RenderedView image = renderer.render(view, frames, {"focal_plane", {0, 0, 1, 4}});
+    EXPECT_EQ(
+        image.rgba,
+        LightFieldRenderer(take, {}).render(view, frames, {"focal_plane", {0, 0, 1, 4}}).rgba);
+    if (again == 3) {
+      EXPECT_EQ(image.statistics.pixels_decoded, 0);
+    }
+  }
 }
 
 TEST_F(FocalPlane, RefusesAnUnknownMethod) {

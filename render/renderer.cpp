@@ -14,7 +14,9 @@ namespace raystage {
 
 struct LightFieldRenderer::State {
   State(const Take& of_take, const RendererSettings& with_settings)
-      : take(of_take), settings(with_settings), cache(of_take, with_settings.cache_bytes) {}
+      : take(of_take),
+        settings(with_settings),
+        cache(of_take, with_settings.cache_bytes, with_settings.blend_space) {}
 
   const Take& take;
   RendererSettings settings;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "render/view.h"
+#include "store/frames/blend_space.h"
 #include "store/take.h"
 #include "store/timeline.h"
 
@@ -23,6 +24,7 @@ struct Reconstruction {
 struct RendererSettings {
   std::size_t cache_bytes = std::size_t{1} << 30;  ///< decoded source frames kept in memory
   std::vector<int> left_out;                       ///< cameras of the take that must not contribute
+  BlendSpace blend_space = BlendSpace::kPerceptual;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
 };

@@ -8,8 +8,11 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/sampling_kernels.cpp"
+// clang-format off: the order matters
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
+#include <hwy/contrib/math/math-inl.h>
+// clang-format on
 
 HWY_BEFORE_NAMESPACE();
 namespace raystage {
@@ -158,14 +161,48 @@ void add_samples(const SourceView& source, const Taps& taps, int n, bool first,
   }
 }
 
-void blend(const PixelRun& run, float full_scale, float* rgba, float* z) {
+/// sRGB's curve, from blended codes back to linear light (IEC 61966-2-1).
+template <class D>
+hn::Vec<D> linear_from_codes(D d, hn::Vec<D> code) {
+  const auto set = [&](float value) { return hn::Set(d, value); };
+  const auto straight = hn::Mul(code, set(1 / 12.92F));
+  const auto base = hn::MulAdd(code, set(1 / 1.055F), set(0.055F / 1.055F));
+  const auto curved = hn::Exp(d, hn::Mul(set(2.4F), hn::Log(d, base)));
+  return hn::IfThenElse(hn::Le(code, set(0.04045F)), straight, curved);
+}
+
+/// Sums of weighted codes, 0 to 65535, become premultiplied linear light.
+void finish(const float* HWY_RESTRICT sums, int n, BlendSpace space, float full_scale,
+            float* HWY_RESTRICT rgba) {
+  const hn::ScalableTag<float> d;
+  const hn::RebindToUnsigned<decltype(d)> du;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto unit = hn::Set(d, 1.0F / 65535), scale = hn::Set(d, full_scale);
+  const auto three = hn::Set(du, 3);
+  const auto is_alpha = hn::RebindMask(d, hn::Eq(hn::And(hn::Iota(du, 0), three), three));
+  HWY_ALIGN float last[16];
+  for (int i = 0; i < 4 * n; i += lanes) {
+    const auto sum = hn::Mul(hn::Load(d, sums + i), unit);
+    auto colour = hn::Mul(sum, scale);
+    if (space == BlendSpace::kPerceptual) {
+      const auto alpha = hn::Broadcast<3>(sum);
+      const auto code = hn::Div(sum, hn::Max(alpha, hn::Set(d, 1e-20F)));
+      colour = hn::Mul(linear_from_codes(d, code), hn::Mul(alpha, scale));
+    }
+    const auto out = hn::IfThenElse(is_alpha, sum, colour);
+    if (i + lanes <= 4 * n) {
+      hn::StoreU(out, d, rgba + i);
+    } else {
+      hn::Store(out, d, last);
+      std::copy(last, last + (4 * n - i), rgba + i);
+    }
+  }
+}
+
+void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z) {
   Weights weights;
   Taps taps;
   HWY_ALIGN float sums[4 * kChunk];
-  const hn::FixedTag<float, 4> d;
-  const float unit = 1.0F / 65535;
-  HWY_ALIGN const float scales[4] = {unit * full_scale, unit * full_scale, unit * full_scale, unit};
-  const auto scale = hn::Load(d, scales);
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
     find_weights(run, begin, n, weights);
@@ -178,47 +215,74 @@ void blend(const PixelRun& run, float full_scale, float* rgba, float* z) {
       first = false;
     }
     if (first) std::fill(sums, sums + 4 * n, 0.0F);
-    float* out = rgba + static_cast<std::size_t>(begin - run.begin) * 4;
     float* out_z = z + (begin - run.begin);
     const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
     for (int i = 0; i < n; ++i) {
       const float slope = along.base + static_cast<float>(i) * along.step;
       const bool met = run.at_infinity || slope > 0;
-      const auto colour = met ? hn::Mul(hn::Load(d, sums + 4 * i), scale) : hn::Zero(d);
-      hn::StoreU(colour, d, out + 4 * i);
-      out_z[i] = met && !run.at_infinity && out[4 * i + 3] > 0
-                     ? 1 / slope
-                     : std::numeric_limits<float>::infinity();
+      if (!met) std::fill(sums + 4 * i, sums + 4 * i + 4, 0.0F);
+      out_z[i] = !run.at_infinity && sums[4 * i + 3] > 0 ? 1 / slope
+                                                         : std::numeric_limits<float>::infinity();
     }
+    finish(sums, n, space, full_scale, rgba + static_cast<std::size_t>(begin - run.begin) * 4);
   }
 }
 
-void mark_mcus(const SourceView& source, const Taps& taps, const float* share, int n) {
-  // The upper left and lower right MCU of all that a tap reads are nearly always one and the same,
-  // and that of the tap before.
-  int marked = -1;
-  const int reach = source.chroma_reach;
+/// First and last MCU of what each tap reads, chroma included; -1 for taps that count for nothing.
+struct TapMcus {
+  HWY_ALIGN std::int32_t first[kChunk], last[kChunk], other[kChunk];
+};
+
+void find_mcus(const SourceView& source, const Taps& taps, int n, TapMcus& mcus) {
+  const hn::ScalableTag<std::int32_t> d;
+  const hn::Rebind<float, decltype(d)> df;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto set = [&](int value) { return hn::Set(d, value); };
+  const auto reach = set(source.chroma_reach), next = set(1 + source.chroma_reach);
+  const auto per_row = set(source.mcus_per_row), zero = hn::Zero(d);
+  for (int i = 0; i < n; i += lanes) {
+    const auto x = hn::Load(d, taps.x + i), y = hn::Load(d, taps.y + i);
+    const auto left = hn::ShiftRightSame(hn::Max(hn::Sub(x, reach), zero), source.mcu_width_log2);
+    const auto right =
+        hn::ShiftRightSame(hn::Min(hn::Add(x, next), set(source.width - 1)), source.mcu_width_log2);
+    const auto upper = hn::Mul(
+        hn::ShiftRightSame(hn::Max(hn::Sub(y, reach), zero), source.mcu_height_log2), per_row);
+    const auto lower = hn::Mul(hn::ShiftRightSame(hn::Min(hn::Add(y, next), set(source.height - 1)),
+                                                  source.mcu_height_log2),
+                               per_row);
+    const auto weight =
+        hn::Add(hn::Add(hn::Load(df, taps.weight00 + i), hn::Load(df, taps.weight01 + i)),
+                hn::Add(hn::Load(df, taps.weight10 + i), hn::Load(df, taps.weight11 + i)));
+    const auto counts = hn::RebindMask(d, hn::Gt(weight, hn::Zero(df)));
+    const auto none = set(-1);
+    hn::Store(hn::IfThenElse(counts, hn::Add(upper, left), none), d, mcus.first + i);
+    hn::Store(hn::IfThenElse(counts, hn::Add(lower, right), none), d, mcus.last + i);
+    hn::Store(hn::IfThenElse(counts, hn::Add(upper, right), none), d, mcus.other + i);
+  }
+}
+
+void mark_mcus(const SourceView& source, const Taps& taps, int n) {
+  TapMcus mcus;
+  find_mcus(source, taps, n, mcus);
+  int first = -1, last = -1;  // of the tap before, which is nearly always the same
   for (int i = 0; i < n; ++i) {
-    if (!(share[i] > 0)) continue;
-    const int right = std::min(taps.x[i] + 1 + reach, source.width - 1) >> source.mcu_width_log2;
-    const int lower = std::min(taps.y[i] + 1 + reach, source.height - 1) >> source.mcu_height_log2;
-    const int left = std::max(taps.x[i] - reach, 0) >> source.mcu_width_log2;
-    const int upper = std::max(taps.y[i] - reach, 0) >> source.mcu_height_log2;
-    const int first = upper * source.mcus_per_row + left;
-    const int last = lower * source.mcus_per_row + right;
-    if (first == marked && last == marked) continue;
-    marked = last;
+    if (mcus.first[i] == first && mcus.last[i] == last) continue;
+    first = mcus.first[i];
+    last = mcus.last[i];
+    if (first < 0) continue;
     source.wanted_mcus[first] = 1;
     source.wanted_mcus[last] = 1;
-    source.wanted_mcus[upper * source.mcus_per_row + right] = 1;
-    source.wanted_mcus[lower * source.mcus_per_row + left] = 1;
+    source.wanted_mcus[mcus.other[i]] = 1;
+    source.wanted_mcus[first + last - mcus.other[i]] = 1;
   }
 }
 
 void mark_pixels(const SourceView& source, const Taps& taps, int n) {
   for (int i = 0; i < n; ++i) {
     std::uint8_t* at =
-        source.read_pixels + static_cast<std::size_t>(taps.y[i]) * source.width + taps.x[i];
+        source.read_pixels +
+        static_cast<std::size_t>(taps.y[i]) * static_cast<std::size_t>(source.width) +
+        static_cast<std::size_t>(taps.x[i]);
     if (taps.weight00[i] > 0) at[0] = 1;
     if (taps.weight01[i] > 0) at[1] = 1;
     if (taps.weight10[i] > 0) at[source.width] = 1;
@@ -229,20 +293,22 @@ void mark_pixels(const SourceView& source, const Taps& taps, int n) {
 void mark(const PixelRun& run) {
   Weights weights;
   Taps taps;
-  HWY_ALIGN float counts[kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
     find_weights(run, begin, n, weights);
     const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
-    for (int c = 0; c < run.count; ++c) {
-      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps);
-      for (int i = 0; i < n; ++i) {
-        const bool met = run.at_infinity || along.base + static_cast<float>(i) * along.step > 0;
-        if (!met) taps.weight00[i] = taps.weight01[i] = taps.weight10[i] = taps.weight11[i] = 0;
-        counts[i] = (taps.weight00[i] + taps.weight01[i]) + (taps.weight10[i] + taps.weight11[i]);
+    if (!run.at_infinity) {
+      for (int i = 0; i < n; ++i) {  // rays that never meet the plane want nothing
+        if (along.base + static_cast<float>(i) * along.step > 0) continue;
+        for (auto& camera : weights.camera) camera[i] = 0;
       }
-      mark_mcus(*run.source[c], taps, counts, n);
-      if (run.source[c]->read_pixels != nullptr) mark_pixels(*run.source[c], taps, n);
+    }
+    for (int c = 0; c < run.count; ++c) {
+      const SourceView& source = *run.source[c];
+      if (source.wanted_mcus == nullptr) continue;
+      find_taps(source, begin, run.y, n, weights.camera[c], taps);
+      mark_mcus(source, taps, n);
+      if (source.read_pixels != nullptr) mark_pixels(source, taps, n);
     }
   }
 }
@@ -262,8 +328,8 @@ HWY_EXPORT(blend);
 HWY_EXPORT(target);
 
 void mark_run(const PixelRun& run) { HWY_DYNAMIC_DISPATCH(mark)(run); }
-void blend_run(const PixelRun& run, float full_scale, float* rgba, float* z) {
-  HWY_DYNAMIC_DISPATCH(blend)(run, full_scale, rgba, z);
+void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z) {
+  HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, z);
 }
 const char* kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 

@@ -4,6 +4,8 @@
 #include <array>
 #include <cstdint>
 
+#include "store/frames/blend_space.h"
+
 namespace raystage {
 
 /// One source camera as the sampling kernels read it: from a pixel of the view to weighted pixels
@@ -21,7 +23,8 @@ struct SourceView {
   /// null for a camera that contributes to no pixel.
   const std::uint16_t* rgbx = nullptr;
 
-  /// For planning: one byte per MCU of the frame, set to 1 where a sample reads it.
+  /// For planning: one byte per MCU of the frame, set to 1 where a sample reads it; null where that
+  /// need not be known because the whole frame is decoded.
   std::uint8_t* wanted_mcus = nullptr;
   int mcus_per_row = 0;
   int mcu_width_log2 = 3, mcu_height_log2 = 3;
@@ -53,8 +56,9 @@ inline constexpr float kFoldFade = 100.0F;  // per fold radius squared
 void mark_run(const PixelRun& run);
 
 /// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats a pixel
-/// (premultiplied, scaled by `full_scale`), `z` 1 float (+infinity where alpha is 0).
-void blend_run(const PixelRun& run, float full_scale, float* rgba, float* z);
+/// (premultiplied linear light, code 65535 being `full_scale`), `z` 1 float (+infinity where alpha
+/// is 0).
+void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z);
 
 /// The instruction set in use, e.g. "AVX3".
 const char* kernel_target();

@@ -125,6 +125,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                                       plane_in_front_of(take.rig(), evaluation.focal_depth)};
   RendererSettings renderer_settings;
   renderer_settings.cache_bytes = settings.cache_bytes;
+  renderer_settings.blend_space = settings.blend_space;
   renderer_settings.left_out = cameras_left_out(take, settings);
   evaluation.cameras = take.camera_count() - static_cast<int>(renderer_settings.left_out.size());
   const auto tolerance =

@@ -10,6 +10,7 @@
 
 #include "render/image_quality.h"
 #include "schemas/views.h"
+#include "store/frames/blend_space.h"
 #include "store/take.h"
 
 namespace raystage {
@@ -23,6 +24,7 @@ struct EvaluationSettings {
   std::vector<std::string> leave_out;
   /// Every n-th row and column of the grid contributes, counted from the first: fewer cameras.
   int camera_step = 1;
+  BlendSpace blend_space = BlendSpace::kPerceptual;
   std::filesystem::path image_folder;  ///< rendered views as PNG go here; empty: nowhere
   std::size_t cache_bytes = std::size_t{1} << 30;
 };

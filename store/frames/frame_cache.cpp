@@ -39,14 +39,16 @@ double brightest(const Take& take) {
   return most;
 }
 
-LinearTable linear_table(const Take& take, const PhotometricResponse& response, double full_scale) {
+LinearTable table_of(const Take& take, const PhotometricResponse& response, double full_scale,
+                     BlendSpace space) {
   LinearTable table{};
   for (std::size_t c = 0; c < 3; ++c) {
     for (int code = 0; code < 256; ++code) {
       const double linear =
           response.brightness[c] + response.contrast[c] * linear_of_code(take.document(), code);
-      table.code[c][code] =
-          static_cast<std::uint16_t>(std::clamp(linear / full_scale, 0.0, 1.0) * 65535 + 0.5);
+      const double part = std::clamp(linear / full_scale, 0.0, 1.0);
+      const double value = space == BlendSpace::kPerceptual ? srgb_from_linear(part) : part;
+      table.code[c][code] = static_cast<std::uint16_t>(value * 65535 + 0.5);
     }
   }
   return table;
@@ -54,6 +56,7 @@ LinearTable linear_table(const Take& take, const PhotometricResponse& response, 
 
 bool holds(const DecodedFrame& frame, const McuMask& wanted) {
   if (frame.decoded.empty()) return true;
+  if (wanted.empty()) return false;
   for (std::size_t i = 0; i < wanted.size(); ++i) {
     if (wanted[i] && !frame.decoded[i]) return false;
   }
@@ -63,12 +66,13 @@ bool holds(const DecodedFrame& frame, const McuMask& wanted) {
 }  // namespace
 
 struct FrameCache::State {
-  State(const Take& of_take, std::size_t budget_bytes, double brightest_linear)
-      : take(of_take), budget(budget_bytes), full_scale(brightest_linear) {}
+  State(const Take& of_take, std::size_t budget_bytes, double brightest_linear, BlendSpace in_space)
+      : take(of_take), budget(budget_bytes), full_scale(brightest_linear), space(in_space) {}
 
   const Take& take;
   std::size_t budget;
   double full_scale;
+  BlendSpace space;
   std::vector<LinearTable> tables;
   tbb::enumerable_thread_specific<JpegDecoder> decoders;
 
@@ -178,10 +182,10 @@ struct FrameCache::State {
   }
 };
 
-FrameCache::FrameCache(const Take& take, std::size_t budget_bytes)
-    : state_(std::make_shared<State>(take, budget_bytes, brightest(take))) {
+FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space)
+    : state_(std::make_shared<State>(take, budget_bytes, brightest(take), space)) {
   for (const Rig::Camera& camera : take.rig().cameras) {
-    state_->tables.push_back(linear_table(take, camera.photometric, state_->full_scale));
+    state_->tables.push_back(table_of(take, camera.photometric, state_->full_scale, space));
   }
 }
 
@@ -224,6 +228,15 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   state_->make_room();
   return fresh;
 }
+
+bool FrameCache::holds_whole(int camera, int frame) {
+  const std::scoped_lock lock(state_->mutex);
+  const auto found = state_->entries.find({camera, frame});
+  return found != state_->entries.end() && found->second->frame &&
+         found->second->frame->decoded.empty();
+}
+
+BlendSpace FrameCache::blend_space() const { return state_->space; }
 
 double FrameCache::full_scale() const { return state_->full_scale; }
 

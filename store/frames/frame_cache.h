@@ -6,13 +6,14 @@
 #include <memory>
 #include <vector>
 
+#include "store/frames/blend_space.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
 #include "store/take.h"
 
 namespace raystage {
 
-/// A camera's frame in linear light, whole or in part.
+/// A camera's frame, photometrically corrected, whole or in part.
 struct DecodedFrame {
   int width = 0, height = 0;  ///< pixels; rows follow each other without padding
   /// R, G, B, 65535 per pixel. Full scale 65535 stands for FrameCache::full_scale(). One row and
@@ -28,17 +29,22 @@ struct DecodedFrame {
 /// at often. Thread-safe; a frame is decoded once however many threads ask.
 class FrameCache {
  public:
-  FrameCache(const Take& take, std::size_t budget_bytes);
+  FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space);
   ~FrameCache();
 
   /// Throws Error (bad input) for a damaged frame or one whose size is not the camera's.
   std::shared_ptr<const JpegLayout> layout(int camera, int frame);
 
-  /// The frame with at least the `wanted` MCUs (see JpegDecoder::decode_region for what that
-  /// promises at their borders). Adds the pixels entropy-decoded for it to `pixels_decoded`.
+  /// The frame with at least the `wanted` MCUs, all of it where `wanted` is empty (see
+  /// JpegDecoder::decode_region for what that promises at their borders). Adds the pixels
+  /// entropy-decoded for it to `pixels_decoded`.
   std::shared_ptr<const DecodedFrame> fetch(int camera, int frame, const McuMask& wanted,
                                             std::int64_t& pixels_decoded);
 
+  /// Whether all of a frame is in memory, so that any part of it costs nothing.
+  bool holds_whole(int camera, int frame);
+
+  BlendSpace blend_space() const;
   /// Linear light that code 65535 stands for: at least 1, more where a camera's photometric
   /// correction raises its white above 1.
   double full_scale() const;

@@ -56,8 +56,11 @@ class Merger {
       return std::pair(r.time_ns, r.status != FrameStatus::kStored);
     };
     std::ranges::stable_sort(index_.records, {}, key);
-    const auto same = std::ranges::unique(index_.records, {}, &FrameRecord::time_ns);
-    index_.records.erase(same.begin(), same.end());
+    const auto same = [](const FrameRecord& a, const FrameRecord& b) {
+      return a.time_ns == b.time_ns;
+    };
+    index_.records.erase(std::unique(index_.records.begin(), index_.records.end(), same),
+                         index_.records.end());
   }
 
  private:

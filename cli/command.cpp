@@ -2,6 +2,7 @@
 #include "cli/command.h"
 
 #include <fmt/format.h>
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -41,6 +42,7 @@ class SignalWatch {
     sigaction(SIGINT, &action, nullptr);
     sigaction(SIGTERM, &action, nullptr);
     std::signal(SIGPIPE, SIG_IGN);
+    std::signal(SIGXFSZ, SIG_IGN);  // a limit on file sizes is an error of write(), not the end
   }
   ~SignalWatch() {
     if (!thread_.joinable()) return;
@@ -70,6 +72,9 @@ int run_command(std::string_view name, const CommandBody& body) {
     fmt::print(stderr, "raystage {}: {}\n", name, text);
     std::fflush(stderr);
   };
+  // Frames of tens of megabytes come and go: keep their pages instead of faulting them in again.
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that glibc takes
   SignalWatch watch;
   int code = static_cast<int>(ExitCode::kFailed);
   try {

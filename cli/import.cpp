@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <tbb/global_control.h>
 
-#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -13,6 +12,7 @@
 #include <thread>
 
 #include "cli/command.h"
+#include "cli/parse.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
 #include "raystage_version.h"
@@ -97,6 +97,11 @@ raystage::ImportSettings settings_from(const Options& options) {
 }
 
 ExitCode run(const Options& options, std::stop_token stop) {
+  if (options.restart_markers < -1) {
+    throw raystage::Error::bad_input("found " + std::to_string(options.restart_markers) +
+                                         " MCUs between markers, allowed: 1 or more",
+                                     "--restart-markers", "Leave the number out for the default");
+  }
   raystage::ModelSettings model;
   if (!options.images.empty()) model.images = options.images;
   model.epoch_utc = raystage::parse_utc(options.epoch);
@@ -125,16 +130,9 @@ ExitCode run(const Options& options, std::stop_token stop) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app(kDescription);
+  CLI::App app(kDescription, "raystage import");
   Options options;
   declare(app, options);
-  try {
-    app.parse(argc, argv);
-    if (options.restart_markers < -1) {
-      throw CLI::ValidationError("--restart-markers", "MCUS must be 1 or more");
-    }
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : static_cast<int>(ExitCode::kBadInput);
-  }
-  return raystage::run_command("import", [&](std::stop_token stop) { return run(options, stop); });
+  return raystage::parse_and_run(app, argc, argv, "import",
+                                 [&](std::stop_token stop) { return run(options, stop); });
 }

@@ -1,0 +1,65 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# The main job from nothing: installs what is missing, builds, simulates a take of 64 free-running
+# cameras, resynchronises it, renders a moving shot that no camera recorded as EXR, and leaves a
+# preview movie, a contact sheet and a table of speed against accuracy beside it.
+# Usage: ./demo.sh [OUTPUT_FOLDER]      (default: demo-output; a second run reuses what is there)
+set -euo pipefail
+cd "$(dirname "$0")"
+out="${1:-demo-output}"
+build=build/release
+say() { printf '\n== %s (%ss since start)\n' "$1" "$SECONDS"; }
+
+if [ -z "${RAYSTAGE_SKIP_INSTALL:-}" ]; then
+  say "Debian packages"
+  scripts/install_packages.sh build run
+fi
+
+say "Release build"
+mkdir -p build "$out"
+if ! cmake --preset release -DRAYSTAGE_TESTS=OFF >build/release.configure.log 2>&1; then
+  cat build/release.configure.log
+  exit 1
+fi
+cmake --build "$build" -j "$(nproc)"
+raystage="$build/bin/raystage"
+
+take="$out/take"
+if [ -e "$take/take.json" ]; then
+  say "the take is there already: $take"
+else
+  say "simulate: 8x8 cameras, 60 mm apart, 62 degrees, 15 fps, free running"
+  "$raystage" simulate -o "$take"
+fi
+
+say "resynchronise"
+"$raystage" sync "$take"
+"$raystage" info "$take"
+
+say "render the shot"
+"$raystage" render "$take/shot.json" -o "$out/frames/shot.####.exr" --existing skip
+
+say "preview"
+"$raystage" preview "$out/frames/shot.####.exr" -o "$out/preview.mp4" \
+  --contact-sheet "$out/contact-sheet.png"
+
+say "speed against accuracy, against the simulation's truth"
+table="$out/speed-accuracy.md"
+rm -f "$table"
+measure() {  # LABEL OPTION...
+  local label="$1"
+  shift
+  "$raystage" evaluate "$take" "$take/views.json" --method focal_plane --table "$table" \
+    --label "$label" "$@" >/dev/null
+}
+measure "8x8 cameras, best plane" --out "$out/evaluated" --json "$out/evaluation.json"
+measure "4x4 cameras, best plane" --camera-step 2
+measure "8x8 cameras, plane at 3 m" --focal-depth 3
+measure "8x8 cameras, plane at 6 m" --focal-depth 6
+measure "8x8 cameras, one thread" --threads 1
+cat "$table"
+
+say "done; look at"
+for result in preview.mp4 contact-sheet.png speed-accuracy.md frames evaluated take; do
+  echo "  $(cd "$out" && pwd)/$result"
+done

@@ -1,0 +1,70 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Installs what is missing, builds with warnings as errors, runs every test.
+#   ./test.sh            everything that decides whether a change lands
+#   ./test.sh asan|tsan  all tests under that sanitizer
+#   ./test.sh fuzz [S]   every fuzz target for S seconds (default 60)
+set -euo pipefail
+cd "$(dirname "$0")"
+what="${1:-all}"
+jobs="$(nproc)"
+export CTEST_OUTPUT_ON_FAILURE=1
+
+step() { printf '\n== %s (%ss since start)\n' "$1" "$SECONDS"; }
+
+if [ -z "${RAYSTAGE_SKIP_INSTALL:-}" ]; then
+  step "packages"
+  scripts/install_packages.sh build run test
+fi
+
+configure_and_build() {  # PRESET
+  cmake --preset "$1" >"build/$1.configure.log" 2>&1 || { cat "build/$1.configure.log"; exit 1; }
+  cmake --build "build/$1" -j "$jobs"
+}
+mkdir -p build
+
+sanitizer_options() {
+  export ASAN_OPTIONS="detect_leaks=1:strict_string_checks=1:detect_stack_use_after_return=1"
+  export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
+  export UBSAN_OPTIONS="print_stacktrace=1"
+  export TSAN_OPTIONS="suppressions=$PWD/tests/tsan.supp:halt_on_error=1:second_deadlock_stack=1"
+}
+
+case "$what" in
+  all)
+    step "build, warnings are errors"
+    configure_and_build check
+    step "tests"
+    ctest --test-dir build/check -j "$jobs" --no-tests=error
+    step "quick form of the address and undefined behaviour sanitizers"
+    sanitizer_options
+    cmake --preset asan >build/asan.configure.log 2>&1 || { cat build/asan.configure.log; exit 1; }
+    cmake --build build/asan -j "$jobs" --target sanitizer_quick
+    ctest --test-dir build/asan -j "$jobs" --no-tests=error -L '^(schemas|rig|jpeg|store|render)$'
+    step "clang-format and clang-tidy"
+    scripts/check_style.sh build/check
+    step "done"
+    ;;
+  asan | tsan)
+    step "build with $what"
+    configure_and_build "$what"
+    step "tests with $what"
+    sanitizer_options
+    ctest --test-dir "build/$what" -j "$jobs" --no-tests=error
+    ;;
+  fuzz)
+    step "build fuzz targets"
+    configure_and_build fuzz
+    for target in build/fuzz/bin/*_fuzz; do
+      name="$(basename "$target" _fuzz)"
+      step "fuzz $name"
+      mkdir -p "build/fuzz/corpus/$name"
+      "$target" -max_total_time="${2:-60}" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 \
+        "build/fuzz/corpus/$name" "tests/fuzz/corpus/$name"
+    done
+    ;;
+  *)
+    echo "usage: ./test.sh [all|asan|tsan|fuzz [SECONDS]]" >&2
+    exit 2
+    ;;
+esac

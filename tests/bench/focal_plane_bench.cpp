@@ -1,0 +1,304 @@
+// SPDX-License-Identifier: Apache-2.0
+// focal_plane against the same algorithm in OpenCV, and from archive to pixels along a moving shot.
+// The take: $RAYSTAGE_BENCH_TAKE (with restart markers) and $RAYSTAGE_BENCH_TAKE_PLAIN (without);
+// by default 8x8 cameras of 960x640 looking at a painted plane. See tests/bench/run.sh.
+#include <benchmark/benchmark.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_pipeline.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "render/plane_projection.h"
+#include "render/ray_cells.h"
+#include "render/renderer.h"
+#include "render/synthetic_take.h"
+#include "schemas/transfer_function.h"
+#include "store/jpeg/decode.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kWidth = 960, kHeight = 640;
+constexpr double kFocalDepth = 8.69;
+
+/// The take under test, opened once; a synthetic one lives in a folder that goes with the program.
+class BenchTakes {
+ public:
+  BenchTakes() {
+    restart_ = open("RAYSTAGE_BENCH_TAKE", "restart", -1);
+    plain_ = open("RAYSTAGE_BENCH_TAKE_PLAIN", "plain", 0);
+  }
+  const Take& restart() const { return *restart_; }
+  const Take& plain() const { return *plain_; }
+
+ private:
+  std::unique_ptr<Take> open(const char* variable, const char* name, int restart_interval) {
+    if (const char* folder = std::getenv(variable)) return std::make_unique<Take>(folder);
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(8, 8, 0.0615, kWidth, kHeight);
+    settings.plane_depth = kFocalDepth;
+    settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, restart_interval};
+    write_synthetic_take(settings, folder_.path() / name);
+    return std::make_unique<Take>(folder_.path() / name);
+  }
+  testing::TestFolder folder_;
+  std::unique_ptr<Take> restart_, plain_;
+};
+
+const BenchTakes& takes() {
+  static const BenchTakes opened;
+  return opened;
+}
+
+/// A view that needs many cameras at once: behind the array, moving sideways and forwards.
+VirtualCamera view_of_frame(int frame, int frames) {
+  const double along = frames > 1 ? static_cast<double>(frame) / (frames - 1) : 0;
+  Pose pose;
+  pose.position = {-0.06 + 0.12 * along, 0.03 - 0.05 * along, 0.30 - 0.15 * along};
+  return virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
+}
+
+Reconstruction reconstruction(const Take& take) {
+  return {"focal_plane", plane_in_front_of(take.rig(), kFocalDepth)};
+}
+
+/// Leaves rows x columns cameras in, spread over the grid.
+std::vector<int> left_out_but(const Take& take, int per_side) {
+  std::vector<int> left_out;
+  for (int i = 0; i < take.camera_count(); ++i) {
+    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(i)];
+    const int step = per_side > 1 ? 7 / (per_side - 1) : 1;
+    const bool kept = *camera.row % step == 0 && *camera.column % step == 0 &&
+                      *camera.row / step < per_side && *camera.column / step < per_side;
+    if (!kept) left_out.push_back(i);
+  }
+  return left_out;
+}
+
+void BM_FocalPlane(benchmark::State& state) {
+  const Take& take = takes().restart();
+  const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(state.range(0)));
+  const LightFieldRenderer renderer(take, {});
+  const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
+  const VirtualCamera view = view_of_frame(12, 48);
+  for (int warm = 0; warm < 2; ++warm) {
+    benchmark::DoNotOptimize(renderer.render(view, frames, reconstruction(take)));
+  }
+  double plan = 0, blend = 0, count = 0;
+  for (auto _ : state) {
+    const RenderedView image = renderer.render(view, frames, reconstruction(take));
+    plan += image.statistics.plan_ms;
+    blend += image.statistics.render_ms;
+    ++count;
+    benchmark::DoNotOptimize(image.rgba.data());
+  }
+  state.counters["plan_ms"] = plan / count;
+  state.counters["blend_ms"] = blend / count;
+}
+BENCHMARK(BM_FocalPlane)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime()->MinTime(2);
+
+/// The peer: every camera's image warped onto the view by its homography, times its weight, added.
+class OpenCvFocalPlane {
+ public:
+  explicit OpenCvFocalPlane(const Take& take) : take_(take) {
+    JpegDecoder decoder;
+    for (int i = 0; i < take.camera_count(); ++i) {
+      const RgbImage image = decoder.decode(take.archive(i).jpeg(0), "frame");
+      cv::Mat linear(image.height, image.width, CV_32FC3);
+      for (int p = 0; p < image.width * image.height; ++p) {
+        auto& pixel = linear.at<cv::Vec3f>(p / image.width, p % image.width);
+        for (int c = 0; c < 3; ++c) {
+          const auto code = image.pixels[static_cast<std::size_t>(3 * p + c)];
+          pixel[c] = static_cast<float>(linear_from_srgb(code / 255.0));
+        }
+      }
+      images_.push_back(linear);
+    }
+    std::vector<int> all;
+    for (int i = 0; i < take.camera_count(); ++i) all.push_back(i);
+    topology_ = topology_of(take.rig(), all);
+  }
+
+  /// `crop`: warp only the rectangle of the view in which the camera has a weight.
+  cv::Mat render(const VirtualCamera& view, const Eigen::Vector4d& plane, bool crop) const {
+    std::vector<cv::Mat> weights = draw_weights(view);
+    const PlaneProjection projection(view, plane);
+    cv::Mat sum = cv::Mat::zeros(view.height, view.width, CV_32FC3);
+    cv::Mat warped, weight3;
+    for (std::size_t i = 0; i < images_.size(); ++i) {
+      if (weights[i].empty()) continue;
+      cv::Rect region(0, 0, view.width, view.height);
+      if (crop) region = cv::boundingRect(cv::Mat(weights[i] > 0));
+      if (region.empty()) continue;
+      const cv::Mat homography = source_from_view(projection, i, region);
+      cv::warpPerspective(images_[i], warped, homography, region.size(),
+                          cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT);
+      cv::merge(std::vector<cv::Mat>(3, weights[i](region)), weight3);
+      cv::Mat target = sum(region);
+      cv::accumulateProduct(warped, weight3, target);
+    }
+    return sum;
+  }
+
+ private:
+  cv::Mat source_from_view(const PlaneProjection& projection, std::size_t camera,
+                           const cv::Rect& region) const {
+    const Rig::Camera& source = take_.rig().cameras[camera];
+    const Intrinsics& k = source.model.intrinsics();
+    Eigen::Matrix3d calibration;  // pixel centres at integers, as OpenCV counts
+    calibration << k.fx, 0, k.cx - 0.5, 0, k.fy, k.cy - 0.5, 0, 0, 1;
+    Eigen::Matrix3d offset = Eigen::Matrix3d::Identity();
+    offset(0, 2) = region.x + 0.5;
+    offset(1, 2) = region.y + 0.5;
+    const Eigen::Matrix3d h = calibration * projection.ideal_from_pixel(source.pose) * offset;
+    cv::Mat out(3, 3, CV_64F);
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) out.at<double>(r, c) = h(r, c);
+    }
+    return out;
+  }
+
+  std::vector<cv::Mat> draw_weights(const VirtualCamera& view) const {
+    std::vector<cv::Mat> weights(images_.size());
+    const RayCells cells(view, take_.rig(), topology_);
+    std::vector<int> scratch;
+    std::vector<RayCells::Span> spans;
+    for (int y = 0; y < view.height; ++y) {
+      cells.spans_of_row(y, view.width, scratch, spans);
+      for (const RayCells::Span& span : spans) {
+        const auto& cell = cells.cells()[static_cast<std::size_t>(span.cell)];
+        for (std::size_t c = 0; c < 3; ++c) {
+          cv::Mat& weight = weights[static_cast<std::size_t>(cell.camera[c])];
+          if (weight.empty()) weight = cv::Mat::zeros(view.height, view.width, CV_32F);
+          auto* row = weight.ptr<float>(y);
+          const double total_y = cell.total.y() * (y + 0.5) + cell.total.z();
+          const double share_y = cell.share[c].y() * (y + 0.5) + cell.share[c].z();
+          for (int x = span.begin; x < span.end; ++x) {
+            row[x] = static_cast<float>((cell.share[c].x() * (x + 0.5) + share_y) /
+                                        (cell.total.x() * (x + 0.5) + total_y));
+          }
+        }
+      }
+    }
+    return weights;
+  }
+
+  const Take& take_;
+  std::vector<cv::Mat> images_;
+  Topology topology_;
+};
+
+void BM_OpenCv(benchmark::State& state) {
+  const Take& take = takes().restart();
+  static const OpenCvFocalPlane peer(take);
+  cv::setNumThreads(static_cast<int>(state.range(0)));
+  const bool crop = state.range(1) != 0;
+  const VirtualCamera view = view_of_frame(12, 48);
+  const Eigen::Vector4d plane = plane_in_front_of(take.rig(), kFocalDepth);
+  for (auto _ : state) benchmark::DoNotOptimize(peer.render(view, plane, crop).data);
+
+  // They must be the same picture, or the comparison says nothing.
+  const cv::Mat theirs = peer.render(view, plane, crop);
+  const RenderedView ours = LightFieldRenderer(take, {}).render(
+      view, select_frames(take, 0, kNanosecondsPerSecond), reconstruction(take));
+  double difference = 0;
+  for (int y = 8; y < kHeight - 8; ++y) {
+    for (int x = 8; x < kWidth - 8; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y * kWidth + x);
+      if (ours.rgba[at * 4 + 3] < 0.999F) continue;
+      for (int c = 0; c < 3; ++c) {
+        difference += static_cast<double>(std::abs(ours.rgba[at * 4 + static_cast<std::size_t>(c)] -
+                                                   theirs.at<cv::Vec3f>(y, x)[c]));
+      }
+    }
+  }
+  difference /= 3.0 * kWidth * kHeight;
+  state.counters["mean_difference"] = difference;
+  if (difference > 2e-3) state.SkipWithError("OpenCV's picture differs from ours");
+}
+BENCHMARK(BM_OpenCv)
+    ->ArgsProduct({{1, 2}, {0, 1}})
+    ->ArgNames({"threads", "crop"})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->MinTime(2);
+
+/// From archive to pixels: nothing is cached from one frame to the next, as in a take in motion.
+void archive_to_pixels(benchmark::State& state, const Take& take) {
+  const auto thread_count = static_cast<std::size_t>(state.range(0));
+  const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
+  constexpr int kFrames = 48;
+  RendererSettings settings;
+  settings.cache_bytes = 1;
+  settings.left_out = left_out_but(take, static_cast<int>(state.range(1)));
+  const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
+  double decoded = 0, rendered = 0;
+  for (auto _ : state) {
+    std::vector<std::unique_ptr<LightFieldRenderer>> renderers;
+    for (std::size_t i = 0; i < thread_count; ++i) {
+      renderers.push_back(std::make_unique<LightFieldRenderer>(take, settings));
+    }
+    int next = 0;
+    std::atomic<std::int64_t> pixels = 0;
+    tbb::parallel_pipeline(
+        thread_count, tbb::make_filter<void, int>(tbb::filter_mode::serial_in_order,
+                                                  [&](tbb::flow_control& control) {
+                                                    if (next == kFrames) control.stop();
+                                                    return next++;
+                                                  }) &
+                          tbb::make_filter<int, void>(tbb::filter_mode::parallel, [&](int frame) {
+                            const RenderedView image =
+                                renderers[static_cast<std::size_t>(frame) % thread_count]->render(
+                                    view_of_frame(frame, kFrames), frames, reconstruction(take));
+                            pixels += image.statistics.pixels_decoded;
+                            benchmark::DoNotOptimize(image.rgba.data());
+                          }));
+    decoded += static_cast<double>(pixels);
+    rendered += kFrames;
+  }
+  state.counters["frames_per_s"] = benchmark::Counter(rendered, benchmark::Counter::kIsRate);
+  state.counters["MP_decoded_per_frame"] = decoded / rendered / 1e6;
+
+  settings.count_needed_pixels = true;
+  std::int64_t needed = 0, read = 0;
+  for (int frame = 0; frame < kFrames; frame += 6) {
+    const RenderStatistics statistics =
+        LightFieldRenderer(take, settings)
+            .render(view_of_frame(frame, kFrames), frames, reconstruction(take))
+            .statistics;
+    needed += statistics.pixels_needed;
+    read += statistics.pixels_decoded;
+  }
+  state.counters["decoded_per_needed"] = static_cast<double>(read) / static_cast<double>(needed);
+}
+
+void BM_ArchiveToPixels(benchmark::State& state) { archive_to_pixels(state, takes().restart()); }
+void BM_ArchiveToPixelsWithoutMarkers(benchmark::State& state) {
+  archive_to_pixels(state, takes().plain());
+}
+BENCHMARK(BM_ArchiveToPixels)
+    ->Args({1, 8})
+    ->ArgsProduct({{2}, {2, 4, 8}})
+    ->ArgNames({"threads", "per_side"})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->MinTime(3);
+BENCHMARK(BM_ArchiveToPixelsWithoutMarkers)
+    ->ArgsProduct({{2}, {2, 4, 8}})
+    ->ArgNames({"threads", "per_side"})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->MinTime(3);
+
+}  // namespace
+}  // namespace raystage
+
+BENCHMARK_MAIN();

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace raystage::testing {
+
+struct CommandResult {
+  int exit_code = -1;  ///< 128 + n where signal n ended it
+  std::string out, err;
+};
+
+/// Runs a shell command with the built executables first on the PATH, to its end.
+CommandResult run(const std::string& command);
+
+/// Starts a shell command, sends `signal` as soon as `ready` exists, waits for its end.
+CommandResult run_and_signal(const std::string& command, int signal,
+                             const std::filesystem::path& ready);
+
+/// Where the captured light fields are, or nullopt.
+std::optional<std::filesystem::path> captured_data(const std::string& set);
+
+/// Files under a folder whose name contains `part`.
+std::vector<std::filesystem::path> files_with(const std::filesystem::path& folder,
+                                              const std::string& part);
+
+std::string text_of(const std::filesystem::path& file);
+void write_text(const std::filesystem::path& file, const std::string& text);
+
+/// `text` with every occurrence of `from` replaced.
+std::string replaced(std::string text, const std::string& from, const std::string& to);
+
+}  // namespace raystage::testing

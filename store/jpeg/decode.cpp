@@ -27,7 +27,8 @@ RgbImage JpegDecoder::decode(std::span<const std::byte> jpeg, std::string_view n
   // A new one each time: libjpeg keeps tables from frame to frame, and a frame that lacks its own
   // would be decoded by a stranger's.
   libjpeg::Decompressor decompressor;
-  auto& [info, errors] = decompressor;
+  jpeg_decompress_struct& info = decompressor.info;
+  libjpeg::ErrorManager& errors = decompressor.errors;
   const bool decoded = libjpeg::guarded(errors, [&] {
     decompressor.set_input(jpeg);
     jpeg_read_header(&info, TRUE);

@@ -37,8 +37,10 @@ class JpegDecoder {
   /// `table`, then 65535) and leaves other pixels untouched. Codes before the table are equal to
   /// decode()'s in every wanted MCU whose neighbouring MCUs (8 around) are wanted too or lie
   /// outside the image, and in the pixels of every wanted MCU at least 2 away from an MCU not
-  /// wanted. Without restart markers the whole frame is decoded. Returns the pixels
-  /// entropy-decoded.
+  /// wanted. `layout` must be this file's. Each segment is decoded up to its last wanted MCU;
+  /// without restart markers that is the scan from its start, and where not layout.baseline_ycc
+  /// the whole picture. Returns the pixels entropy-decoded, in whole MCUs. Throws Error (bad input)
+  /// where what it decodes is damaged; damage elsewhere goes unnoticed.
   std::int64_t decode_region(std::span<const std::byte> jpeg, const JpegLayout& layout,
                              const McuMask& wanted, const LinearTable& table,
                              std::span<std::uint16_t> rgbx_linear, std::string_view name);

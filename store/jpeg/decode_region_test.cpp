@@ -33,7 +33,8 @@ LinearTable injective_table() {
 
 bool all_wanted(const JpegLayout& layout, const McuMask& wanted, int column, int row) {
   if (column < 0 || row < 0 || column >= layout.mcus_per_row || row >= layout.mcu_rows) return true;
-  return wanted[static_cast<std::size_t>(row * layout.mcus_per_row + column)] != 0;
+  const int mcu = row * layout.mcus_per_row + column;
+  return wanted[static_cast<std::size_t>(mcu)] != 0;
 }
 
 // Whether decode_region promises this pixel of a wanted MCU: none not wanted within 2 pixels.
@@ -71,7 +72,8 @@ void expect_region(JpegDecoder& decoder, const Bytes& jpeg, const McuMask& wante
   const LinearTable table = injective_table();
   for (int y = 0; y < layout.height; ++y) {
     for (int x = 0; x < layout.width; ++x) {
-      const auto pixel = static_cast<std::size_t>(y * layout.width + x);
+      const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(layout.width) +
+                         static_cast<std::size_t>(x);
       const auto* got = &decoded.rgbx[4 * pixel];
       if (!all_wanted(layout, wanted, x / layout.mcu_width, y / layout.mcu_height)) {
         ASSERT_TRUE(std::all_of(got, got + 4, [](auto v) { return v == kUntouched; }));

@@ -110,7 +110,7 @@ BlockResult decode_block(BitReader& shared, const BlockTables& tables, std::int3
   return result;
 }
 
-[[noreturn]] void fail(std::string what, std::size_t offset, std::string_view name) {
+[[noreturn]] void fail(const std::string& what, std::size_t offset, std::string_view name) {
   throw Error::bad_input("damaged JPEG: " + what,
                          std::string(name) + " @byte " + std::to_string(offset),
                          "Replace the file or take the frame out");

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "ingest/simulated/settings.h"
+#include "schemas/rig_document.h"
+
+namespace raystage {
+
+/// The simulated array: as it was designed, and as it was built. Cameras are named "rRcC", row 0 on
+/// top, column 0 on the left as seen from behind.
+struct SimulatedArray {
+  RigDocument nominal, truth;
+};
+
+SimulatedArray make_array(const SimulationSettings& settings);
+
+}  // namespace raystage

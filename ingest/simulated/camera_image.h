@@ -1,0 +1,120 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "ingest/simulated/radiance.h"
+#include "rig/camera_model.h"
+#include "rig/pose.h"
+#include "schemas/rig_document.h"
+#include "store/jpeg/rgb_image.h"
+
+namespace raystage {
+
+/// The rays of a camera's pixels, worked out once.
+class PixelRays {
+ public:
+  explicit PixelRays(const CameraModel& model, const Pose& pose);
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  /// Whether the lens sees anything at this pixel (see CameraModel's fold).
+  bool sees(int column, int row) const;
+  /// Ray through a place in the pixel, each coordinate in [0, 1), 0.5 the middle. World.
+  Ray ray(int column, int row, float x, float y) const;
+  /// Width of a pixel at 1 m, metres.
+  float footprint() const { return footprint_; }
+  /// Metres in front of the camera per metre along the ray.
+  float depth_per_distance(const Ray& ray) const { return forward_.dot(ray.direction); }
+
+ private:
+  const Eigen::Vector2f& ideal(int column, int row) const {
+    return ideal_[static_cast<std::size_t>(row + 1) * static_cast<std::size_t>(width_ + 2) +
+                  static_cast<std::size_t>(column + 1)];
+  }
+
+  int width_, height_;
+  float footprint_;
+  Eigen::Matrix3f world_from_camera_;
+  Eigen::Vector3f position_, forward_;
+  std::vector<Eigen::Vector2f> ideal_;  ///< of pixel centres, with a border of one; NaN: none
+};
+
+/// A picture in linear light, full scale 1, and what its pixel centres see.
+struct LinearImage {
+  int width = 0, height = 0;
+  std::vector<Eigen::Vector3f> light;
+  std::vector<LightSample> centre;
+};
+
+/// What one camera sees of the still parts, kept from frame to frame. Changes no picture, only how
+/// long it takes.
+class StillCache {
+ public:
+  /// `most_bytes`: of what is kept beyond one sample a pixel.
+  explicit StillCache(std::size_t most_bytes = std::size_t{256} << 20U) : most_bytes_(most_bytes) {}
+
+ private:
+  friend class CameraRenderer;
+  std::size_t most_bytes_;
+  std::vector<Ray> rays_;             ///< through the pixel centres, tile by tile
+  std::vector<StillSample> centres_;  ///< of those
+  /// Per pixel: light over several samples where nothing moves in sight; NaN: not known yet.
+  std::vector<Eigen::Vector3f> oversampled_;
+  std::vector<std::int32_t> block_of_;  ///< per pixel: its samples in blocks_, -1: none yet
+  std::vector<StillSample> blocks_;     ///< several samples per pixel
+};
+
+/// Renders pictures. Keeps scratch memory: one per thread.
+class CameraRenderer {
+ public:
+  /// `edge_samples` (a square number) where neighbouring pixels see different surfaces or shadows,
+  /// one sample elsewhere: textures are filtered anyway. Moving parts are found by the pixel
+  /// centres. `cache`: of these rays and this number, empty at first.
+  void render(const World& world, const PixelRays& rays, int edge_samples, StillCache& cache,
+              LinearImage& image);
+  /// `samples` (a square number) everywhere.
+  void render_evenly(const World& world, const PixelRays& rays, int samples, LinearImage& image);
+
+ private:
+  struct Pixel {
+    int column, row;
+    std::size_t index;  ///< in the image
+  };
+  /// Fills `image` with one sample a pixel and moved_ with whether something that moves is seen or
+  /// shades it.
+  void render_centres(const World& world, const PixelRays& rays, StillCache& cache,
+                      LinearImage& image);
+  void find_edges(const LinearImage& image, const PixelRays& rays);
+  void make_batch(const PixelRays& rays, std::span<const Pixel> group, int samples);
+  /// `cache` may be null.
+  void oversample(const World& world, const PixelRays& rays, std::span<const Pixel> pixels,
+                  int samples, StillCache* cache, LinearImage& image);
+  void oversample_still(const World& world, const PixelRays& rays, std::span<const Pixel> pixels,
+                        int samples, StillCache& cache);
+  void find_still(const World& world, std::span<const Pixel> group, float footprint,
+                  StillCache* cache);
+
+  Radiance radiance_;
+  std::vector<Ray> batch_, missing_rays_;
+  std::vector<StillSample> still_, missing_still_;
+  std::vector<LightSample> samples_;
+  std::vector<Pixel> pixels_, still_pixels_;
+  std::vector<std::uint8_t> moved_, edge_;
+  std::vector<std::size_t> missing_;
+};
+
+/// How a camera turns light into codes.
+struct Development {
+  PhotometricResponse response;  ///< light = brightness + contrast * (what the camera shows)
+  double noise = 0;  ///< standard deviation at full scale; falls with the root of the light
+  std::uint64_t noise_seed = 0;
+};
+
+/// 8-bit sRGB codes.
+RgbImage develop(const LinearImage& image, const Development& development);
+
+}  // namespace raystage

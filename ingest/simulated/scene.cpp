@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/simulated/scene.h"
+
+#include "ingest/simulated/painters.h"
+#include "schemas/error.h"
+
+namespace raystage {
+
+std::vector<SceneName> scene_names() {
+  return {{"stage", "a small stage set in motion: backdrop, lamps on wires, wheel, balls, mirror"},
+          {"still", "the same set, nothing moves"},
+          {"chart", "a flat chart 4 m away behind four small balls, nothing moves"}};
+}
+
+Scene make_scene(std::string_view name) {
+  if (name == "stage" || name == "still") return make_stage_scene(name == "stage");
+  if (name == "chart") return make_chart_scene();
+  std::string known;
+  for (const SceneName& scene : scene_names()) {
+    known += (known.empty() ? "" : ", ") + std::string(scene.name);
+  }
+  throw Error::bad_input("there is no scene \"" + std::string(name) + "\"", "scene",
+                         "Choose one of: " + known);
+}
+
+Scene make_chart_scene() {
+  using Eigen::Vector3f;
+  Scene scene;
+  scene.name = "chart";
+  scene.textures.emplace_back(512, 512, paint_chart);
+  scene.parts.push_back({"chart",
+                         make_quad({-4, 3, -4}, {8, 0, 0}, {0, -6, 0}, {4, 3}, 8),
+                         {.texture = 0, .colour = {1, 1, 1}}});
+  const Vector3f centres[] = {
+      {-0.5F, 0.3F, -2}, {0.6F, 0.4F, -2.5F}, {-0.7F, -0.4F, -3}, {0.4F, -0.3F, -2.2F}};
+  int number = 0;
+  for (const Vector3f& centre : centres) {
+    Eigen::Isometry3f placement = Eigen::Isometry3f::Identity();
+    placement.translation() = centre;
+    Mesh ball;
+    ball.add(make_sphere(0.06F, 48), placement);
+    Material material;
+    material.colour = {0.9F, 0.2F * static_cast<float>(number), 0.1F};
+    scene.parts.push_back({"ball" + std::to_string(number++), std::move(ball), material});
+  }
+  return scene;
+}
+
+}  // namespace raystage

@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/simulated/simulate.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "images/image_file.h"
+#include "ingest/simulated/array.h"
+#include "ingest/simulated/camera_image.h"
+#include "ingest/simulated/hash_random.h"
+#include "ingest/simulated/schedule.h"
+#include "ingest/simulated/truth_document.h"
+#include "ingest/simulated/virtual_path.h"
+#include "rig/rig.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "store/jpeg/encode.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::uint64_t kNoiseSalt = 21;
+// 2026-01-01T00:00:00Z: a simulation has no date, and the same settings must give the same bytes.
+constexpr Nanoseconds kEpoch = 1'767'225'600 * kNanosecondsPerSecond;
+
+double seconds_of(Nanoseconds time) { return static_cast<double>(time) * 1e-9; }
+
+// What one thread needs to render.
+struct Worker {
+  explicit Worker(const SceneGeometry& geometry) : world(geometry) {}
+  World world;
+  CameraRenderer renderer;
+  LinearImage image;
+};
+
+// Lends out workers: as many are made as are in use at once.
+class WorkerPool {
+ public:
+  explicit WorkerPool(const SceneGeometry& geometry) : geometry_(geometry) {}
+
+  class Loan {
+   public:
+    Loan(WorkerPool& pool, std::unique_ptr<Worker> worker)
+        : pool_(pool), worker_(std::move(worker)) {}
+    ~Loan() {
+      const std::scoped_lock lock(pool_.mutex_);
+      pool_.idle_.push_back(std::move(worker_));
+    }
+    Loan(const Loan&) = delete;
+    Loan& operator=(const Loan&) = delete;
+    Worker* operator->() const { return worker_.get(); }
+
+   private:
+    WorkerPool& pool_;
+    std::unique_ptr<Worker> worker_;
+  };
+
+  Loan borrow() {
+    std::unique_ptr<Worker> worker;
+    {
+      const std::scoped_lock lock(mutex_);
+      if (!idle_.empty()) {
+        worker = std::move(idle_.back());
+        idle_.pop_back();
+      }
+    }
+    if (!worker) worker = std::make_unique<Worker>(geometry_);
+    return {*this, std::move(worker)};
+  }
+
+ private:
+  const SceneGeometry& geometry_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Worker>> idle_;
+};
+
+class Simulation {
+ public:
+  Simulation(const SimulationSettings& settings, const std::function<void(double)>& progress,
+             std::stop_token stop)
+      : settings_(settings),
+        progress_(progress),
+        stop_(std::move(stop)),
+        scene_(make_scene(settings.scene)),
+        geometry_(scene_),
+        workers_(geometry_),
+        array_(make_array(settings)),
+        schedule_(make_schedule(settings)),
+        path_(make_virtual_path(settings, schedule_)),
+        true_rig_(rig_from_document(array_.truth)) {
+    // A truth image costs about what half its samples cost in frames.
+    truth_cost_ = std::max(1.0, settings.truth_samples / 2.0) * settings.view_width() *
+                  settings.view_height() / settings.width / settings.height;
+    total_cost_ = settings.truth_views * truth_cost_ +
+                  static_cast<double>(settings.camera_count()) * settings.frames_per_camera();
+  }
+
+  SimulationReport run(const std::filesystem::path& folder, const std::string& created_by) {
+    // Refuses a folder that cannot be written before anything is rendered.
+    TakeWriter writer(folder, take_document(created_by),
+                      settings_.nominal_calibration ? array_.nominal : array_.truth);
+    SimulationReport report;
+    report.cameras = settings_.camera_count();
+    report.truth_views = settings_.truth_views;
+    tbb::parallel_for(
+        tbb::blocked_range<int>(0, settings_.camera_count(), 1),
+        [&](const tbb::blocked_range<int>& range) {
+          for (int i = range.begin(); i < range.end(); ++i) record(writer, i);
+        },
+        tbb::simple_partitioner());
+    for (const Schedule::Camera& camera : schedule_.cameras) {
+      for (const Schedule::Frame& frame : camera.frames) {
+        (frame.status == FrameStatus::kStored ? report.frames_stored : report.frames_missing)++;
+      }
+    }
+    if (settings_.truth_views > 0) {
+      write_truth_images(writer.working_folder());
+      write_views(path_.views, writer.working_folder() / "views.json");
+    }
+    write_shot(path_.shot, writer.working_folder() / "shot.json");
+    write_file_atomically(writer.working_folder() / "truth.json",
+                          truth_text(settings_, array_, schedule_));
+    writer.commit();
+    return report;
+  }
+
+ private:
+  void check_stop() const {
+    if (stop_.stop_requested()) {
+      throw Error::failed("the simulation was stopped", settings_.scene,
+                          "Start it again to have the take");
+    }
+  }
+
+  void advance(double cost) {
+    if (!progress_) return;
+    const std::scoped_lock lock(progress_mutex_);
+    done_cost_ += cost;
+    progress_(std::min(1.0, done_cost_ / total_cost_));
+  }
+
+  TakeDocument take_document(const std::string& created_by) {
+    TakeDocument take;
+    take.name = "simulated " + scene_.name;
+    take.created_by = created_by;
+    take.epoch_utc = kEpoch;
+    take.nominal_fps = settings_.fps;
+    take.color_space = "srgb_texture";
+    take.clock = "simulated";
+    take.time_marks = "exposure_middle";
+    take.depth_range = visible_depths();
+    for (std::size_t i = 0; i < array_.truth.cameras.size(); ++i) {
+      TakeDocument::Camera camera;
+      camera.id = array_.truth.cameras[i].geometry.id;
+      camera.node = "node" + std::to_string(schedule_.cameras[i].node);
+      take.cameras.push_back(std::move(camera));
+    }
+    return take;
+  }
+
+  // Nearest and farthest surface that the corner cameras and the middle one see in the course of
+  // the take, rounded outwards to a centimetre.
+  std::optional<DepthRange> visible_depths() {
+    const int last_row = settings_.rows - 1, last_column = settings_.columns - 1;
+    const std::vector<int> cameras{0, last_column, last_row * settings_.columns,
+                                   settings_.camera_count() - 1, settings_.camera_count() / 2};
+    constexpr int kInstants = 12;
+    constexpr int kStride = 2;
+    const Eigen::Vector3f centre = true_rig_.centre().cast<float>();
+    const Eigen::Vector3f forward = true_rig_.mean_viewing_direction().cast<float>();
+    std::mutex mutex;
+    float nearest = std::numeric_limits<float>::infinity(), farthest = 0;
+    tbb::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t index) {
+      const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(cameras[index])];
+      const PixelRays pixels(camera.model, camera.pose);
+      const auto worker = workers_.borrow();
+      std::vector<Ray> rays;
+      for (int row = 0; row < pixels.height(); row += kStride) {
+        for (int column = 0; column < pixels.width(); column += kStride) {
+          if (pixels.sees(column, row)) rays.push_back(pixels.ray(column, row, 0.5F, 0.5F));
+        }
+      }
+      std::vector<Hit> hits(rays.size()), moving_hits(rays.size());
+      worker->world.trace_still(rays, hits);
+      std::vector<float> limits;
+      for (const Hit& hit : hits) limits.push_back(hit.distance);
+      for (int instant = 0; instant < kInstants; ++instant) {
+        check_stop();
+        worker->world.set_time(settings_.seconds * instant / (kInstants - 1));
+        worker->world.trace_moving(rays, limits, moving_hits);
+        const std::scoped_lock lock(mutex);
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+          const float distance = std::min(hits[i].distance, moving_hits[i].distance);
+          if (!std::isfinite(distance)) continue;
+          const float depth = forward.dot(rays[i].origin + rays[i].direction * distance - centre);
+          nearest = std::min(nearest, depth);
+          farthest = std::max(farthest, depth);
+        }
+      }
+    });
+    if (!(nearest > 0 && farthest >= nearest)) return std::nullopt;
+    return DepthRange{std::max(0.01, std::floor(static_cast<double>(nearest) * 100) / 100),
+                      std::ceil(static_cast<double>(farthest) * 100) / 100};
+  }
+
+  // All frames of one camera, in the order of time.
+  void record(TakeWriter& writer, int index) {
+    const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(index)];
+    const Schedule::Camera& times = schedule_.cameras[static_cast<std::size_t>(index)];
+    const PixelRays rays(camera.model, camera.pose);
+    ArchiveWriter& archive = writer.archive(index);
+    const auto worker = workers_.borrow();
+    StillCache cache;
+    for (std::size_t number = 0; number < times.frames.size(); ++number) {
+      const Schedule::Frame& frame = times.frames[number];
+      if (frame.status != FrameStatus::kStored) {
+        archive.append_missing(frame.status, frame.stamped_time);
+      } else {
+        check_stop();
+        worker->world.set_time(seconds_of(frame.true_time));
+        worker->renderer.render(worker->world, rays, settings_.edge_samples, cache, worker->image);
+        const Development development{
+            camera.photometric, settings_.noise,
+            hash_of({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number})};
+        archive.append(encode_jpeg(develop(worker->image, development), settings_.jpeg),
+                       frame.stamped_time);
+      }
+      advance(1);
+    }
+    archive.close();
+  }
+
+  void write_truth_images(const std::filesystem::path& folder) {
+    create_folder(folder / "truth");
+    tbb::parallel_for(std::size_t{0}, path_.views.views.size(), [&](std::size_t index) {
+      check_stop();
+      const ViewsDocument::View& view = path_.views.views[index];
+      const PixelRays rays(CameraModel(view.geometry),
+                           pose_from_matrix(view.geometry.world_from_camera));
+      const auto worker = workers_.borrow();
+      worker->world.set_time(seconds_of(view.time_ns));
+      worker->renderer.render_evenly(worker->world, rays, settings_.truth_samples, worker->image);
+      write_image(develop(worker->image, {}), folder / view.file);
+      advance(truth_cost_);
+    });
+  }
+
+  const SimulationSettings& settings_;
+  const std::function<void(double)>& progress_;
+  std::stop_token stop_;
+  Scene scene_;
+  SceneGeometry geometry_;
+  WorkerPool workers_;
+  SimulatedArray array_;
+  Schedule schedule_;
+  VirtualPath path_;
+  Rig true_rig_;
+  double truth_cost_ = 0, total_cost_ = 0, done_cost_ = 0;
+  std::mutex progress_mutex_;
+};
+
+}  // namespace
+
+SimulationReport simulate(const SimulationSettings& settings, const std::filesystem::path& folder,
+                          const std::string& created_by,
+                          const std::function<void(double)>& progress, std::stop_token stop) {
+  check_settings(settings);
+  return Simulation(settings, progress, std::move(stop)).run(folder, created_by);
+}
+
+}  // namespace raystage

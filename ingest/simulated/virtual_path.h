@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "ingest/simulated/schedule.h"
+#include "ingest/simulated/settings.h"
+#include "schemas/shot_document.h"
+#include "schemas/views.h"
+
+namespace raystage {
+
+/// A camera move within the array's range of motion (thesis 5.2): across, up and down, forth and
+/// back, with a little pan and zoom. As a shot of the take it lies in, and as the views on its way
+/// whose truth is rendered: each at a whole frame of the shot that is also a key of its camera.
+struct VirtualPath {
+  ShotDocument shot;
+  ViewsDocument views;
+};
+
+/// Times follow the timeline that `raystage sync` builds of the take by default.
+VirtualPath make_virtual_path(const SimulationSettings& settings, const Schedule& schedule);
+
+}  // namespace raystage

@@ -27,6 +27,7 @@ Scene make_chart_scene() {
   using Eigen::Vector3f;
   Scene scene;
   scene.name = "chart";
+  scene.focus = 4;
   scene.textures.emplace_back(512, 512, paint_chart);
   scene.parts.push_back({"chart",
                          make_quad({-4, 3, -4}, {8, 0, 0}, {0, -6, 0}, {4, 3}, 8),

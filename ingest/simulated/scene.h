@@ -36,6 +36,7 @@ struct ScenePart {
 /// filled up by a sky and a ground without shadow.
 struct Scene {
   std::string name;
+  double focus = 5;  ///< where the virtual camera's shot is sharp, metres in front of the array
   std::vector<Texture> textures;
   std::vector<Motion> motions;
   std::vector<ScenePart> parts;

@@ -94,7 +94,7 @@ class Simulation {
         workers_(geometry_),
         array_(make_array(settings)),
         schedule_(make_schedule(settings)),
-        path_(make_virtual_path(settings, schedule_)),
+        path_(make_virtual_path(settings, schedule_, scene_.focus)),
         true_rig_(rig_from_document(array_.truth)) {
     // A truth image costs about what half its samples cost in frames.
     truth_cost_ = std::max(1.0, settings.truth_samples / 2.0) * settings.view_width() *

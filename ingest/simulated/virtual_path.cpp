@@ -86,7 +86,7 @@ Span usable_span(const SimulationSettings& s, const Schedule& schedule) {
 
 }  // namespace
 
-VirtualPath make_virtual_path(const SimulationSettings& s, const Schedule& schedule) {
+VirtualPath make_virtual_path(const SimulationSettings& s, const Schedule& schedule, double focus) {
   VirtualPath path;
   ShotDocument& shot = path.shot;
   shot.name = "virtual path through " + s.scene;
@@ -106,6 +106,8 @@ VirtualPath make_virtual_path(const SimulationSettings& s, const Schedule& sched
   ShotDocument::Layer layer;
   layer.name = "take";
   layer.take = ".";
+  layer.focal_plane.kind = ShotDocument::FocalPlane::Kind::kDepth;
+  layer.focal_plane.depth = focus;
   layer.speed = duration > usable.seconds ? usable.seconds / duration : 1;
   const double unused = std::max(0.0, usable.seconds - duration * layer.speed);
   layer.start_seconds = std::floor(unused / 2 * 1000) / 1000;

@@ -18,7 +18,9 @@ struct VirtualPath {
   ViewsDocument views;
 };
 
-/// Times follow the timeline that `raystage sync` builds of the take by default.
-VirtualPath make_virtual_path(const SimulationSettings& settings, const Schedule& schedule);
+/// Times follow the timeline that `raystage sync` builds of the take by default. `focus`: distance
+/// of the shot's focal plane in front of the array, metres.
+VirtualPath make_virtual_path(const SimulationSettings& settings, const Schedule& schedule,
+                              double focus);
 
 }  // namespace raystage

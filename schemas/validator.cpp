@@ -276,7 +276,7 @@ void SchemaValidator::check_choice(const Json& schema, const Json& branches, boo
   // An unknown property is named by its own pointer, but does not say which branch was meant.
   if (matches == 0 && nearest &&
       nearest->what_happened().find("unknown property") == std::string::npos) {
-    throw *nearest;
+    throw Error(*nearest);
   }
   throw bad_value(place.name, place.pointer,
                   fmt::format("found {}, allowed: {}", found(value), allowed(schema)),

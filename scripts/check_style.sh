@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# clang-format on every source; clang-tidy on those whose check is not known to have passed before.
+# clang-format on every source; clang-tidy on the product's (not the tests'), where its check is not
+# known to have passed before.
 # Usage: scripts/check_style.sh BUILD_FOLDER (for its compile_commands.json)
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
@@ -15,13 +16,13 @@ stamps="$build/clang-tidy-passed"
 mkdir -p "$stamps"
 headers="$(git ls-files '*.h' '*.in' .clang-tidy | xargs cat | sha256sum | cut -d' ' -f1)"
 todo=()
-for source in $(git ls-files '*.cpp' ':!tests/fuzz' ':!tests/bench'); do
+for source in $(git ls-files '*.cpp' ':!tests' ':!*_test.cpp'); do
   stamp="$stamps/$( (echo "$headers"; cat "$source") | sha256sum | cut -d' ' -f1)"
   [ -e "$stamp" ] || todo+=("$source=$stamp")
 done
 echo "clang-tidy: ${#todo[@]} files to look at"
 [ ${#todo[@]} -eq 0 ] || printf '%s\n' "${todo[@]}" | xargs -P "$(nproc)" -I{} bash -c '
   pair="$1"; source="${pair%%=*}"; stamp="${pair#*=}"
-  if clang-tidy-14 --quiet -p "$2" "$source" 2>/dev/null; then touch "$stamp"; else exit 1; fi
+  if clang-tidy-14 --quiet --extra-arg=-Wno-unknown-warning-option -p "$2" "$source" 2>/dev/null; then touch "$stamp"; else exit 1; fi
 ' _ {} "$build"
 echo "clang-tidy has no complaint"

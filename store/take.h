@@ -44,7 +44,7 @@ class TakeWriter {
   /// Throws Error (failed) where `folder` exists already or its parent cannot be written to.
   /// camera.archive and camera.journal of the document are filled in here (archive/ID.mkv); ids
   /// that are no safe file names are refused (bad input).
-  TakeWriter(std::filesystem::path folder, TakeDocument take, RigDocument rig);
+  TakeWriter(const std::filesystem::path& folder, TakeDocument take, RigDocument rig);
   ~TakeWriter();  ///< removes what was not committed
   TakeWriter(const TakeWriter&) = delete;
   TakeWriter& operator=(const TakeWriter&) = delete;

@@ -87,7 +87,7 @@ struct TakeWriter::State {
   bool committed = false;
 };
 
-TakeWriter::TakeWriter(fs::path folder, TakeDocument take, RigDocument rig)
+TakeWriter::TakeWriter(const fs::path& folder, TakeDocument take, RigDocument rig)
     : state_(std::make_unique<State>()) {
   check_ids(take, rig);
   for (TakeDocument::Camera& camera : take.cameras) {

@@ -113,7 +113,9 @@ void CameraRenderer::render_centres(const World& world, const PixelRays& rays, S
       }
       const auto still = std::span(cache.centres_).subspan(start, size);
       samples_.resize(size);
-      radiance_.sample(world, batch, rays.footprint(), still, samples_);
+      still_.clear();
+      for (const StillSample& sample : still) still_.push_back(&sample);
+      radiance_.sample(world, batch, rays.footprint(), still_, samples_);
       for (std::size_t i = 0; i < size; ++i) {
         const std::size_t at = pixels_[i].index;
         const LightSample& sample = samples_[i];
@@ -146,36 +148,34 @@ void CameraRenderer::make_batch(const PixelRays& rays, std::span<const Pixel> gr
 // Fills still_ for the rays in batch_: from the cache where it has a pixel's samples.
 void CameraRenderer::find_still(const World& world, std::span<const Pixel> group, float footprint,
                                 StillCache* cache) {
-  still_.resize(batch_.size());
-  if (cache == nullptr) {
-    radiance_.sample_still(world, batch_, footprint, still_);
-    return;
-  }
   const std::size_t per_pixel = batch_.size() / group.size();
   missing_.clear();
   missing_rays_.clear();
   for (std::size_t p = 0; p < group.size(); ++p) {
-    const std::int32_t block = cache->block_of_[group[p].index];
-    if (block >= 0) {
-      const auto known =
-          std::span(cache->blocks_).subspan(static_cast<std::size_t>(block) * per_pixel, per_pixel);
-      std::ranges::copy(known, still_.begin() + static_cast<std::ptrdiff_t>(p * per_pixel));
-    } else {
-      missing_.push_back(p);
-      const auto rays = std::span(batch_).subspan(p * per_pixel, per_pixel);
-      missing_rays_.insert(missing_rays_.end(), rays.begin(), rays.end());
-    }
+    if (cache != nullptr && cache->block_of_[group[p].index] >= 0) continue;
+    missing_.push_back(p);
+    const auto rays = std::span(batch_).subspan(p * per_pixel, per_pixel);
+    missing_rays_.insert(missing_rays_.end(), rays.begin(), rays.end());
   }
-  if (missing_.empty()) return;
-  missing_still_.resize(missing_rays_.size());
-  radiance_.sample_still(world, missing_rays_, footprint, missing_still_);
+  found_.resize(missing_rays_.size());
+  radiance_.sample_still(world, missing_rays_, footprint, found_);
+  still_.assign(batch_.size(), nullptr);
   for (std::size_t m = 0; m < missing_.size(); ++m) {
-    const auto found = std::span(missing_still_).subspan(m * per_pixel, per_pixel);
-    std::ranges::copy(found, still_.begin() + static_cast<std::ptrdiff_t>(missing_[m] * per_pixel));
-    if ((cache->blocks_.size() + per_pixel) * sizeof(StillSample) > cache->most_bytes_) continue;
+    const auto found = std::span(found_).subspan(m * per_pixel, per_pixel);
+    for (std::size_t i = 0; i < per_pixel; ++i) still_[missing_[m] * per_pixel + i] = &found[i];
+    if (cache == nullptr ||
+        (cache->blocks_.size() + per_pixel) * sizeof(StillSample) > cache->most_bytes_) {
+      continue;
+    }
     cache->block_of_[group[missing_[m]].index] =
         static_cast<std::int32_t>(cache->blocks_.size() / per_pixel);
     cache->blocks_.insert(cache->blocks_.end(), found.begin(), found.end());
+  }
+  // Only now: the cache may have moved in memory.
+  for (std::size_t i = 0; i < still_.size(); ++i) {
+    if (still_[i] != nullptr) continue;
+    const std::int32_t block = cache->block_of_[group[i / per_pixel].index];
+    still_[i] = &cache->blocks_[static_cast<std::size_t>(block) * per_pixel + i % per_pixel];
   }
 }
 
@@ -215,7 +215,7 @@ void CameraRenderer::oversample_still(const World& world, const PixelRays& rays,
     for (std::size_t p = 0; p < group.size(); ++p) {
       Vector3f sum = Vector3f::Zero();
       for (std::size_t i = 0; i < per_pixel; ++i) {
-        const StillSample& sample = still_[p * per_pixel + i];
+        const StillSample& sample = *still_[p * per_pixel + i];
         sum += (sample.unlit + sample.lamp).cwiseMin(1);
       }
       cache.oversampled_[group[p].index] = sum / static_cast<float>(samples);

@@ -100,7 +100,8 @@ class CameraRenderer {
 
   Radiance radiance_;
   std::vector<Ray> batch_, missing_rays_;
-  std::vector<StillSample> still_, missing_still_;
+  std::vector<const StillSample*> still_;
+  std::vector<StillSample> found_;
   std::vector<LightSample> samples_;
   std::vector<Pixel> pixels_, still_pixels_;
   std::vector<std::uint8_t> moved_, edge_;

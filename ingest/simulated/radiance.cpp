@@ -201,14 +201,15 @@ void Radiance::add_moving_surface(const World& world, const Ray& ray, const Hit&
 
 // Moving parts seen in the mirror: marks what it finds in hits_, as seen first.
 void Radiance::look_in_mirrors(const World& world, float footprint,
-                               std::span<const StillSample> still, std::span<LightSample> samples) {
+                               std::span<const StillSample* const> still,
+                               std::span<LightSample> samples) {
   mirrored_.clear();
   mirrored_limits_.clear();
   mirrored_index_.clear();
   for (std::size_t i = 0; i < still.size(); ++i) {
-    if (!still[i].mirror || hits_[i].part >= 0) continue;
-    mirrored_.push_back(still[i].mirrored);
-    mirrored_limits_.push_back(still[i].mirrored_distance);
+    if (!still[i]->mirror || hits_[i].part >= 0) continue;
+    mirrored_.push_back(still[i]->mirrored);
+    mirrored_limits_.push_back(still[i]->mirrored_distance);
     mirrored_index_.push_back(i);
   }
   mirrored_hits_.resize(mirrored_.size());
@@ -218,8 +219,8 @@ void Radiance::look_in_mirrors(const World& world, float footprint,
     const Hit& hit = mirrored_hits_[m];
     if (hit.part < 0) continue;
     const std::size_t i = mirrored_index_[m];
-    const Vector3f tint = scene.parts[static_cast<std::size_t>(still[i].part)].material.colour;
-    add_moving_surface(world, mirrored_[m], hit, still[i].distance + hit.distance, footprint, tint,
+    const Vector3f tint = scene.parts[static_cast<std::size_t>(still[i]->part)].material.colour;
+    add_moving_surface(world, mirrored_[m], hit, still[i]->distance + hit.distance, footprint, tint,
                        i, samples[i]);
     samples[i].mirrored_part = hit.part;
     samples[i].mirrored_distance = hit.distance;
@@ -228,10 +229,10 @@ void Radiance::look_in_mirrors(const World& world, float footprint,
 }
 
 void Radiance::sample(const World& world, std::span<const Ray> rays, float footprint,
-                      std::span<const StillSample> still, std::span<LightSample> samples) {
+                      std::span<const StillSample* const> still, std::span<LightSample> samples) {
   hits_.resize(rays.size());
   limits_.clear();
-  for (const StillSample& sample : still) limits_.push_back(sample.distance);
+  for (const StillSample* sample : still) limits_.push_back(sample->distance);
   world.trace_moving(rays, limits_, hits_);
 
   lighted_.clear();
@@ -239,8 +240,12 @@ void Radiance::sample(const World& world, std::span<const Ray> rays, float footp
   shadow_limits_.clear();
   for (std::size_t i = 0; i < rays.size(); ++i) {
     LightSample& sample = samples[i];
-    sample = {still[i].unlit, still[i].normal,        still[i].distance,
-              still[i].part,  still[i].mirrored_part, still[i].mirrored_distance,
+    sample = {still[i]->unlit,
+              still[i]->normal,
+              still[i]->distance,
+              still[i]->part,
+              still[i]->mirrored_part,
+              still[i]->mirrored_distance,
               false};
     if (hits_[i].part < 0) continue;
     sample.distance = hits_[i].distance;
@@ -256,10 +261,10 @@ void Radiance::sample(const World& world, std::span<const Ray> rays, float footp
   blocked_.assign(shadow_.size(), 0);
   world.block_still(shadow_, shadow_limits_, blocked_);
   for (std::size_t i = 0; i < rays.size(); ++i) {
-    if (hits_[i].part >= 0 || still[i].lamp.isZero(0)) continue;
-    lighted_.push_back({i, still[i].lamp});
-    shadow_.push_back(still[i].shadow);
-    shadow_limits_.push_back(still[i].shadow_limit);
+    if (hits_[i].part >= 0 || still[i]->lamp.isZero(0)) continue;
+    lighted_.push_back({i, still[i]->lamp});
+    shadow_.push_back(still[i]->shadow);
+    shadow_limits_.push_back(still[i]->shadow_limit);
     blocked_.push_back(0);
   }
   world.block_moving(shadow_, shadow_limits_, blocked_);

@@ -45,9 +45,9 @@ class Radiance {
   /// `footprint`: width of a sample at 1 m, metres.
   void sample_still(const World& world, std::span<const Ray> rays, float footprint,
                     std::span<StillSample> samples);
-  /// At the world's time. `still`: sample_still() of the same rays.
+  /// At the world's time. `still`: what sample_still() found for the same rays.
   void sample(const World& world, std::span<const Ray> rays, float footprint,
-              std::span<const StillSample> still, std::span<LightSample> samples);
+              std::span<const StillSample* const> still, std::span<LightSample> samples);
 
  private:
   /// A surface that the lamp may light, waiting for its shadow ray.
@@ -57,8 +57,8 @@ class Radiance {
   };
 
   void reflect(const World& world, std::span<const Ray> rays, std::span<StillSample> samples);
-  void look_in_mirrors(const World& world, float footprint, std::span<const StillSample> still,
-                       std::span<LightSample> samples);
+  void look_in_mirrors(const World& world, float footprint,
+                       std::span<const StillSample* const> still, std::span<LightSample> samples);
   void add_moving_surface(const World& world, const Ray& ray, const Hit& hit, float travelled,
                           float footprint, const Eigen::Vector3f& tint, std::size_t index,
                           LightSample& sample);

@@ -18,7 +18,7 @@ constexpr double kFrame = 1e9 / 15;
 
 TEST(Schedule, StampsAreTrueTimesByTheClockOfTheNode) {
   SimulationSettings settings;
-  settings.cameras_per_node = 16;
+  settings.seconds = 4;
   const Schedule schedule = make_schedule(settings);
   ASSERT_EQ(schedule.cameras.size(), 64U);
   ASSERT_EQ(schedule.clock_offset.size(), 4U);

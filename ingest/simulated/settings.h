@@ -31,7 +31,7 @@ struct SimulationSettings {
 
   // Time.
   double fps = 15;
-  double seconds = 4;
+  double seconds = 3.8;
   double period_error_ppm = 50;  ///< standard deviation of a camera's own rate
   double jitter = 0.0002;        ///< standard deviation of an exposure's time, seconds
   double clock_offset = 0.005;   ///< largest error of a node's clock, seconds

@@ -203,9 +203,9 @@ class StageBuilder {
     });
     moving(name, make_rod({0, 0, 0}, {0, -length + 0.2F, 0}, 0.009F, 6),
            {.colour = {0.02F, 0.02F, 0.02F}}, swing);
-    moving("lamp shade", placed(make_cone(0.035F, 0.16F, 0.17F, 40), at(0, -length + 0.04F, 0)),
+    moving("lamp shade", placed(make_cone(0.035F, 0.16F, 0.17F, 32), at(0, -length + 0.04F, 0)),
            {.colour = {0.05F, 0.22F, 0.16F}, .gloss = 0.5F}, swing);
-    moving("lamp bulb", placed(make_sphere(0.055F, 32), at(0, -length + 0.03F, 0)),
+    moving("lamp bulb", placed(make_sphere(0.055F, 24), at(0, -length + 0.03F, 0)),
            {.colour = {1, 0.86F, 0.55F}, .emission = 1}, swing);
   }
 
@@ -214,7 +214,7 @@ class StageBuilder {
     add_lamp("lamp wire middle", 0.42F, -4.3F, 0.80F, 2);
     add_lamp("lamp wire right", 1.45F, -3.6F, 0.55F, 4);
 
-    moving("beach ball", make_sphere(0.29F, 64),
+    moving("beach ball", make_sphere(0.29F, 48),
            {.texture = kBeachBall, .colour = {1, 1, 1}, .gloss = 0.25F}, [](double seconds) {
              const auto t = static_cast<float>(seconds);
              const float height = std::abs(std::sin(2.1F * t + 0.4F));
@@ -223,7 +223,7 @@ class StageBuilder {
                                   {0.2F, 0.1F, 0.97F}),
                            0.6F, Vector3f::UnitX());
            });
-    moving("rolling ball", make_sphere(0.33F, 64),
+    moving("rolling ball", make_sphere(0.33F, 48),
            {.texture = kDots, .colour = {1, 1, 1}, .gloss = 0.35F}, [](double seconds) {
              const float x = 0.25F + 1.25F * std::sin(0.55F * static_cast<float>(seconds) - 0.8F);
              return turned(turned(at(x, kFloor + 0.33F, -4.35F), -x / 0.33F, Vector3f::UnitZ()),
@@ -235,9 +235,9 @@ class StageBuilder {
     });
     moving("pendulum wire", make_rod({0, 0, 0}, {0, -5.3F, 0}, 0.0065F, 6),
            {.colour = {0.8F, 0.76F, 0.66F}}, pendulum);
-    moving("pendulum", placed(make_sphere(0.13F, 64), at(0, -5.42F, 0)),
+    moving("pendulum", placed(make_sphere(0.13F, 48), at(0, -5.42F, 0)),
            {.texture = kMarble, .colour = {1, 1, 1}, .gloss = 0.5F}, pendulum);
-    moving("ring", make_torus(0.30F, 0.10F, 80, 32),
+    moving("ring", make_torus(0.30F, 0.10F, 64, 24),
            {.texture = kTwist, .colour = {1, 1, 1}, .gloss = 0.3F}, [](double seconds) {
              const auto t = static_cast<float>(seconds);
              const float lift = 0.03F * std::sin(1.7F * t);

@@ -11,7 +11,7 @@
 namespace raystage {
 namespace {
 
-constexpr float kMostTaps = 8;
+constexpr float kMostTaps = 4;
 
 // std::floor is a call on plain x86-64.
 int floor_to_int(float x) {

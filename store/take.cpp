@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/take.h"
 
+#include <atomic>
 #include <cassert>
 #include <mutex>
 #include <optional>
@@ -13,7 +14,8 @@ namespace raystage {
 
 struct Take::State {
   struct Slot {
-    std::once_flag once;
+    std::mutex opening;
+    std::atomic<bool> ready = false;
     std::optional<ArchiveReader> reader;
   };
 
@@ -99,8 +101,15 @@ const ArchiveReader& Take::archive(int camera) const {
   assert(camera >= 0 && camera < camera_count());
   const auto index = static_cast<std::size_t>(camera);
   State::Slot& slot = state_->slots[index];
-  // If opening throws, the next caller tries again.
-  std::call_once(slot.once, [&] { slot.reader.emplace(state_->open(index)); });
+  // Not std::call_once: thread sanitizers lock up when what it calls throws, and opening may. If it
+  // does, the next caller tries again.
+  if (!slot.ready.load(std::memory_order_acquire)) {
+    const std::scoped_lock lock(slot.opening);
+    if (!slot.ready.load(std::memory_order_relaxed)) {
+      slot.reader.emplace(state_->open(index));
+      slot.ready.store(true, std::memory_order_release);
+    }
+  }
   return *slot.reader;
 }
 

@@ -2,13 +2,16 @@
 #include "render/focal_plane.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
+#include <set>
 
 #include "render/renderer.h"
+#include "render/source_view.h"
 #include "render/synthetic_take.h"
 #include "schemas/error.h"
 
@@ -76,7 +79,7 @@ class FocalPlane : public ::testing::Test {
     write_synthetic_take(settings, folder_.path() / "take");
     return Take(folder_.path() / "take");
   }
-  testing::TestFolder folder_;
+  TestFolder folder_;
 };
 
 SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}) {
@@ -250,6 +253,23 @@ TEST_F(FocalPlane, SameBytesForAnyNumberOfThreads) {
   EXPECT_EQ(images[0].rgba, images[1].rgba);
   EXPECT_EQ(images[0].rgba, images[2].rgba);
   EXPECT_EQ(images[0].z, images[2].z);
+}
+
+TEST_F(FocalPlane, EveryInstructionSetAgreesWithTheReference) {
+  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const VirtualCamera view = virtual_camera_with_fov(117, 83, 0.8, looking({0, 0.01, 0.1}, 2));
+  const auto targets = hwy::SupportedAndGeneratedTargets();
+  std::set<std::string> seen;
+  for (const auto target : targets) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(kernel_target());
+    seen.insert(kernel_target());
+    expect_equal(render_both(take, view, {0, 0, 1, 3.7}));
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  EXPECT_EQ(seen.size(), targets.size());  // each was really run
 }
 
 TEST_F(FocalPlane, ATinyCacheOnlyCostsTime) {

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/synthetic_take.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <numbers>
 
@@ -13,18 +10,6 @@
 #include "store/take.h"
 
 namespace raystage::testing {
-
-TestFolder::TestFolder() {
-  static std::atomic<int> count = 0;
-  path_ = std::filesystem::temp_directory_path() /
-          ("raystage-test-" + std::to_string(getpid()) + "-" + std::to_string(count++));
-  std::filesystem::create_directories(path_);
-}
-
-TestFolder::~TestFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
-}
 
 std::array<double, 3> painted_plane(double x, double y) {
   return {0.4 + 0.3 * std::sin(7 * x) * std::cos(5 * y), 0.4 + 0.25 * std::sin(4 * x + 6 * y),

@@ -11,22 +11,10 @@
 #include "render/view.h"
 #include "schemas/geometry.h"
 #include "schemas/rig_document.h"
+#include "schemas/test_folder.h"
 #include "store/jpeg/encode.h"
 
 namespace raystage::testing {
-
-/// A folder of its own for a test, removed at the end.
-class TestFolder {
- public:
-  TestFolder();
-  ~TestFolder();
-  TestFolder(const TestFolder&) = delete;
-  TestFolder& operator=(const TestFolder&) = delete;
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-};
 
 /// Linear RGB of a painted plane z = -depth at (x, y) in the world, metres; smooth.
 std::array<double, 3> painted_plane(double x, double y);

@@ -3,6 +3,7 @@
 // The take: $RAYSTAGE_BENCH_TAKE (with restart markers) and $RAYSTAGE_BENCH_TAKE_PLAIN (without);
 // by default 8x8 cameras of 960x640 looking at a painted plane. See tests/bench/run.sh.
 #include <benchmark/benchmark.h>
+#include <malloc.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
@@ -27,6 +28,7 @@ namespace {
 
 constexpr int kWidth = 960, kHeight = 640;
 constexpr double kFocalDepth = 8.69;
+constexpr double kAllCameras = 0.75;  // metres behind the array
 
 /// The take under test, opened once; a synthetic one lives in a folder that goes with the program.
 class BenchTakes {
@@ -45,10 +47,11 @@ class BenchTakes {
     settings.cameras = testing::camera_grid(8, 8, 0.0615, kWidth, kHeight);
     settings.plane_depth = kFocalDepth;
     settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, restart_interval};
+    settings.frames = 8;
     write_synthetic_take(settings, folder_.path() / name);
     return std::make_unique<Take>(folder_.path() / name);
   }
-  testing::TestFolder folder_;
+  TestFolder folder_;
   std::unique_ptr<Take> restart_, plain_;
 };
 
@@ -57,7 +60,14 @@ const BenchTakes& takes() {
   return opened;
 }
 
-/// A view that needs many cameras at once: behind the array, moving sideways and forwards.
+/// A view that all 64 cameras contribute to: the whole array lies within it, `distance` behind.
+VirtualCamera view_through_all(double distance) {
+  Pose pose;
+  pose.position = {0.01, -0.02, distance};
+  return virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
+}
+
+/// The moving shot: sideways, down and towards the array.
 VirtualCamera view_of_frame(int frame, int frames) {
   const double along = frames > 1 ? static_cast<double>(frame) / (frames - 1) : 0;
   Pose pose;
@@ -88,7 +98,7 @@ void BM_FocalPlane(benchmark::State& state) {
                                     static_cast<std::size_t>(state.range(0)));
   const LightFieldRenderer renderer(take, {});
   const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
-  const VirtualCamera view = view_of_frame(12, 48);
+  const VirtualCamera view = view_through_all(kAllCameras);
   for (int warm = 0; warm < 2; ++warm) {
     benchmark::DoNotOptimize(renderer.render(view, frames, reconstruction(take)));
   }
@@ -201,7 +211,7 @@ void BM_OpenCv(benchmark::State& state) {
   static const OpenCvFocalPlane peer(take);
   cv::setNumThreads(static_cast<int>(state.range(0)));
   const bool crop = state.range(1) != 0;
-  const VirtualCamera view = view_of_frame(12, 48);
+  const VirtualCamera view = view_through_all(kAllCameras);
   const Eigen::Vector4d plane = plane_in_front_of(take.rig(), kFocalDepth);
   for (auto _ : state) benchmark::DoNotOptimize(peer.render(view, plane, crop).data);
 
@@ -231,21 +241,23 @@ BENCHMARK(BM_OpenCv)
     ->UseRealTime()
     ->MinTime(2);
 
-/// From archive to pixels: nothing is cached from one frame to the next, as in a take in motion.
+/// From archive to pixels along a moving shot of a take in motion: every frame shows another
+/// instant.
 void archive_to_pixels(benchmark::State& state, const Take& take) {
   const auto thread_count = static_cast<std::size_t>(state.range(0));
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
   constexpr int kFrames = 48;
   RendererSettings settings;
-  settings.cache_bytes = 1;
+  settings.cache_bytes = std::size_t{1} << 30;  // 3 of the instants
   settings.left_out = left_out_but(take, static_cast<int>(state.range(1)));
-  const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
+  const auto instants = take.archive(0).frames();
+  const auto frames_at = [&](int frame) {
+    const auto instant = static_cast<std::size_t>(frame) % instants.size();
+    return select_frames(take, instants[instant].time_ns, 1);
+  };
   double decoded = 0, rendered = 0;
+  const LightFieldRenderer renderer(take, settings);
   for (auto _ : state) {
-    std::vector<std::unique_ptr<LightFieldRenderer>> renderers;
-    for (std::size_t i = 0; i < thread_count; ++i) {
-      renderers.push_back(std::make_unique<LightFieldRenderer>(take, settings));
-    }
     int next = 0;
     std::atomic<std::int64_t> pixels = 0;
     tbb::parallel_pipeline(
@@ -256,8 +268,8 @@ void archive_to_pixels(benchmark::State& state, const Take& take) {
                                                   }) &
                           tbb::make_filter<int, void>(tbb::filter_mode::parallel, [&](int frame) {
                             const RenderedView image =
-                                renderers[static_cast<std::size_t>(frame) % thread_count]->render(
-                                    view_of_frame(frame, kFrames), frames, reconstruction(take));
+                                renderer.render(view_of_frame(frame, kFrames), frames_at(frame),
+                                                reconstruction(take));
                             pixels += image.statistics.pixels_decoded;
                             benchmark::DoNotOptimize(image.rgba.data());
                           }));
@@ -268,11 +280,12 @@ void archive_to_pixels(benchmark::State& state, const Take& take) {
   state.counters["MP_decoded_per_frame"] = decoded / rendered / 1e6;
 
   settings.count_needed_pixels = true;
+  settings.cache_bytes = 1;
+  const LightFieldRenderer counting(take, settings);
   std::int64_t needed = 0, read = 0;
   for (int frame = 0; frame < kFrames; frame += 6) {
     const RenderStatistics statistics =
-        LightFieldRenderer(take, settings)
-            .render(view_of_frame(frame, kFrames), frames, reconstruction(take))
+        counting.render(view_of_frame(frame, kFrames), frames_at(frame), reconstruction(take))
             .statistics;
     needed += statistics.pixels_needed;
     read += statistics.pixels_decoded;
@@ -301,4 +314,10 @@ BENCHMARK(BM_ArchiveToPixelsWithoutMarkers)
 }  // namespace
 }  // namespace raystage
 
-BENCHMARK_MAIN();
+int main(int argc, char** argv) {
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);  // as every raystage command does
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  benchmark::Initialize(&argc, argv);
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

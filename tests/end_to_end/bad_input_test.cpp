@@ -57,7 +57,7 @@ class BadInput : public ::testing::Test {
     EXPECT_TRUE(testing::files_with(folder_.path(), "take").empty());
   }
 
-  testing::TestFolder folder_;
+  TestFolder folder_;
 };
 
 TEST_F(BadInput, TheManifestItselfIsGood) {

@@ -24,7 +24,7 @@ double mean_psnr(const std::filesystem::path& json) {
 }
 
 TEST(Pipeline, SimulateSyncRenderEvaluate) {
-  const testing::TestFolder folder;
+  const TestFolder folder;
   const std::string take = (folder.path() / "take").string();
   const std::string frames = (folder.path() / "frames").string();
   const CommandResult simulated =
@@ -78,7 +78,7 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
 }
 
 TEST(Pipeline, LeftOutCamerasAreTheTruth) {
-  const testing::TestFolder folder;
+  const TestFolder folder;
   const std::string take = (folder.path() / "take").string();
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(3, 3, 0.06, 96, 72, {-0.2, 0.03, 0, 0, 0});
@@ -93,7 +93,7 @@ TEST(Pipeline, LeftOutCamerasAreTheTruth) {
 }
 
 TEST(Pipeline, InterruptedRendersLeaveOnlyWholeFrames) {
-  const testing::TestFolder folder;
+  const TestFolder folder;
   const std::string take = (folder.path() / "take").string();
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(2, 2, 0.06, 320, 240);
@@ -135,7 +135,7 @@ class CapturedLightField : public ::testing::TestWithParam<Captured> {};
 TEST_P(CapturedLightField, ComesOutAsWellAsItCanOnOnePlane) {
   const auto data = testing::captured_data(GetParam().set);
   if (!data) GTEST_SKIP() << "no captured light field " << GetParam().set;
-  const testing::TestFolder folder;
+  const TestFolder folder;
   const std::string take = (folder.path() / "take").string();
   ASSERT_EQ(run("raystage import '" + data->string() + "/import.json' -o '" + take +
                 "' --restart-markers")

@@ -10,7 +10,7 @@
 #include <iterator>
 #include <thread>
 
-#include "render/synthetic_take.h"
+#include "schemas/test_folder.h"
 
 namespace raystage::testing {
 namespace {

@@ -76,7 +76,7 @@ int in_circle(GridPoint a, GridPoint b, GridPoint c, GridPoint d) {
 }
 
 Triangle with_smallest_first(Triangle triangle) {
-  std::ranges::rotate(triangle, std::ranges::min_element(triangle));
+  std::rotate(triangle.begin(), std::min_element(triangle.begin(), triangle.end()), triangle.end());
   return triangle;
 }
 

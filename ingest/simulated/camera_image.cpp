@@ -137,7 +137,8 @@ void CameraRenderer::make_batch(const PixelRays& rays, std::span<const Pixel> gr
   for (const Pixel& pixel : group) {
     for (int i = 0; i < samples; ++i) {
       // A lattice sheared both ways: no two samples in one row or column of the pixel.
-      const auto a = static_cast<float>(i % side), b = static_cast<float>(i / side);
+      const int column = i % side, row = i / side;
+      const auto a = static_cast<float>(column), b = static_cast<float>(row);
       const auto n = static_cast<float>(side);
       const float x = (a + (b + 0.5F) / n) / n, y = (b + (n - a - 0.5F) / n) / n;
       batch_.push_back(rays.ray(pixel.column, pixel.row, x, y));

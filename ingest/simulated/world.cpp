@@ -131,9 +131,8 @@ void block(RTCScene scene, std::span<const Ray> rays, std::span<const float> lim
 
 }  // namespace
 
-// One thread of Embree's own: building is quick, and the tree then does not depend on the machine.
-SceneGeometry::SceneGeometry(const Scene& scene)
-    : scene_(scene), device_(rtcNewDevice("threads=1")) {
+// Not "threads=1": Embree would hold all of TBB, and with it every camera, to that one thread.
+SceneGeometry::SceneGeometry(const Scene& scene) : scene_(scene), device_(rtcNewDevice(nullptr)) {
   if (!device_) {
     throw Error::failed("Embree cannot start on this processor", "scene",
                         "Use a machine with at least SSE4.2");

@@ -52,11 +52,14 @@ measure() {  # LABEL OPTION...
   "$raystage" evaluate "$take" "$take/views.json" --method focal_plane --table "$table" \
     --label "$label" "$@" >/dev/null
 }
-measure "8x8 cameras, best plane" --out "$out/evaluated" --json "$out/evaluation.json"
-measure "4x4 cameras, best plane" --camera-step 2
+measure "8x8 cameras, plane at 5 m, as the shot" --focal-depth 5 --out "$out/evaluated" \
+  --json "$out/evaluation.json"
+measure "the same on one thread" --focal-depth 5 --threads 1
+measure "the same, blended in linear light" --focal-depth 5 --blend linear
+measure "4x4 cameras, plane at 5 m" --focal-depth 5 --camera-step 2
 measure "8x8 cameras, plane at 3 m" --focal-depth 3
-measure "8x8 cameras, plane at 6 m" --focal-depth 6
-measure "8x8 cameras, one thread" --threads 1
+measure "8x8 cameras, plane at 7.5 m" --focal-depth 7.5
+measure "8x8 cameras, eq. 2.2's plane" --focal-depth best
 cat "$table"
 
 say "done; look at"

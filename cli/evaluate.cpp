@@ -93,7 +93,9 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--leave-out", options.settings.leave_out,
                  "Cameras (ids, comma separated) to take out and use as truth")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("ID,...");
   app.add_option("--blend", options.settings.blend_space,
                  "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or "
                  "linear (default: perceptual)")
@@ -112,10 +114,12 @@ int main(int argc, char** argv) {
   app.add_option("--table", options.table,
                  "Append the mean as a row to this Markdown table (made if missing)");
   app.add_option("--label", options.label, "First column of that row (default: the method)");
-  app.add_option("-j,--threads", options.threads, "Threads; 0: all cores")->capture_default_str();
+  app.add_option("-j,--threads", options.threads, "Threads; 0: all cores")
+      ->capture_default_str()
+      ->check(CLI::Range(0, 1024));
   app.add_option("--memory", options.memory_gb, "Memory for decoded source frames, GiB")
       ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::Range(0.001, 1e5));
   return parse_and_run(app, argc, argv, "evaluate",
                        [&](std::stop_token stop) { return evaluate(options, stop); });
 }

@@ -14,7 +14,9 @@ endif()
 
 find_program(CCACHE ccache)
 if(CCACHE)
-  set(CMAKE_CXX_COMPILER_LAUNCHER "${CCACHE}")
+  # Inside the checkout: a build touches nothing outside of it.
+  set(CMAKE_CXX_COMPILER_LAUNCHER
+      "${CMAKE_COMMAND}" -E env "CCACHE_DIR=${PROJECT_SOURCE_DIR}/build/ccache" "${CCACHE}")
 endif()
 
 add_library(raystage_compiler INTERFACE)

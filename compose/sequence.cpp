@@ -18,6 +18,7 @@
 #include "compose/resources.h"
 #include "compose/sequence_name.h"
 #include "schemas/atomic_file.h"
+#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -172,11 +173,16 @@ class SequenceRun {
       control.stop();
       return 0;
     };
-    tbb::parallel_pipeline(
-        static_cast<std::size_t>(in_flight),
-        tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, feed) &
-            tbb::make_filter<std::size_t, void>(tbb::filter_mode::parallel,
-                                                [this](std::size_t i) { process(frames_[i]); }));
+    {
+      ForkAndJoin pipeline;
+      tbb::parallel_pipeline(
+          static_cast<std::size_t>(in_flight),
+          tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, feed) &
+              tbb::make_filter<std::size_t, void>(tbb::filter_mode::parallel, [&](std::size_t i) {
+                const ForkAndJoin::Task task(pipeline);
+                process(frames_[i]);
+              }));
+    }
     report_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report_.asked = static_cast<int>(frames_.size());

@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "images/image_file.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
+
+#include <span>
 
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
@@ -38,14 +41,19 @@ void write_image(const RgbImage& image, const std::filesystem::path& file) {
   if (!output) {
     throw Error::bad_input("no image format has this extension", file.string(), "Use .png");
   }
-  TemporaryFile temporary(file);
-  const OIIO::ImageSpec spec(image.width, image.height, 3, OIIO::TypeDesc::UINT8);
-  if (!output->open(temporary.path().string(), spec) ||
-      !output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) || !output->close()) {
-    throw Error::failed("the image cannot be written: " + output->geterror(), file.string(),
-                        "Check the folder's permissions and the room on the disk");
+  if (output->supports("ioproxy") == 0) {
+    throw Error::bad_input("this image format cannot be written safely", file.string(), "Use .png");
   }
-  temporary.commit();
+  // Encoded in memory first: OpenImageIO swallows a full disk when it closes a file.
+  OIIO::Filesystem::IOVecOutput encoded;
+  output->set_ioproxy(&encoded);
+  const OIIO::ImageSpec spec(image.width, image.height, 3, OIIO::TypeDesc::UINT8);
+  if (!output->open(file.string(), spec) ||
+      !output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) || !output->close()) {
+    throw Error::failed("the image cannot be encoded: " + output->geterror(), file.string(),
+                        "Check that its size is one that the format allows");
+  }
+  write_file_atomically(file, std::as_bytes(std::span(encoded.buffer())));
 }
 
 }  // namespace raystage

@@ -2,7 +2,6 @@
 #include "ingest/import_take.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_for.h>
 #include <tbb/task.h>
 
 #include <atomic>
@@ -15,6 +14,7 @@
 #include "ingest/source_image.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
+#include "schemas/parallel.h"
 #include "store/jpeg/layout.h"
 #include "store/take.h"
 
@@ -215,7 +215,7 @@ ImportSummary import_take(const ImportManifest& manifest, const std::filesystem:
   Importer importer(manifest, base, settings, std::move(stop));
   importer.check_files();
   TakeWriter writer(take_folder, take_document(manifest, settings), rig_document(manifest));
-  tbb::parallel_for(std::size_t{0}, manifest.cameras.size(), [&](std::size_t camera) {
+  raystage::parallel_for(std::size_t{0}, manifest.cameras.size(), [&](std::size_t camera) {
     importer.import_camera(manifest.cameras[camera], writer.archive(static_cast<int>(camera)));
   });
   writer.commit();

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/focal_plane.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -13,6 +10,7 @@
 #include "render/plane_projection.h"
 #include "render/ray_cells.h"
 #include "render/source_view.h"
+#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -75,22 +73,22 @@ class FocalPlaneFrame {
   template <class Body>
   void for_each_row(const Body& body) const {
     constexpr int kRowsPerTask = 16;
-    tbb::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
-                      [&](const tbb::blocked_range<int>& rows) {
-                        for (int y = rows.begin(); y < rows.end(); ++y) body(y);
-                      });
+    raystage::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
+                           [&](const tbb::blocked_range<int>& rows) {
+                             for (int y = rows.begin(); y < rows.end(); ++y) body(y);
+                           });
   }
 
   void find_spans() {
     constexpr int kRowsPerTask = 16;
-    tbb::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
-                      [&](const tbb::blocked_range<int>& rows) {
-                        std::vector<int> scratch;
-                        for (int y = rows.begin(); y < rows.end(); ++y) {
-                          cells_.spans_of_row(y, view_.width, scratch,
-                                              spans_[static_cast<std::size_t>(y)]);
-                        }
-                      });
+    raystage::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
+                           [&](const tbb::blocked_range<int>& rows) {
+                             std::vector<int> scratch;
+                             for (int y = rows.begin(); y < rows.end(); ++y) {
+                               cells_.spans_of_row(y, view_.width, scratch,
+                                                   spans_[static_cast<std::size_t>(y)]);
+                             }
+                           });
     std::vector<bool> cell_used(cells_.cells().size());
     for (const auto& row : spans_) {
       for (const RayCells::Span& span : row) cell_used[static_cast<std::size_t>(span.cell)] = true;
@@ -107,7 +105,7 @@ class FocalPlaneFrame {
 
   /// Geometry and frame layout of every camera that some cell in view belongs to.
   void open_sources() {
-    tbb::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
       Source& opened = sources_[i];
       if (!opened.used) return;
       const Rig::Camera& camera = instant_.rig->cameras[i];
@@ -173,7 +171,7 @@ class FocalPlaneFrame {
     }
     std::mutex joining;
     const int rows_per_task = std::max(16, view_.height / 8);
-    tbb::parallel_for(
+    raystage::parallel_for(
         tbb::blocked_range<int>(0, view_.height, static_cast<std::size_t>(rows_per_task)),
         [&](const tbb::blocked_range<int>& rows) {
           std::vector<McuMask> masks(sources_.size());
@@ -214,7 +212,7 @@ class FocalPlaneFrame {
   void decode(RenderStatistics& statistics) {
     std::atomic<std::int64_t> pixels = 0, needed = 0;
     std::atomic<int> cameras = 0;
-    tbb::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
       Source& wanted = sources_[i];
       if (!wanted.used) return;
       const bool is_whole =

@@ -1,5 +1,4 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <array>
@@ -13,6 +12,7 @@
 #include "render/ray_cells.h"
 #include "render/source_view.h"
 #include "schemas/error.h"
+#include "schemas/parallel.h"
 #include "schemas/transfer_function.h"
 
 namespace raystage {
@@ -168,7 +168,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
     if (rgba[3] > 0) z = static_cast<float>(hit.depth());
   };
 
-  tbb::parallel_for(0, view.height, [&](int y) {
+  raystage::parallel_for(0, view.height, [&](int y) {
     for (int x = 0; x < view.width; ++x) {
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
                              static_cast<std::size_t>(x);

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/simulated/simulate.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <atomic>
 #include <cmath>
@@ -21,6 +18,7 @@
 #include "rig/rig.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
+#include "schemas/parallel.h"
 #include "store/jpeg/encode.h"
 #include "store/take.h"
 
@@ -110,12 +108,7 @@ class Simulation {
     SimulationReport report;
     report.cameras = settings_.camera_count();
     report.truth_views = settings_.truth_views;
-    tbb::parallel_for(
-        tbb::blocked_range<int>(0, settings_.camera_count(), 1),
-        [&](const tbb::blocked_range<int>& range) {
-          for (int i = range.begin(); i < range.end(); ++i) record(writer, i);
-        },
-        tbb::simple_partitioner());
+    raystage::parallel_for(0, settings_.camera_count(), [&](int i) { record(writer, i); });
     for (const Schedule::Camera& camera : schedule_.cameras) {
       for (const Schedule::Frame& frame : camera.frames) {
         (frame.status == FrameStatus::kStored ? report.frames_stored : report.frames_missing)++;
@@ -178,7 +171,7 @@ class Simulation {
     const Eigen::Vector3f forward = true_rig_.mean_viewing_direction().cast<float>();
     std::mutex mutex;
     float nearest = std::numeric_limits<float>::infinity(), farthest = 0;
-    tbb::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t index) {
+    raystage::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t index) {
       const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(cameras[index])];
       const PixelRays pixels(camera.model, camera.pose);
       const auto worker = workers_.borrow();
@@ -240,7 +233,7 @@ class Simulation {
 
   void write_truth_images(const std::filesystem::path& folder) {
     create_folder(folder / "truth");
-    tbb::parallel_for(std::size_t{0}, path_.views.views.size(), [&](std::size_t index) {
+    raystage::parallel_for(std::size_t{0}, path_.views.views.size(), [&](std::size_t index) {
       check_stop();
       const ViewsDocument::View& view = path_.views.views[index];
       const PixelRays rays(CameraModel(view.geometry),

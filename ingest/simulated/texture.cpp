@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/simulated/texture.h"
 
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <bit>
 #include <cassert>
 #include <cmath>
+
+#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -27,7 +27,7 @@ Texture::Texture(int width, int height, const Painter& painter) {
   levels_.push_back({width, height, {}});
   Level& painted = levels_.back();
   painted.texels.resize(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
-  tbb::parallel_for(0, height, [&](int row) {
+  raystage::parallel_for(0, height, [&](int row) {
     for (int column = 0; column < width; ++column) {
       // Two samples on the diagonal; the pyramid averages further.
       const auto at = [&](float x, float y) {

@@ -248,8 +248,11 @@ void archive_to_pixels(benchmark::State& state, const Take& take) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
   constexpr int kFrames = 48;
   RendererSettings settings;
-  settings.cache_bytes = std::size_t{1} << 30;  // 3 of the instants
   settings.left_out = left_out_but(take, static_cast<int>(state.range(1)));
+  // Room for three instants, so that none is still there when the shot comes round to it again.
+  const std::size_t cameras =
+      static_cast<std::size_t>(take.camera_count()) - settings.left_out.size();
+  settings.cache_bytes = 3 * cameras * kWidth * kHeight * 8;
   const auto instants = take.archive(0).frames();
   const auto frames_at = [&](int frame) {
     const auto instant = static_cast<std::size_t>(frame) % instants.size();

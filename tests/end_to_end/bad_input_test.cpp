@@ -122,6 +122,27 @@ TEST_F(BadInput, AFullDisk) {
   EXPECT_TRUE(testing::files_with(folder_.path(), "take").empty());
 }
 
+TEST_F(BadInput, AFullDiskUnderPictures) {
+  ASSERT_EQ(import_manifest(manifest()).exit_code, 0);
+  const CommandResult evaluated = run("ulimit -f 0; raystage evaluate '" + path("take") +
+                                      "' --leave-out b --focal-depth 2 --out '" + path("pictures") +
+                                      "' 2>&1 | cat; exit ${PIPESTATUS[0]}");
+  EXPECT_EQ(evaluated.exit_code, 1) << evaluated.out;
+  EXPECT_TRUE(testing::files_with(folder_.path() / "pictures", "png").empty());
+}
+
+TEST_F(BadInput, OptionsThatAreNotFinite) {
+  ASSERT_EQ(import_manifest(manifest()).exit_code, 0);
+  const std::string evaluate = "raystage evaluate --leave-out b '" + path("take") + "' ";
+  EXPECT_EQ(run(evaluate + "--focal-depth 2").exit_code, 0);
+  EXPECT_EQ(run(evaluate + "--focal-depth nan").exit_code, 2);
+  EXPECT_EQ(run(evaluate + "--focal-depth 2 --memory nan").exit_code, 2);
+  EXPECT_EQ(run(evaluate + "--focal-depth 2 --memory 1e30").exit_code, 2);
+  EXPECT_EQ(run(evaluate + "--focal-depth 2 --threads -5").exit_code, 2);
+  EXPECT_EQ(run("raystage render x.json --memory nan").exit_code, 2);
+  EXPECT_EQ(run("raystage sync '" + path("take") + "' --fps nan").exit_code, 2);
+}
+
 TEST_F(BadInput, AnOutputFolderWithoutPermission) {
   write_text(path("file"), "no folder");
   CommandResult result =

@@ -2,7 +2,6 @@
 #include "compose/sequence.h"
 
 #include <fmt/format.h>
-#include <tbb/parallel_pipeline.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -167,22 +166,10 @@ class SequenceRun {
 
   SequenceReport run(int in_flight) {
     const auto start = std::chrono::steady_clock::now();
-    std::size_t next = 0;
-    const auto feed = [&](tbb::flow_control& control) -> std::size_t {
-      if (next < frames_.size() && !stop_.stop_requested()) return next++;
-      control.stop();
-      return 0;
-    };
-    {
-      ForkAndJoin pipeline;
-      tbb::parallel_pipeline(
-          static_cast<std::size_t>(in_flight),
-          tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order, feed) &
-              tbb::make_filter<std::size_t, void>(tbb::filter_mode::parallel, [&](std::size_t i) {
-                const ForkAndJoin::Task task(pipeline);
-                process(frames_[i]);
-              }));
-    }
+    for_each_in_flight(
+        frames_.size(), static_cast<std::size_t>(in_flight),
+        [this] { return stop_.stop_requested(); },
+        [this](std::size_t index) { process(frames_[index]); });
     report_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report_.asked = static_cast<int>(frames_.size());

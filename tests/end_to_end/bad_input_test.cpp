@@ -124,10 +124,11 @@ TEST_F(BadInput, AFullDisk) {
 
 TEST_F(BadInput, AFullDiskUnderPictures) {
   ASSERT_EQ(import_manifest(manifest()).exit_code, 0);
-  const CommandResult evaluated = run("ulimit -f 0; raystage evaluate '" + path("take") +
-                                      "' --leave-out b --focal-depth 2 --out '" + path("pictures") +
-                                      "' 2>&1 | cat; exit ${PIPESTATUS[0]}");
-  EXPECT_EQ(evaluated.exit_code, 1) << evaluated.out;
+  // Its output goes nowhere: the limit holds for the test's own files too.
+  const CommandResult evaluated =
+      run("ulimit -f 0; raystage evaluate '" + path("take") +
+          "' --leave-out b --focal-depth 2 --out '" + path("pictures") + "' >/dev/null 2>&1");
+  EXPECT_EQ(evaluated.exit_code, 1);
   EXPECT_TRUE(testing::files_with(folder_.path() / "pictures", "png").empty());
 }
 

@@ -2,7 +2,6 @@
 #include "ingest/import_take.h"
 
 #include <fmt/format.h>
-#include <tbb/task.h>
 
 #include <atomic>
 #include <span>
@@ -40,13 +39,15 @@ class Importer {
   }
 
   void check_files() const;
-  void import_camera(const ImportManifest::Camera& camera, ArchiveWriter& archive);
+  void import_camera(const ImportManifest::Camera& camera, ArchiveWriter& archive,
+                     const ParallelLoop& loop);
   ImportSummary summary() const;
 
  private:
   struct Target {
     const CameraGeometry& geometry;
     ArchiveWriter& archive;
+    const ParallelLoop& loop;  // over the cameras
     ImageSize size() const { return {geometry.width, geometry.height}; }
   };
 
@@ -57,7 +58,7 @@ class Importer {
                    const std::string& name);
   void append_image(const RgbImage& image, Nanoseconds time, const Target& target);
   void append(std::span<const std::byte> jpeg, Nanoseconds time, const Target& target);
-  void stop_if_asked() const;
+  void stop_if_asked(const Target& target) const;
 
   const ImportManifest& manifest_;
   const std::filesystem::path& base_;
@@ -84,14 +85,15 @@ void Importer::check_files() const {
   }
 }
 
-void Importer::import_camera(const ImportManifest::Camera& camera, ArchiveWriter& archive) {
-  const Target target{camera.geometry, archive};
+void Importer::import_camera(const ImportManifest::Camera& camera, ArchiveWriter& archive,
+                             const ParallelLoop& loop) {
+  const Target target{camera.geometry, archive, loop};
   if (!camera.movie.empty()) {
     import_movie(camera, target);
     return;
   }
   for (const ImportManifest::Frame& frame : camera.frames) {
-    stop_if_asked();
+    stop_if_asked(target);
     import_file(frame, target);
   }
 }
@@ -120,7 +122,7 @@ void Importer::import_movie(const ImportManifest::Camera& camera, const Target& 
   MovieFrame frame;
   std::size_t count = 0;
   for (; movie.next(frame); ++count) {
-    stop_if_asked();
+    stop_if_asked(target);
     if (count == times) refuse_count(count + 1 + static_cast<std::size_t>(movie.skip_rest()));
     const std::string name = fmt::format("{} frame {}", file.string(), count);
     if (!frame.jpeg.empty()) {
@@ -168,9 +170,9 @@ void Importer::append(std::span<const std::byte> jpeg, Nanoseconds time, const T
   }
 }
 
-void Importer::stop_if_asked() const {
+void Importer::stop_if_asked(const Target& target) const {
   // The second question: another camera failed, and this one's work is for nothing.
-  if (stop_.stop_requested() || tbb::is_current_task_group_canceling()) {
+  if (stop_.stop_requested() || target.loop.failed()) {
     throw Error::failed("the import was stopped", "", "Start it again; no take was left behind");
   }
 }
@@ -215,9 +217,10 @@ ImportSummary import_take(const ImportManifest& manifest, const std::filesystem:
   Importer importer(manifest, base, settings, std::move(stop));
   importer.check_files();
   TakeWriter writer(take_folder, take_document(manifest, settings), rig_document(manifest));
-  raystage::parallel_for(std::size_t{0}, manifest.cameras.size(), [&](std::size_t camera) {
-    importer.import_camera(manifest.cameras[camera], writer.archive(static_cast<int>(camera)));
-  });
+  const auto import_camera = [&](std::size_t index, const ParallelLoop& loop) {
+    importer.import_camera(manifest.cameras[index], writer.archive(static_cast<int>(index)), loop);
+  };
+  raystage::parallel_for(std::size_t{0}, manifest.cameras.size(), import_camera);
   writer.commit();
   return importer.summary();
 }

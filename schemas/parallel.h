@@ -6,55 +6,78 @@
 #include <tbb/parallel_pipeline.h>
 
 #include <atomic>
+#include <concepts>
 #include <cstddef>
+#include <exception>
+#include <utility>
 
 namespace raystage {
 
-/// What the caller wrote before a parallel loop is seen by its tasks, and what they wrote is seen
-/// by the caller after it. TBB promises the same; spelled out in atomics of our own, the thread
-/// sanitizer sees it too, though Debian's TBB is not built for it.
-class ForkAndJoin {
+/// One parallel loop: what TBB's loops leave to chance.
+///
+/// What the caller wrote before a loop is seen by its tasks, and what they wrote is seen by the
+/// caller after it. TBB promises the same; spelled out in atomics of our own, the thread sanitizer
+/// sees it too, though Debian's TBB is not built for it.
+///
+/// An error never crosses TBB: TBB would cancel the loop, and with it, unasked, every loop inside
+/// it, Embree's among them, which then return half done (and TBB 2021.8 may crash on the way).
+/// Here tasks under way finish, no further body starts, and the first error reaches the caller.
+class ParallelLoop {
  public:
-  ForkAndJoin() { forked_.store(1, std::memory_order_release); }
-  ~ForkAndJoin() { joined_.load(std::memory_order_acquire); }
-  ForkAndJoin(const ForkAndJoin&) = delete;
-  ForkAndJoin& operator=(const ForkAndJoin&) = delete;
+  ParallelLoop() { forked_.store(1, std::memory_order_release); }
+  ParallelLoop(const ParallelLoop&) = delete;
+  ParallelLoop& operator=(const ParallelLoop&) = delete;
 
-  class Task {
-   public:
-    explicit Task(ForkAndJoin& loop) : loop_(loop) {
-      loop_.forked_.load(std::memory_order_acquire);
+  /// Within a task: body(), unless one has failed already.
+  template <class Body>
+  void run(const Body& body) {
+    if (forked_.load(std::memory_order_acquire) == 0 || failed()) return;
+    try {
+      body();
+    } catch (...) {
+      if (!failed_.exchange(true, std::memory_order_acq_rel)) error_ = std::current_exception();
     }
-    ~Task() { loop_.joined_.fetch_add(1, std::memory_order_release); }
-    Task(const Task&) = delete;
-    Task& operator=(const Task&) = delete;
+    joined_.fetch_add(1, std::memory_order_release);
+  }
 
-   private:
-    ForkAndJoin& loop_;
-  };
+  bool failed() const { return failed_.load(std::memory_order_relaxed); }
+
+  /// After the loop. Throws: what the first failed body threw.
+  void join() {
+    joined_.load(std::memory_order_acquire);
+    if (error_) std::rethrow_exception(error_);
+  }
 
  private:
   std::atomic<int> forked_ = 0, joined_ = 0;
+  std::atomic<bool> failed_ = false;
+  std::exception_ptr error_;
 };
 
 /// tbb::parallel_for over a range of rows: body(part).
 template <class Body>
 void parallel_for(const tbb::blocked_range<int>& range, const Body& body) {
-  ForkAndJoin loop;
-  tbb::parallel_for(range, [&](const tbb::blocked_range<int>& part) {
-    const ForkAndJoin::Task task(loop);
-    body(part);
-  });
+  ParallelLoop loop;
+  tbb::parallel_for(range,
+                    [&](const tbb::blocked_range<int>& part) { loop.run([&] { body(part); }); });
+  loop.join();
 }
 
-/// tbb::parallel_for over [first, last): body(index).
+/// tbb::parallel_for over [first, last): body(index), or body(index, loop) where a long body wants
+/// to know that another has failed.
 template <class Index, class Body>
 void parallel_for(Index first, Index last, const Body& body) {
-  ForkAndJoin loop;
+  ParallelLoop loop;
   tbb::parallel_for(first, last, [&](Index index) {
-    const ForkAndJoin::Task task(loop);
-    body(index);
+    loop.run([&] {
+      if constexpr (std::invocable<const Body&, Index, const ParallelLoop&>) {
+        body(index, std::as_const(loop));
+      } else {
+        body(index);
+      }
+    });
   });
+  loop.join();
 }
 
 /// body(index) for [0, count) in order of start, at most `in_flight` at once; stops starting more
@@ -63,19 +86,20 @@ template <class Stopped, class Body>
 void for_each_in_flight(std::size_t count, std::size_t in_flight, const Stopped& stopped,
                         const Body& body) {
   std::atomic<std::size_t> next = 0;
-  ForkAndJoin loop;
+  ParallelLoop loop;
   tbb::parallel_pipeline(
       in_flight,
       tbb::make_filter<void, std::size_t>(tbb::filter_mode::serial_in_order,
                                           [&](tbb::flow_control& control) -> std::size_t {
-                                            if (next < count && !stopped()) return next++;
+                                            if (next < count && !loop.failed() && !stopped())
+                                              return next++;
                                             control.stop();
                                             return 0;
                                           }) &
           tbb::make_filter<std::size_t, void>(tbb::filter_mode::parallel, [&](std::size_t index) {
-            const ForkAndJoin::Task task(loop);
-            body(index);
+            loop.run([&] { body(index); });
           }));
+  loop.join();
 }
 
 }  // namespace raystage

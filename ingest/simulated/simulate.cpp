@@ -108,7 +108,9 @@ class Simulation {
     SimulationReport report;
     report.cameras = settings_.camera_count();
     report.truth_views = settings_.truth_views;
-    raystage::parallel_for(0, settings_.camera_count(), [&](int i) { record(writer, i); });
+    raystage::parallel_for(0, settings_.camera_count(), [&](int index, const ParallelLoop& loop) {
+      record(writer, index, loop);
+    });
     for (const Schedule::Camera& camera : schedule_.cameras) {
       for (const Schedule::Frame& frame : camera.frames) {
         (frame.status == FrameStatus::kStored ? report.frames_stored : report.frames_missing)++;
@@ -126,8 +128,9 @@ class Simulation {
   }
 
  private:
-  void check_stop() const {
-    if (stop_.stop_requested()) {
+  // Also when another camera failed, and the work at hand is for nothing.
+  void check_stop(const ParallelLoop& loop) const {
+    if (stop_.stop_requested() || loop.failed()) {
       throw Error::failed("the simulation was stopped", settings_.scene,
                           "Start it again to have the take");
     }
@@ -171,7 +174,7 @@ class Simulation {
     const Eigen::Vector3f forward = true_rig_.mean_viewing_direction().cast<float>();
     std::mutex mutex;
     float nearest = std::numeric_limits<float>::infinity(), farthest = 0;
-    raystage::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t index) {
+    const auto look = [&](std::size_t index, const ParallelLoop& loop) {
       const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(cameras[index])];
       const PixelRays pixels(camera.model, camera.pose);
       const auto worker = workers_.borrow();
@@ -186,7 +189,7 @@ class Simulation {
       std::vector<float> limits;
       for (const Hit& hit : hits) limits.push_back(hit.distance);
       for (int instant = 0; instant < kInstants; ++instant) {
-        check_stop();
+        check_stop(loop);
         worker->world.set_time(settings_.seconds * instant / (kInstants - 1));
         worker->world.trace_moving(rays, limits, moving_hits);
         const std::scoped_lock lock(mutex);
@@ -198,14 +201,15 @@ class Simulation {
           farthest = std::max(farthest, depth);
         }
       }
-    });
+    };
+    raystage::parallel_for(std::size_t{0}, cameras.size(), look);
     if (!(nearest > 0 && farthest >= nearest)) return std::nullopt;
     return DepthRange{std::max(0.01, std::floor(static_cast<double>(nearest) * 100) / 100),
                       std::ceil(static_cast<double>(farthest) * 100) / 100};
   }
 
   // All frames of one camera, in the order of time.
-  void record(TakeWriter& writer, int index) {
+  void record(TakeWriter& writer, int index, const ParallelLoop& loop) {
     const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(index)];
     const Schedule::Camera& times = schedule_.cameras[static_cast<std::size_t>(index)];
     const PixelRays rays(camera.model, camera.pose);
@@ -217,7 +221,7 @@ class Simulation {
       if (frame.status != FrameStatus::kStored) {
         archive.append_missing(frame.status, frame.stamped_time);
       } else {
-        check_stop();
+        check_stop(loop);
         worker->world.set_time(seconds_of(frame.true_time));
         worker->renderer.render(worker->world, rays, settings_.edge_samples, cache, worker->image);
         const Development development{
@@ -233,8 +237,8 @@ class Simulation {
 
   void write_truth_images(const std::filesystem::path& folder) {
     create_folder(folder / "truth");
-    raystage::parallel_for(std::size_t{0}, path_.views.views.size(), [&](std::size_t index) {
-      check_stop();
+    const auto render = [&](std::size_t index, const ParallelLoop& loop) {
+      check_stop(loop);
       const ViewsDocument::View& view = path_.views.views[index];
       const PixelRays rays(CameraModel(view.geometry),
                            pose_from_matrix(view.geometry.world_from_camera));
@@ -243,7 +247,8 @@ class Simulation {
       worker->renderer.render_evenly(worker->world, rays, settings_.truth_samples, worker->image);
       write_image(develop(worker->image, {}), folder / view.file);
       advance(truth_cost_);
-    });
+    };
+    raystage::parallel_for(std::size_t{0}, path_.views.views.size(), render);
   }
 
   const SimulationSettings& settings_;

@@ -128,6 +128,7 @@ struct Captured {
   const char* set;
   const char* options;
   double at_least_db;
+  friend void PrintTo(const Captured& captured, std::ostream* out) { *out << captured.set; }
 };
 
 class CapturedLightField : public ::testing::TestWithParam<Captured> {};

@@ -11,6 +11,14 @@ find_package(CLI11 CONFIG REQUIRED)                # CLI11::CLI11
 find_package(fmt CONFIG REQUIRED)                  # fmt::fmt
 find_package(OpenEXR 3.1 CONFIG REQUIRED)          # OpenEXR::OpenEXR
 find_package(OpenImageIO 2.4 CONFIG REQUIRED)      # OpenImageIO::OpenImageIO
+# Debian's target names the header folder of OpenCV, which its users need not have.
+get_target_property(oiio_includes OpenImageIO::OpenImageIO INTERFACE_INCLUDE_DIRECTORIES)
+foreach(folder IN LISTS oiio_includes)
+  if(NOT EXISTS "${folder}")
+    list(REMOVE_ITEM oiio_includes "${folder}")
+  endif()
+endforeach()
+set_target_properties(OpenImageIO::OpenImageIO PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${oiio_includes}")
 find_package(embree 3 CONFIG REQUIRED)             # embree
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # PkgConfig::TURBOJPEG
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)                   # PkgConfig::ZSTD

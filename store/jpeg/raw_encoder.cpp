@@ -1,0 +1,203 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/jpeg/raw_encoder.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cstring>
+#include <string>
+
+#include "schemas/error.h"
+#include "store/jpeg/libjpeg.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kMaxSide = 65500;
+
+int half(int size) { return (size + 1) / 2; }
+bool is_yuv(PixelFormat format) {
+  return format == PixelFormat::kYuv420 || format == PixelFormat::kYuv422 ||
+         format == PixelFormat::kYuv444;
+}
+bool halves_width(PixelFormat format) {
+  return format == PixelFormat::kYuv420 || format == PixelFormat::kYuv422;
+}
+
+J_COLOR_SPACE color_space_of(PixelFormat format) {
+  switch (format) {
+    case PixelFormat::kGray:
+      return JCS_GRAYSCALE;
+    case PixelFormat::kRgb:
+      return JCS_EXT_RGB;
+    case PixelFormat::kBgr:
+      return JCS_EXT_BGR;
+    case PixelFormat::kYuv420:
+    case PixelFormat::kYuv422:
+    case PixelFormat::kYuv444:
+      break;
+  }
+  return JCS_YCbCr;
+}
+
+void check(const RawImage& image) {
+  if (image.width < 1 || image.height < 1 || image.width > kMaxSide || image.height > kMaxSide) {
+    throw Error::bad_input("a JPEG cannot have a size of " + std::to_string(image.width) + "x" +
+                               std::to_string(image.height),
+                           "", "Use 1-65500 pixels a side");
+  }
+  for (int plane = 0; plane < image.plane_count(); ++plane) {
+    assert(image.planes[static_cast<std::size_t>(plane)].data != nullptr);
+    assert(image.planes[static_cast<std::size_t>(plane)].stride >= image.row_bytes(plane));
+  }
+}
+
+}  // namespace
+
+int RawImage::plane_count() const { return is_yuv(format) ? 3 : 1; }
+
+std::size_t RawImage::row_bytes(int plane) const {
+  if (format == PixelFormat::kRgb || format == PixelFormat::kBgr)
+    return 3 * static_cast<std::size_t>(width);
+  return static_cast<std::size_t>(plane > 0 && halves_width(format) ? half(width) : width);
+}
+
+int RawImage::rows(int plane) const {
+  return plane > 0 && format == PixelFormat::kYuv420 ? half(height) : height;
+}
+
+std::size_t RawImage::bytes() const {
+  std::size_t sum = 0;
+  for (int plane = 0; plane < plane_count(); ++plane) {
+    sum += row_bytes(plane) * static_cast<std::size_t>(rows(plane));
+  }
+  return sum;
+}
+
+struct RawJpegEncoder::State {
+  explicit State(const JpegEncodeSettings& encode_settings) : settings(encode_settings) {}
+
+  void start(const RawImage& image);
+  void write_rows(const RawImage& image);
+  void write_planes(const RawImage& image);
+  JSAMPROW padded_row(const RawImage& image, int plane, int row, std::size_t width,
+                      std::size_t slot);
+
+  JpegEncodeSettings settings;
+  libjpeg::Compressor compressor;
+  // Where a plane's rows are shorter than whole MCUs, they are copied here and their last sample is
+  // repeated: libjpeg reads whole MCUs.
+  std::array<std::vector<std::byte>, 3> padding;
+};
+
+void RawJpegEncoder::State::start(const RawImage& image) {
+  jpeg_compress_struct& info = compressor.info;
+  info.image_width = static_cast<JDIMENSION>(image.width);
+  info.image_height = static_cast<JDIMENSION>(image.height);
+  info.input_components = image.format == PixelFormat::kGray ? 1 : 3;
+  info.in_color_space = color_space_of(image.format);
+  jpeg_set_defaults(&info);
+  jpeg_set_quality(&info, settings.quality, TRUE);
+  info.dct_method = JDCT_ISLOW;
+  int horizontal = 1, vertical = 1;
+  if (is_yuv(image.format)) {
+    horizontal = halves_width(image.format) ? 2 : 1;
+    vertical = image.format == PixelFormat::kYuv420 ? 2 : 1;
+  } else if (image.format != PixelFormat::kGray) {
+    horizontal = settings.chroma == JpegEncodeSettings::Chroma::k444 ? 1 : 2;
+    vertical = settings.chroma == JpegEncodeSettings::Chroma::k420 ? 2 : 1;
+  }
+  info.comp_info[0].h_samp_factor = horizontal;
+  info.comp_info[0].v_samp_factor = vertical;
+  info.restart_interval = static_cast<unsigned>(settings.restart_interval >= 0
+                                                    ? settings.restart_interval
+                                                    : default_restart_interval(8 * horizontal));
+  info.raw_data_in = is_yuv(image.format) ? TRUE : FALSE;
+  jpeg_start_compress(&info, TRUE);
+}
+
+void RawJpegEncoder::State::write_rows(const RawImage& image) {
+  jpeg_compress_struct& info = compressor.info;
+  while (info.next_scanline < info.image_height) {
+    const std::byte* row = image.planes[0].data + info.next_scanline * image.planes[0].stride;
+    // libjpeg's interface is not const, yet only reads.
+    auto* samples = reinterpret_cast<JSAMPROW>(const_cast<std::byte*>(row));
+    jpeg_write_scanlines(&info, &samples, 1);
+  }
+}
+
+JSAMPROW RawJpegEncoder::State::padded_row(const RawImage& image, int plane, int row,
+                                           std::size_t width, std::size_t slot) {
+  const RawImage::Plane& from = image.planes[static_cast<std::size_t>(plane)];
+  const int last = image.rows(plane) - 1;
+  const std::byte* source = from.data + static_cast<std::size_t>(std::min(row, last)) * from.stride;
+  const std::size_t bytes = image.row_bytes(plane);
+  if (bytes == width) return reinterpret_cast<JSAMPROW>(const_cast<std::byte*>(source));
+  std::byte* copy = padding[static_cast<std::size_t>(plane)].data() + slot * width;
+  std::memcpy(copy, source, bytes);
+  std::fill(copy + bytes, copy + width, source[bytes - 1]);
+  return reinterpret_cast<JSAMPROW>(copy);
+}
+
+void RawJpegEncoder::State::write_planes(const RawImage& image) {
+  constexpr std::size_t kMostRows = 16;  // of an MCU
+  jpeg_compress_struct& info = compressor.info;
+  std::array<std::array<JSAMPROW, kMostRows>, 3> rows{};
+  std::array<JSAMPARRAY, 3> planes{};
+  std::array<std::size_t, 3> widths{};
+  const int mcu_rows = info.comp_info[0].v_samp_factor * DCTSIZE;
+  const int mcus = (image.width + info.comp_info[0].h_samp_factor * DCTSIZE - 1) /
+                   (info.comp_info[0].h_samp_factor * DCTSIZE);
+  for (std::size_t p = 0; p < 3; ++p) {
+    planes[p] = rows[p].data();
+    widths[p] = static_cast<std::size_t>(mcus * info.comp_info[p].h_samp_factor * DCTSIZE);
+  }
+  while (info.next_scanline < info.image_height) {
+    for (std::size_t p = 0; p < 3; ++p) {
+      const int count = info.comp_info[p].v_samp_factor * DCTSIZE;
+      const int first = static_cast<int>(info.next_scanline) / mcu_rows * count;
+      for (int r = 0; r < count; ++r) {
+        rows[p][static_cast<std::size_t>(r)] = padded_row(image, static_cast<int>(p), first + r,
+                                                          widths[p], static_cast<std::size_t>(r));
+      }
+    }
+    jpeg_write_raw_data(&info, planes.data(), static_cast<JDIMENSION>(mcu_rows));
+  }
+}
+
+RawJpegEncoder::RawJpegEncoder(const JpegEncodeSettings& settings)
+    : state_(std::make_unique<State>(settings)) {
+  if (settings.quality < 1 || settings.quality > 100) {
+    throw Error::bad_input("a JPEG quality of " + std::to_string(settings.quality), "",
+                           "Use 1-100");
+  }
+}
+RawJpegEncoder::~RawJpegEncoder() = default;
+RawJpegEncoder::RawJpegEncoder(RawJpegEncoder&&) noexcept = default;
+RawJpegEncoder& RawJpegEncoder::operator=(RawJpegEncoder&&) noexcept = default;
+
+void RawJpegEncoder::encode(const RawImage& image, std::vector<std::byte>& bytes) {
+  check(image);
+  State& state = *state_;
+  if (is_yuv(image.format)) {
+    // Made outside of guarded(): longjmp runs no destructors. Two MCUs wide is more than enough.
+    for (int plane = 0; plane < 3; ++plane) {
+      state.padding[static_cast<std::size_t>(plane)].resize(16 * (image.row_bytes(plane) + 16));
+    }
+  }
+  libjpeg::VectorDestination destination(state.compressor.info, bytes);
+  const bool encoded = libjpeg::guarded(state.compressor.errors, [&] {
+    state.start(image);
+    if (is_yuv(image.format)) {
+      state.write_planes(image);
+    } else {
+      state.write_rows(image);
+    }
+    jpeg_finish_compress(&state.compressor.info);
+  });
+  if (encoded) return;
+  jpeg_abort_compress(&state.compressor.info);
+  libjpeg::throw_error(state.compressor.errors, "JPEG encoder");
+}
+
+}  // namespace raystage

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any text is read or refused with an Error; what was read can be written and read again. The first
-// byte selects the document.
+// byte, a digit, selects the document.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -9,6 +9,7 @@
 
 #include "schemas/error.h"
 #include "schemas/import_manifest.h"
+#include "schemas/record_config.h"
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
@@ -34,7 +35,7 @@ void round_trip(std::string_view text, Parse parse, Format format) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (data[0] % 6) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 7) {
     case 0:
       round_trip(text, raystage::parse_rig, raystage::format_rig);
       break;
@@ -49,6 +50,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 4:
       round_trip(text, raystage::parse_views, raystage::format_views);
+      break;
+    case 6:
+      round_trip(text, raystage::parse_record_config, raystage::format_record_config);
       break;
     default:
       round_trip(

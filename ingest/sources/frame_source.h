@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "schemas/time.h"
+
+namespace raystage {
+
+/// Pixel formats that libjpeg-turbo encodes without another conversion. YUV is full range, Rec.601
+/// matrix (JFIF).
+enum class PixelFormat : std::uint8_t { kYuv420, kYuv422, kYuv444, kGray, kRgb, kBgr };
+
+/// One raw picture. YUV has three planes, the others one; `owner` keeps the bytes alive, so that a
+/// driver's buffer need not be copied.
+struct RawImage {
+  PixelFormat format = PixelFormat::kYuv420;
+  int width = 0, height = 0;  ///< pixels
+  struct Plane {
+    const std::byte* data = nullptr;
+    std::size_t stride = 0;  ///< bytes from row to row
+  };
+  std::array<Plane, 3> planes{};
+  std::shared_ptr<const void> owner;
+  /// Bytes of the pixels without padding.
+  std::size_t bytes() const;
+};
+
+/// What a source delivers: a JPEG as it arrived, or raw pixels.
+struct SourceFrame {
+  std::vector<std::byte> jpeg;  ///< empty where `raw` is the picture
+  RawImage raw;
+  Nanoseconds arrival_utc = 0;             ///< host clock when it was whole, since 1970
+  std::optional<Nanoseconds> device_time;  ///< by the device's own clock, from its own zero
+  std::optional<std::uint64_t> sequence;   ///< the device's frame counter: a gap is a drop
+  bool torn = false;                       ///< arrived incomplete (lost packets, cut JPEG)
+};
+
+/// What is known of a source once it is open.
+struct SourceDescription {
+  std::string what;           ///< for people: "v4l2 /dev/video0, mjpeg"
+  int width = 0, height = 0;  ///< pixels
+  double fps = 0;             ///< nominal; 0 where unknown
+  bool delivers_jpeg = false;
+  std::string clock = "host";          ///< take.json's words: "host", "device", "simulated"
+  std::string time_marks = "arrival";  ///< what device_time (or else arrival) marks
+};
+
+/// Where one camera's frames come from. Used by one thread; `interrupt` may come from another.
+class FrameSource {
+ public:
+  enum class Outcome {
+    kFrame,    ///< `frame` is filled
+    kNothing,  ///< none came within the time given: ask again
+    kEnded,    ///< the end of a finite source
+    kLost      ///< the device or connection is gone; why_lost() says more
+  };
+
+  FrameSource() = default;
+  virtual ~FrameSource() = default;
+  FrameSource(const FrameSource&) = delete;
+  FrameSource& operator=(const FrameSource&) = delete;
+
+  virtual const SourceDescription& description() const = 0;
+  /// Waits for the next frame, at most about `patience`. Never throws for what a device does.
+  virtual Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) = 0;
+  virtual std::string why_lost() const { return {}; }
+  /// Makes a waiting next() return soon. Thread-safe.
+  virtual void interrupt() {}
+};
+
+/// Host clock, ns since 1970.
+Nanoseconds host_utc_now();
+
+}  // namespace raystage

@@ -45,7 +45,8 @@ const SchemaValidator& validator_of(std::string_view kind) {
   if (kind == "shot") return validator_once<2>(kind);
   if (kind == "import") return validator_once<3>(kind);
   if (kind == "record") return validator_once<4>(kind);
-  return validator_once<5>("views");
+  if (kind == "recording") return validator_once<5>(kind);
+  return validator_once<6>("views");
 }
 
 void check_version(std::string_view kind, const json& document, std::string_view name) {

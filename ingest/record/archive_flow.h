@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "ingest/record/camera_intake.h"
+#include "ingest/record/frame_queue.h"
+#include "store/archive.h"
+
+namespace raystage {
+
+/// Number of FrameStatus values.
+inline constexpr std::size_t kStatusCount = 9;
+
+/// From memory to the archives, in a thread of its own. A disk that is slow or full holds up nobody
+/// but this: frames stay in memory until they can be written, and what cannot be kept there is
+/// dropped by the intakes.
+class ArchiveFlow {
+ public:
+  struct Camera {
+    FrameQueue& queue;
+    ArchiveWriter& archive;
+    CameraCounters& counters;
+  };
+  struct Settings {
+    bool hold = false;  ///< write nothing before drain()
+    /// Frees room for the last records when the disk stays full to the end.
+    std::function<void()> release_reserve = [] {};
+    /// How long drain() tries to write frames to a disk that refuses them, seconds.
+    double patience = 3;
+    /// How often what is written is made safe against power loss, seconds; 0: never.
+    double flush_every = 1;
+  };
+
+  ArchiveFlow(std::vector<Camera> cameras, Settings settings);
+  ~ArchiveFlow();
+  ArchiveFlow(const ArchiveFlow&) = delete;
+  ArchiveFlow& operator=(const ArchiveFlow&) = delete;
+
+  /// There may be something to write. Thread-safe, cheap.
+  void wake();
+  /// Writes all that is left; intakes and encoders have finished. `progress` gets the part done.
+  void drain(const std::function<void(double)>& progress);
+
+  /// Records on disk, per camera and FrameStatus.
+  std::uint64_t written(std::size_t camera, FrameStatus status) const;
+  std::uint64_t bytes_written() const { return bytes_written_.load(std::memory_order_relaxed); }
+  /// Why the disk refuses at this moment; empty where it does not.
+  std::string trouble() const;
+
+ private:
+  struct Tally {
+    std::array<std::atomic<std::uint64_t>, kStatusCount> count{};
+  };
+  void write_on(const std::stop_token& stop);
+  void flush_on(const std::stop_token& stop);
+  bool write_some();
+  bool write(std::size_t camera, const QueuedFrame& frame);
+  void set_trouble(std::string text);
+  std::size_t waiting() const;
+  void give_up_rest();
+
+  const std::vector<Camera> cameras_;
+  const Settings settings_;
+  std::vector<Tally> tallies_;
+  std::atomic<std::uint64_t> bytes_written_ = 0;
+  std::mutex mutex_;
+  std::condition_variable_any something_;
+  bool woken_ = false;
+  mutable std::mutex trouble_mutex_;
+  std::string trouble_;
+  std::jthread writer_, flusher_;  // last: they use all of the above
+};
+
+}  // namespace raystage

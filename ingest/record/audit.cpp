@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/audit.h"
+
+#include <fmt/format.h>
+
+#include "schemas/error.h"
+
+namespace raystage {
+
+void audit_session(const RecordingTake& take, const ArchiveFlow& flow,
+                   std::span<const CameraCounters> counters, RecordingDocument::Session& session,
+                   std::vector<std::string> complaints) {
+  for (std::size_t i = 0; i < session.cameras.size(); ++i) {
+    RecordingDocument::Camera& camera = session.cameras[i];
+    const auto complain = [&](const std::string& what) {
+      complaints.push_back(fmt::format("camera {}: {}", camera.id, what));
+    };
+    camera.arrived = counters[i].arrived;
+    camera.skipped_by_source = counters[i].skipped_by_source;
+    camera.corrected_times = counters[i].corrected_times;
+    for (const RecordingEvent& event : counters[i].events()) {
+      camera.events.push_back({event.time_utc, event.what});
+    }
+    RecordingTake::Counted on_disk;
+    try {
+      on_disk = take.count(i);
+    } catch (const Error& error) {
+      complain(error.what());
+    }
+    std::uint64_t accounted = 0;
+    for (std::size_t s = 0; s < kStatusCount; ++s) {
+      const auto status = static_cast<FrameStatus>(s);
+      const std::uint64_t count = on_disk.by_status[s];
+      if (count != flow.written(i, status)) {
+        complain(fmt::format("{} records \"{}\" were written, {} are on disk",
+                             flow.written(i, status), name_of(status), count));
+      }
+      if (status == FrameStatus::kDroppedBySource) continue;
+      accounted += count;
+      if (status == FrameStatus::kStored) {
+        camera.stored = count;
+      } else if (count > 0) {
+        camera.dropped[name_of(status)] = count;
+      }
+    }
+    if (accounted != camera.arrived) {
+      complain(fmt::format("{} frames arrived, {} are stored or recorded as dropped",
+                           camera.arrived, accounted));
+    }
+    const auto skipped = on_disk.by_status[static_cast<std::size_t>(FrameStatus::kDroppedBySource)];
+    if (skipped != camera.skipped_by_source) {
+      complain(fmt::format("the source's counter skipped {} frames, {} are recorded",
+                           camera.skipped_by_source, skipped));
+    }
+  }
+  session.audit = RecordingDocument::Audit{complaints.empty(), std::move(complaints)};
+}
+
+}  // namespace raystage

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "ingest/record/encoders.h"
+#include "ingest/record/frame_clock.h"
+#include "ingest/record/frame_queue.h"
+#include "ingest/record/memory_budget.h"
+#include "ingest/sources/frame_source.h"
+
+namespace raystage {
+
+/// Something worth telling that happened to a camera while it was recorded.
+struct RecordingEvent {
+  Nanoseconds time_utc = 0;
+  std::string what;
+};
+
+/// What has become of one camera's frames so far. Written by the camera's threads, read by anyone.
+struct CameraCounters {
+  enum class State { kRunning, kLost, kEnded };
+  std::atomic<State> state = State::kRunning;
+  std::atomic<std::uint64_t> arrived = 0;            ///< frames the source delivered
+  std::atomic<std::uint64_t> dropped = 0;            ///< of these, not to be stored, any reason
+  std::atomic<std::uint64_t> skipped_by_source = 0;  ///< by the source's own counter
+  std::atomic<std::uint64_t> corrected_times = 0;    ///< set behind the frame before
+  std::atomic<std::uint64_t> unrecorded = 0;  ///< lost without a record: must stay 0, see the audit
+
+  void add_event(std::string what);
+  std::vector<RecordingEvent> events() const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<RecordingEvent> events_;
+};
+
+/// Takes one camera's frames from its source into memory: never waits for anything but the source.
+class CameraIntake {
+ public:
+  enum class WhenLost { kContinue, kReconnect, kStop };
+  struct Settings {
+    Nanoseconds epoch_utc = 0;
+    Nanoseconds last_time = -1;  ///< of the archive that is resumed, since the epoch
+    Nanoseconds start_utc = 0;   ///< what arrives before does not count
+    int width = 0, height = 0;   ///< of the archive; other frames cannot be stored
+    bool drop_oldest = false;    ///< what makes room when the memory is full: else the new frame
+    WhenLost when_lost = WhenLost::kContinue;
+    std::chrono::milliseconds lost_after{5000};
+  };
+  /// What it works with; all of it outlives the intake.
+  struct Plumbing {
+    FrameQueue& queue;
+    MemoryBudget& memory;
+    Encoders& encoders;
+    CameraCounters& counters;
+    std::function<void()> arrived;   ///< wakes the writer
+    std::function<void()> stop_all;  ///< for WhenLost::kStop
+  };
+  using Open = std::function<std::unique_ptr<FrameSource>()>;
+
+  CameraIntake(const Settings& settings, std::unique_ptr<FrameSource> source, Open reopen,
+               Plumbing plumbing);
+
+  /// The camera's thread: until stopped, or the source has ended or is lost for good.
+  void run(const std::stop_token& stop);
+  /// One frame from the source; for run() and tests.
+  void take(SourceFrame frame);
+
+ private:
+  enum class After { kGoOn, kFinish };
+  After lost(const std::stop_token& stop, const std::string& why, bool source_is_gone);
+  bool reconnect(const std::stop_token& stop);
+  FrameStatus check(const SourceFrame& frame);
+  MemoryBudget::Share make_room(std::size_t bytes);
+  void push_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin);
+
+  const Settings settings_;
+  std::unique_ptr<FrameSource> source_;
+  const Open reopen_;
+  Plumbing to_;
+  FrameClock clock_;
+  bool size_complained_ = false;
+};
+
+}  // namespace raystage

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string_view>
+
+#include "schemas/recording_document.h"
+
+namespace raystage {
+
+/// What disciplines this machine's clock at this moment: chrony (asked by `chronyc`), PTP (a
+/// running phc2sys or ptp4l), else what the kernel says, else "unknown".
+RecordingDocument::Clock read_clock_state();
+
+/// The answer of `chronyc -c tracking` (comma separated). "unknown" where it is none, or chrony has
+/// no reference.
+RecordingDocument::Clock clock_from_chrony(std::string_view answer);
+
+}  // namespace raystage

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/encoders.h"
+
+#include <utility>
+
+#include "schemas/error.h"
+
+namespace raystage {
+
+Encoders::Encoders(const JpegEncodeSettings& settings, int threads, std::function<void()> done)
+    // No slot is kept for the caller: sources never encode themselves.
+    : settings_(settings), done_(std::move(done)), arena_(threads, 0) {}
+
+Encoders::~Encoders() { wait(); }
+
+void Encoders::encode_one_of(FrameQueue& queue) {
+  arena_.enqueue(group_.defer([this, &queue] { work_on(queue); }));
+}
+
+void Encoders::wait() {
+  arena_.execute([this] { group_.wait(); });
+}
+
+std::unique_ptr<RawJpegEncoder> Encoders::borrow() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (!idle_.empty()) {
+      auto encoder = std::move(idle_.back());
+      idle_.pop_back();
+      return encoder;
+    }
+  }
+  return std::make_unique<RawJpegEncoder>(settings_);
+}
+
+void Encoders::work_on(FrameQueue& queue) {
+  const FrameQueue::Frame frame = queue.start_encoding();
+  if (!frame) return;  // given up meanwhile
+  std::optional<std::vector<std::byte>> result;
+  // Nothing may leave a TBB task; whatever goes wrong, the frame is recorded as missing.
+  try {
+    auto encoder = borrow();
+    thread_local std::vector<std::byte> scratch;
+    encoder->encode(frame->raw, scratch);
+    result.emplace(scratch);  // a copy without spare room: it may stay in memory for long
+    const std::scoped_lock lock(mutex_);
+    idle_.push_back(std::move(encoder));
+  } catch (const std::exception&) {
+    result.reset();
+  }
+  queue.finish_encoding(frame, std::move(result));
+  done_();
+}
+
+}  // namespace raystage

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <tbb/task_arena.h>
+#include <tbb/task_group.h>
+
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "ingest/record/frame_queue.h"
+#include "store/jpeg/raw_encoder.h"
+
+namespace raystage {
+
+/// Encodes the raw frames of all cameras on TBB's threads. A source never waits: it says that its
+/// queue holds a frame more, and goes on.
+class Encoders {
+ public:
+  /// `threads`: as many frames at once. `done` is called after each frame, from any thread.
+  Encoders(const JpegEncodeSettings& settings, int threads, std::function<void()> done);
+  ~Encoders();
+  Encoders(const Encoders&) = delete;
+  Encoders& operator=(const Encoders&) = delete;
+
+  /// `queue` got a frame in kToEncode, and outlives this.
+  void encode_one_of(FrameQueue& queue);
+  /// Returns when everything that was asked for is encoded.
+  void wait();
+
+ private:
+  void work_on(FrameQueue& queue);
+  std::unique_ptr<RawJpegEncoder> borrow();
+
+  const JpegEncodeSettings settings_;
+  const std::function<void()> done_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<RawJpegEncoder>> idle_;
+  tbb::task_arena arena_;
+  tbb::task_group group_;
+};
+
+}  // namespace raystage

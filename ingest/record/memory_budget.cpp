@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/memory_budget.h"
+
+namespace raystage {
+
+void MemoryBudget::Share::resize_down(std::size_t bytes) {
+  if (budget_ == nullptr || bytes >= bytes_) return;
+  budget_->used_.fetch_sub(bytes_ - bytes, std::memory_order_relaxed);
+  bytes_ = bytes;
+  if (bytes == 0) budget_ = nullptr;
+}
+
+MemoryBudget::Share MemoryBudget::try_take(std::size_t bytes) {
+  std::size_t used = used_.load(std::memory_order_relaxed);
+  do {
+    if (bytes > limit_ || used > limit_ - bytes) return {};
+  } while (!used_.compare_exchange_weak(used, used + bytes, std::memory_order_relaxed));
+  const std::size_t now = used + bytes;
+  std::size_t peak = peak_.load(std::memory_order_relaxed);
+  while (peak < now && !peak_.compare_exchange_weak(peak, now, std::memory_order_relaxed)) {
+  }
+  return {this, bytes};
+}
+
+}  // namespace raystage

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <utility>
+
+namespace raystage {
+
+/// One limit for the bytes of all frames that are in memory at once. Thread-safe.
+class MemoryBudget {
+ public:
+  explicit MemoryBudget(std::size_t limit) : limit_(limit) {}
+
+  /// A part of the budget, given back when it goes out of scope.
+  class Share {
+   public:
+    Share() = default;
+    ~Share() { resize_down(0); }
+    Share(Share&& other) noexcept
+        : budget_(std::exchange(other.budget_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
+    Share& operator=(Share&& other) noexcept {
+      if (this != &other) {
+        resize_down(0);
+        budget_ = std::exchange(other.budget_, nullptr);
+        bytes_ = std::exchange(other.bytes_, 0);
+      }
+      return *this;
+    }
+    explicit operator bool() const { return budget_ != nullptr; }
+    std::size_t bytes() const { return bytes_; }
+    /// Gives back what exceeds `bytes`.
+    void resize_down(std::size_t bytes);
+
+   private:
+    friend class MemoryBudget;
+    Share(MemoryBudget* budget, std::size_t bytes) : budget_(budget), bytes_(bytes) {}
+    MemoryBudget* budget_ = nullptr;
+    std::size_t bytes_ = 0;
+  };
+
+  /// Never waits: an empty Share where there is no room.
+  Share try_take(std::size_t bytes);
+
+  std::size_t limit() const { return limit_; }
+  std::size_t used() const { return used_.load(std::memory_order_relaxed); }
+  std::size_t peak() const { return peak_.load(std::memory_order_relaxed); }
+
+ private:
+  const std::size_t limit_;
+  std::atomic<std::size_t> used_ = 0, peak_ = 0;
+};
+
+}  // namespace raystage

@@ -1,0 +1,270 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/recorder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <thread>
+#include <utility>
+
+#include "ingest/record/archive_flow.h"
+#include "ingest/record/audit.h"
+#include "ingest/record/clock_state.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kLook = 20ms;
+constexpr double kStatusEvery = 1.0;  // seconds
+constexpr std::size_t kLeastFrames = 4;
+
+double seconds_since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// Bytes of the frame that a source holds in its hands, beside the budget: at most this.
+std::size_t frame_bytes(const CameraGeometry& geometry, bool jpeg) {
+  const auto pixels =
+      static_cast<std::size_t>(geometry.width) * static_cast<std::size_t>(geometry.height);
+  return jpeg ? pixels / 2 : pixels * 3;
+}
+
+}  // namespace
+
+struct Recorder::State {
+  State(const RecorderSettings& with_settings, std::vector<RecorderCamera> with_cameras,
+        RecordingTake& into, std::string by_program)
+      : settings(with_settings),
+        cameras(std::move(with_cameras)),
+        take(into),
+        program(std::move(by_program)),
+        memory(limit()) {}
+
+  std::size_t limit() const;
+  CameraIntake::Settings intake_settings(std::size_t camera, Nanoseconds start_utc) const;
+  RecordingDocument::Session opened_session() const;
+  RecorderStatus status(const ArchiveFlow& flow);
+
+  const RecorderSettings settings;
+  std::vector<RecorderCamera> cameras;
+  RecordingTake& take;
+  const std::string program;
+  MemoryBudget memory;
+  std::vector<FrameQueue> queues = std::vector<FrameQueue>(cameras.size());
+  std::vector<CameraCounters> counters = std::vector<CameraCounters>(cameras.size());
+  std::vector<SourceDescription> descriptions;
+
+  // What the status before said, for rates.
+  Clock::time_point start, last_status;
+  std::vector<std::uint64_t> last_arrived = std::vector<std::uint64_t>(cameras.size());
+  std::uint64_t last_bytes = 0;
+  std::size_t last_memory = 0;
+};
+
+std::size_t Recorder::State::limit() const {
+  std::size_t in_hand = 0, least = 0;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const bool jpeg = cameras[i].source->description().delivers_jpeg;
+    const std::size_t bytes = frame_bytes(take.rig().cameras[i].geometry, jpeg);
+    in_hand += bytes;
+    least += kLeastFrames * bytes;
+  }
+  if (settings.memory_bytes < in_hand + least) {
+    throw Error::bad_input(
+        fmt::format("{:.0f} MB of memory are too little for {} cameras, allowed: {:.0f} MB or more",
+                    static_cast<double>(settings.memory_bytes) / 1e6, cameras.size(),
+                    static_cast<double>(in_hand + least) / 1e6),
+        "memory_mb", "Give the recording more memory, or record fewer cameras on this node");
+  }
+  return settings.memory_bytes - in_hand;
+}
+
+CameraIntake::Settings Recorder::State::intake_settings(std::size_t camera,
+                                                        Nanoseconds start_utc) const {
+  const CameraGeometry& geometry = take.rig().cameras[camera].geometry;
+  CameraIntake::Settings intake;
+  intake.epoch_utc = take.document().epoch_utc;
+  intake.last_time = take.last_time(camera);
+  intake.start_utc = start_utc;
+  intake.width = geometry.width;
+  intake.height = geometry.height;
+  intake.drop_oldest = settings.drop_oldest;
+  intake.when_lost = settings.when_lost;
+  intake.lost_after = settings.lost_after;
+  return intake;
+}
+
+RecordingDocument::Session Recorder::State::opened_session() const {
+  RecordingDocument::Session session;
+  session.program = program;
+  session.started_utc = host_utc_now();
+  session.memory_bytes = settings.memory_bytes;
+  session.held = settings.hold;
+  session.clock = read_clock_state();
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    RecordingDocument::Camera camera;
+    camera.id = cameras[i].id;
+    camera.source = descriptions[i].what;
+    camera.clock = descriptions[i].clock;
+    camera.time_marks = descriptions[i].time_marks;
+    session.cameras.push_back(std::move(camera));
+  }
+  return session;
+}
+
+RecorderStatus Recorder::State::status(const ArchiveFlow& flow) {
+  RecorderStatus status;
+  const double interval = std::max(1e-3, seconds_since(last_status));
+  last_status = Clock::now();
+  status.seconds = seconds_since(start);
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    RecorderStatus::Camera camera;
+    camera.id = cameras[i].id;
+    camera.arrived = counters[i].arrived;
+    camera.fps =
+        static_cast<double>(camera.arrived - std::exchange(last_arrived[i], camera.arrived)) /
+        interval;
+    camera.dropped = counters[i].dropped + queues[i].encoder_failures();
+    camera.skipped_by_source = counters[i].skipped_by_source;
+    camera.in_memory = queues[i].size();
+    camera.state = counters[i].state;
+    status.cameras.push_back(std::move(camera));
+  }
+  status.memory_used = memory.used();
+  status.memory_limit = memory.limit();
+  const std::uint64_t bytes = flow.bytes_written();
+  status.written_per_second =
+      static_cast<double>(bytes - std::exchange(last_bytes, bytes)) / interval;
+  status.trouble = flow.trouble();
+  const double filled = static_cast<double>(status.memory_used) -
+                        static_cast<double>(std::exchange(last_memory, status.memory_used));
+  if (settings.hold) {
+    if (filled > 0) {
+      status.seconds_left =
+          static_cast<double>(status.memory_limit - status.memory_used) / (filled / interval);
+    }
+  } else if (status.written_per_second > 0) {
+    std::error_code error;
+    const auto space = std::filesystem::space(take.folder(), error);
+    if (!error) {
+      status.seconds_left = static_cast<double>(space.available) / status.written_per_second;
+    }
+  }
+  return status;
+}
+
+Recorder::Recorder(const RecorderSettings& settings, std::vector<RecorderCamera> cameras,
+                   RecordingTake& take, std::string program)
+    : state_(std::make_unique<State>(settings, std::move(cameras), take, std::move(program))) {
+  for (const RecorderCamera& camera : state_->cameras) {
+    state_->descriptions.push_back(camera.source->description());
+  }
+}
+
+Recorder::~Recorder() = default;
+
+RecordingDocument::Session Recorder::run(const std::stop_token& stop,
+                                         const std::function<void(const RecorderStatus&)>& status,
+                                         const std::function<void(double)>& writing) {
+  State& s = *state_;
+  RecordingDocument::Session session = s.opened_session();
+  s.take.write_session(session, true);
+  s.take.reserve_room();
+
+  std::vector<ArchiveFlow::Camera> flows;
+  for (std::size_t i = 0; i < s.cameras.size(); ++i) {
+    flows.push_back({s.queues[i], s.take.archive(i), s.counters[i]});
+  }
+  ArchiveFlow flow(std::move(flows), {.hold = s.settings.hold,
+                                      .release_reserve = [&] { s.take.release_room(); },
+                                      .patience = s.settings.disk_patience_s,
+                                      .flush_every = s.settings.flush_every_s});
+  Encoders encoders(s.settings.jpeg, s.settings.threads, [&] { flow.wake(); });
+
+  const Nanoseconds start_utc = s.settings.start_utc.value_or(0);
+  std::stop_source camera_stop;
+  std::atomic<bool> a_camera_asks = false;
+  std::atomic<int> running = static_cast<int>(s.cameras.size());
+  s.start = s.last_status = Clock::now();
+  {
+    std::vector<std::jthread> threads;
+    for (std::size_t i = 0; i < s.cameras.size(); ++i) {
+      threads.emplace_back(
+          [&, i,
+           intake = std::make_unique<CameraIntake>(
+               s.intake_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
+               CameraIntake::Plumbing{s.queues[i], s.memory, encoders, s.counters[i],
+                                      [&flow] { flow.wake(); },
+                                      [&a_camera_asks] { a_camera_asks = true; }})] {
+            intake->run(camera_stop.get_token());
+            --running;
+          });
+    }
+    const auto is_over = [&] {
+      if (stop.stop_requested()) return session.why_stopped = "asked to", true;
+      if (a_camera_asks) return session.why_stopped = "a camera was lost", true;
+      if (running == 0) return session.why_stopped = "every source has ended", true;
+      if (!s.settings.duration_s) return false;
+      const double done = s.settings.start_utc
+                              ? static_cast<double>(host_utc_now() - start_utc) * 1e-9
+                              : seconds_since(s.start);
+      if (done < *s.settings.duration_s) return false;
+      return session.why_stopped = "the duration is over", true;
+    };
+    while (!is_over()) {
+      std::this_thread::sleep_for(kLook);
+      if (status && seconds_since(s.last_status) >= kStatusEvery) status(s.status(flow));
+    }
+    camera_stop.request_stop();
+  }  // joins the cameras' threads
+  encoders.wait();
+  session.stopped_utc = host_utc_now();
+  flow.drain(writing);
+  if (status) status(s.status(flow));
+
+  session.memory_peak_bytes = s.memory.peak();
+  std::vector<std::string> complaints;
+  s.take.close(complaints);
+  audit_session(s.take, flow, s.counters, session, std::move(complaints));
+  s.take.write_session(session, false);
+  return session;
+}
+
+double measure_bytes_per_second(std::vector<RecorderCamera>& cameras,
+                                const JpegEncodeSettings& jpeg, double seconds) {
+  std::atomic<std::uint64_t> sum = 0;
+  const auto start = Clock::now();
+  {
+    std::vector<std::jthread> threads;
+    for (RecorderCamera& camera : cameras) {
+      threads.emplace_back([&] {
+        RawJpegEncoder encoder(jpeg);
+        std::vector<std::byte> bytes;
+        std::uint64_t frames = 0;
+        for (SourceFrame frame; seconds_since(start) < seconds; frame = {}) {
+          const auto outcome = camera.source->next(frame, 100ms);
+          if (outcome == FrameSource::Outcome::kEnded || outcome == FrameSource::Outcome::kLost) {
+            break;
+          }
+          if (outcome != FrameSource::Outcome::kFrame) continue;
+          constexpr int kSample = 4;  // every fourth raw frame stands for four
+          ++frames;
+          if (!frame.jpeg.empty()) {
+            sum += frame.jpeg.size();
+          } else if (frames % kSample == 1 && frame.raw.planes[0].data != nullptr) {
+            encoder.encode(frame.raw, bytes);
+            sum += kSample * bytes.size();
+          }
+        }
+      });
+    }
+  }
+  return static_cast<double>(sum) / std::max(1e-3, seconds_since(start));
+}
+
+}  // namespace raystage

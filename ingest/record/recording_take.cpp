@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/recording_take.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <utility>
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::int64_t kReservePerCamera = 128 << 10, kReserveAtLeast = 1 << 20;
+
+/// A node's name as a file's name.
+std::string file_name_of(const std::string& node) {
+  std::string name;
+  for (const char c : node) {
+    const bool plain = std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '-' || c == '_';
+    name += plain ? c : '_';
+  }
+  return (name.empty() ? "node" : name) + ".json";
+}
+
+ArchiveWriter::Description description_of(const TakeDocument& take, const RigDocument& rig,
+                                          std::size_t camera) {
+  const CameraGeometry& geometry = rig.cameras[camera].geometry;
+  return {take.cameras[camera].id, geometry.width, geometry.height, take.epoch_utc};
+}
+
+}  // namespace
+
+RecordingTake::RecordingTake(fs::path folder, TakeDocument take, RigDocument rig,
+                             const std::string& node)
+    : folder_(std::move(folder)),
+      take_(std::move(take)),
+      rig_(std::move(rig)),
+      recording_file_(folder_ / "recording" / file_name_of(node)),
+      reserve_file_(folder_ / ".reserve") {
+  recording_.node = node;
+}
+
+fs::path RecordingTake::archive_path(std::size_t camera) const {
+  return folder_ / take_.cameras[camera].archive;
+}
+fs::path RecordingTake::journal_path(std::size_t camera) const {
+  return folder_ / take_.cameras[camera].journal;
+}
+
+RecordingTake RecordingTake::create(const fs::path& folder, TakeDocument take,
+                                    const RigDocument& rig, const std::string& node) {
+  for (TakeDocument::Camera& camera : take.cameras) {
+    camera.archive = "archive/" + camera.id + ".mkv";
+    camera.journal = "archive/" + camera.id + ".journal";
+  }
+  parse_take(format_take(take), "take.json");  // refused now, not after the last frame
+  parse_rig(format_rig(rig), "rig.json");
+  if (fs::exists(fs::symlink_status(folder))) {
+    throw Error::bad_input("there is something of this name already", folder.string(),
+                           "Choose a new name for the take, or go on with it by --resume");
+  }
+  RecordingTake recording(folder, std::move(take), rig, node);
+  create_folder(folder / "archive");
+  create_folder(folder / "recording");
+  write_rig(recording.rig_, folder / "rig.json");
+  for (std::size_t i = 0; i < recording.take_.cameras.size(); ++i) {
+    recording.archives_.emplace_back(recording.archive_path(i), recording.journal_path(i),
+                                     description_of(recording.take_, recording.rig_, i));
+    recording.last_times_.push_back(-1);
+  }
+  // Last: with it the folder is a take.
+  write_take(recording.take_, folder / "take.json");
+  return recording;
+}
+
+RecordingTake RecordingTake::resume(const fs::path& folder,
+                                    const std::vector<std::string>& camera_ids,
+                                    const std::string& node) {
+  RecordingTake recording(folder, read_take(folder / "take.json"), read_rig(folder / "rig.json"),
+                          node);
+  std::vector<std::string> there;
+  for (const TakeDocument::Camera& camera : recording.take_.cameras) there.push_back(camera.id);
+  if (there != camera_ids) {
+    throw Error::bad_input(
+        fmt::format("the take has {} cameras, the configuration {}, or they differ in id or order",
+                    there.size(), camera_ids.size()),
+        (folder / "take.json").string(), "Resume with the configuration that the take began with");
+  }
+  create_folder(folder / "recording");
+  if (fs::exists(recording.recording_file_)) {
+    recording.recording_ = read_recording(recording.recording_file_);
+  }
+  for (std::size_t i = 0; i < there.size(); ++i) {
+    recording.archives_.push_back(
+        ArchiveWriter::resume(recording.archive_path(i), recording.journal_path(i),
+                              description_of(recording.take_, recording.rig_, i)));
+    const ArchiveReader reader(recording.archive_path(i), recording.journal_path(i));
+    recording.last_times_.push_back(reader.records().empty() ? -1
+                                                             : reader.records().back().time_ns);
+  }
+  return recording;
+}
+
+void RecordingTake::write_session(const RecordingDocument::Session& session, bool first) {
+  if (first) {
+    recording_.sessions.push_back(session);
+  } else {
+    recording_.sessions.back() = session;
+  }
+  write_recording(recording_, recording_file_);
+}
+
+void RecordingTake::reserve_room() {
+  const int file = ::open(reserve_file_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
+  if (file < 0)
+    throw Error::from_errno("the file cannot be written", reserve_file_.string(),
+                            "Check the folder's permissions");
+  const auto bytes = std::max<std::int64_t>(
+      kReserveAtLeast, kReservePerCamera * static_cast<std::int64_t>(take_.cameras.size()));
+  // Where the file system cannot allocate there is no reserve; recording goes on without.
+  [[maybe_unused]] const int refused = ::posix_fallocate(file, 0, bytes);
+  ::close(file);
+}
+
+void RecordingTake::release_room() {
+  std::error_code ignored;
+  fs::remove(reserve_file_, ignored);
+}
+
+void RecordingTake::close(std::vector<std::string>& complaints) {
+  release_room();
+  for (ArchiveWriter& archive : archives_) {
+    try {
+      archive.flush();
+      archive.close();
+    } catch (const Error& error) {
+      complaints.emplace_back(error.what());
+    }
+  }
+}
+
+RecordingTake::Counted RecordingTake::count(std::size_t camera) const {
+  Counted counted;
+  const ArchiveReader reader(archive_path(camera), journal_path(camera));
+  for (const FrameRecord& record : reader.records()) {
+    if (record.time_ns <= last_times_[camera]) continue;
+    ++counted.by_status[static_cast<std::size_t>(record.status)];
+  }
+  return counted;
+}
+
+}  // namespace raystage

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "schemas/recording_document.h"
+#include "schemas/rig_document.h"
+#include "schemas/take_document.h"
+#include "store/archive.h"
+
+namespace raystage {
+
+/// A take while it is recorded. Unlike a take that is imported it stands under its own name from
+/// the beginning, and whatever ends the recording leaves a take that opens: documents first, each
+/// frame whole, the account of the session last.
+class RecordingTake {
+ public:
+  /// A new take. Throws Error: bad input where something of this name is there, failed for the
+  /// disk.
+  static RecordingTake create(const std::filesystem::path& folder, TakeDocument take,
+                              const RigDocument& rig, const std::string& node);
+  /// Goes on with one, after a crash or a stop: the same cameras in the same order and size. Throws
+  /// Error (bad input) where that is not so.
+  static RecordingTake resume(const std::filesystem::path& folder,
+                              const std::vector<std::string>& camera_ids, const std::string& node);
+
+  const std::filesystem::path& folder() const { return folder_; }
+  const TakeDocument& document() const { return take_; }
+  const RigDocument& rig() const { return rig_; }
+  ArchiveWriter& archive(std::size_t camera) { return archives_[camera]; }
+  /// Time of the last record when this session began, ns since the epoch; -1 without one.
+  Nanoseconds last_time(std::size_t camera) const { return last_times_[camera]; }
+
+  /// Takes the session up into TAKE/recording/NODE.json, or replaces the last one.
+  void write_session(const RecordingDocument::Session& session, bool first);
+
+  /// Room on the disk that is set aside for what must still be written when it is full.
+  void reserve_room();
+  void release_room();
+
+  /// Closes the archives. An archive that cannot be closed is readable all the same; complaints are
+  /// added to `complaints`.
+  void close(std::vector<std::string>& complaints);
+
+  /// What is on disk since this session began, per camera: opened anew and counted.
+  struct Counted {
+    std::uint64_t by_status[16] = {};
+  };
+  Counted count(std::size_t camera) const;
+
+ private:
+  RecordingTake(std::filesystem::path folder, TakeDocument take, RigDocument rig,
+                const std::string& node);
+  std::filesystem::path archive_path(std::size_t camera) const;
+  std::filesystem::path journal_path(std::size_t camera) const;
+
+  std::filesystem::path folder_;
+  TakeDocument take_;
+  RigDocument rig_;
+  std::filesystem::path recording_file_, reserve_file_;
+  RecordingDocument recording_;
+  std::vector<ArchiveWriter> archives_;
+  std::vector<Nanoseconds> last_times_;
+};
+
+}  // namespace raystage

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -21,17 +22,32 @@ enum class FrameStatus : std::uint8_t {
   kDroppedRamFull = 2,   ///< arrived, found no room
   kDroppedEncoder = 3,   ///< arrived, could not be encoded
   kTorn = 4,             ///< arrived incomplete
-  kStartUp = 5           ///< lost while the camera started
+  kStartUp = 5,          ///< lost while the camera started
+  kDroppedDiskFull = 6,  ///< arrived, could not be written
+  kDroppedLate = 7,      ///< arrived after a later frame
+  kUnreadable = 8        ///< arrived, but is no JPEG or one of another size
 };
+inline constexpr std::size_t kFrameStatusCount = 9;
 const char* name_of(FrameStatus status);
 
-/// One record of the journal (32 bytes on disk, layout in docs/formats/journal.md).
+/// A time that nobody took.
+inline constexpr Nanoseconds kUnknownTime = std::numeric_limits<Nanoseconds>::min();
+
+/// Where a frame came from, beside its time.
+struct FrameOrigin {
+  Nanoseconds arrival_ns = kUnknownTime;  ///< at the host, since the take's epoch
+  std::uint64_t sequence = 0;  ///< the source's own frame counter, or the count of arrivals
+};
+
+/// One record of the journal (48 bytes on disk, layout in docs/formats/journal.md).
 struct FrameRecord {
   Nanoseconds time_ns = 0;   ///< since the take's epoch
   std::uint64_t offset = 0;  ///< of the JPEG bytes in the archive; 0 when not stored
   std::uint32_t size = 0;    ///< of the JPEG, bytes; 0 when not stored
   FrameStatus status = FrameStatus::kStored;
-  std::uint64_t xxh3 = 0;  ///< XXH3-64 of the JPEG bytes; 0 when not stored
+  std::uint64_t xxh3 = 0;                 ///< XXH3-64 of the JPEG bytes; 0 when not stored
+  Nanoseconds arrival_ns = kUnknownTime;  ///< see FrameOrigin; journals of version 1 have none
+  std::uint64_t sequence = 0;             ///< see FrameOrigin; 0 in journals of version 1
   bool operator==(const FrameRecord&) const = default;
 };
 
@@ -52,17 +68,38 @@ class ArchiveWriter {
   ArchiveWriter(ArchiveWriter&&) noexcept;
   ArchiveWriter& operator=(ArchiveWriter&&) noexcept;
 
-  /// Appends a JPEG. Times must increase, from 0 up to 104 days. Throws Error: bad input for time
-  /// or empty frame, failed for the disk; after a failure the files end with the last whole frame.
-  void append(std::span<const std::byte> jpeg, Nanoseconds time);
-  /// Records a frame that is not there (`status` other than kStored).
-  void append_missing(FrameStatus status, Nanoseconds time);
+  /// Opens what a recording left, closed or not, to append to it: a closed archive is opened again,
+  /// what a crash left torn at the end is cut off, frames that the journal lacks are added to it,
+  /// and a journal of version 1 becomes one of version 2. A crash at any moment leaves files that
+  /// can be read and resumed. Reads no more of the frames than those at the end, and those that the
+  /// journal lacks. Throws Error: bad input where there is no such archive or it is of another
+  /// camera, image size or epoch than `description`, or its header is damaged (`raystage repair`);
+  /// failed where it is open for writing elsewhere, and for the disk.
+  static ArchiveWriter resume(const std::filesystem::path& archive,
+                              const std::filesystem::path& journal, const Description& description);
+
+  /// Appends a JPEG. Times must increase from stored frame to stored frame and must not fall below
+  /// that of a missing one; from 0 up to 104 days. Throws Error: bad input for time or empty frame,
+  /// failed for the disk; after a failure the files end with the last whole frame.
+  void append(std::span<const std::byte> jpeg, Nanoseconds time, FrameOrigin origin = {});
+  /// Records a frame that is not there (`status` other than kStored). Its time may be that of the
+  /// record before it, stored or missing, but not less: for a frame that came late give
+  /// last_time(), its origin says the rest.
+  void append_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin = {});
+  /// Time of the last record, stored or missing; -1 before the first.
+  Nanoseconds last_time() const;
+  /// Returns when the disk has every frame whose append returned before the call: such frames
+  /// survive a power loss. May be called from another thread than the one that appends, but not
+  /// beside close(). Throws Error (failed) where the disk refuses.
+  void flush();
   /// Throws Error (failed) for the disk; the frames are safe and readable then all the same. Does
   /// not wait for the disk: TakeWriter::commit does, once for all.
   void close();
 
  private:
   struct Files;
+  explicit ArchiveWriter(std::unique_ptr<Files> files);
+  Files& open_files() const;
   std::unique_ptr<Files> files_;
 };
 
@@ -79,9 +116,10 @@ class ArchiveReader {
   ArchiveReader(ArchiveReader&&) noexcept;
   ArchiveReader& operator=(ArchiveReader&&) noexcept;
 
-  /// Every record, stored or missing, by increasing time.
+  /// Every record, stored or missing. Times do not fall; a missing one may have the time of its
+  /// neighbour.
   std::span<const FrameRecord> records() const;
-  /// The stored ones, by increasing time: "frame i" everywhere is an index into these.
+  /// The stored ones, by strictly increasing time: "frame i" everywhere is an index into these.
   std::span<const FrameRecord> frames() const;
   /// Index of the frame whose time is nearest (the earlier at a tie), nullopt without frames.
   std::optional<int> nearest_frame(Nanoseconds time) const;

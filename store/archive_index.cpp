@@ -16,19 +16,27 @@ namespace {
 
 using Bytes = std::span<const std::byte>;
 
-// Takes records in file order and keeps the stored ones increasing in time and offset.
+FrameRecord without_frame(const FrameRecord& record, FrameStatus status) {
+  return {record.time_ns, 0, 0, status, 0, record.arrival_ns, record.sequence};
+}
+
+// Takes records in file order: no time falls, those of stored ones rise, and so do their offsets.
 class Merger {
  public:
   Merger(Bytes archive, std::size_t first_cluster, ArchiveIndex& index)
       : archive_(archive), cursor_(first_cluster), index_(index) {}
 
   void add(const FrameRecord& record) {
-    if (record.time_ns <= last_time_ || record.time_ns > matroska::kMaxTime) {
+    if (record.time_ns < last_time_ || record.time_ns > matroska::kMaxTime) {
       ++index_.damaged_records;
       return;
     }
     if (record.status != FrameStatus::kStored) {
-      accept({record.time_ns, 0, 0, record.status, 0});
+      accept(without_frame(record, record.status));
+      return;
+    }
+    if (record.time_ns <= last_stored_time_) {
+      ++index_.damaged_records;
       return;
     }
     constexpr std::size_t kHeader = matroska::kClusterHeaderBytes;
@@ -37,7 +45,8 @@ class Merger {
       return;
     }
     if (record.offset > archive_.size() || record.size > archive_.size() - record.offset) {
-      accept({record.time_ns, 0, 0, FrameStatus::kTorn, 0});
+      cut_off_.push_back(without_frame(record, FrameStatus::kTorn));
+      last_time_ = record.time_ns;
       return;
     }
     const auto offset = static_cast<std::size_t>(record.offset);
@@ -50,17 +59,18 @@ class Merger {
 
   void finish() {
     recover(archive_.size(), matroska::kMaxTime + 1);
-    // Recovered frames fall between records of missing ones; at one and the same time the frame
-    // that is there wins.
-    const auto key = [](const FrameRecord& r) {
-      return std::pair(r.time_ns, r.status != FrameStatus::kStored);
-    };
-    std::ranges::stable_sort(index_.records, {}, key);
-    const auto same = [](const FrameRecord& a, const FrameRecord& b) {
-      return a.time_ns == b.time_ns;
-    };
-    index_.records.erase(std::unique(index_.records.begin(), index_.records.end(), same),
-                         index_.records.end());
+    // Recovered frames fall between records of missing ones; otherwise the order is the journal's.
+    std::ranges::stable_sort(index_.records, {}, &FrameRecord::time_ns);
+    // What was cut off is missing, unless it was found after all.
+    std::erase_if(cut_off_, [&](const FrameRecord& record) {
+      const auto same =
+          std::ranges::equal_range(index_.records, record.time_ns, {}, &FrameRecord::time_ns);
+      return std::ranges::count(same, FrameStatus::kStored, &FrameRecord::status) > 0;
+    });
+    const auto middle = static_cast<std::ptrdiff_t>(index_.records.size());
+    index_.records.insert(index_.records.end(), cut_off_.begin(), cut_off_.end());
+    std::ranges::inplace_merge(index_.records, index_.records.begin() + middle, {},
+                               &FrameRecord::time_ns);
   }
 
  private:
@@ -93,7 +103,8 @@ class Merger {
 
   Bytes archive_;
   std::size_t cursor_;
-  Nanoseconds last_time_ = -1, last_stored_time_ = -1;
+  Nanoseconds last_time_ = 0, last_stored_time_ = -1;
+  std::vector<FrameRecord> cut_off_;
   ArchiveIndex& index_;
 };
 
@@ -106,11 +117,24 @@ void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
         XXH3_64bits(archive.data() + record->offset, record->size) == record->xxh3) {
       return;
     }
-    *record = {record->time_ns, 0, 0, FrameStatus::kTorn, 0};
+    *record = without_frame(*record, FrameStatus::kTorn);
   }
 }
 
 }  // namespace
+
+void merge_records(Bytes archive, std::size_t first_cluster, std::span<const FrameRecord> records,
+                   ArchiveIndex& index) {
+  Merger merger(archive, first_cluster, index);
+  for (const FrameRecord& record : records) merger.add(record);
+  merger.finish();
+  if (!index.closed) drop_unwritten_tail(archive, index);
+
+  index.frames.reserve(index.records.size());
+  for (const FrameRecord& record : index.records) {
+    if (record.status == FrameStatus::kStored) index.frames.push_back(record);
+  }
+}
 
 ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
                            std::string_view archive_name, std::string_view journal_name) {
@@ -122,9 +146,9 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
   if (journal) contents = journal::decode(*journal, journal_name);
   index.damaged_records = static_cast<int>(contents.damaged);
 
-  if (contents.header_valid && preamble.first_cluster &&
-      (contents.epoch_utc != index.description.epoch_utc ||
-       contents.camera_hash != journal::hash_of_camera(index.description.camera_id))) {
+  if (contents.header && preamble.first_cluster &&
+      (contents.header->epoch_utc != index.description.epoch_utc ||
+       contents.header->camera_hash != journal::hash_of_camera(index.description.camera_id))) {
     throw Error::bad_input("this is the journal of another archive than " +
                                std::string(archive_name) + ": camera or epoch differ",
                            std::string(journal_name) + " @16",
@@ -133,15 +157,7 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
   }
   // With a damaged header the clusters may be whole all the same; with a cut one there are none,
   // but the journal still says what there was.
-  Merger merger(archive, preamble.first_cluster.value_or(0), index);
-  for (const FrameRecord& record : contents.records) merger.add(record);
-  merger.finish();
-  if (!index.closed) drop_unwritten_tail(archive, index);
-
-  index.frames.reserve(index.records.size());
-  for (const FrameRecord& record : index.records) {
-    if (record.status == FrameStatus::kStored) index.frames.push_back(record);
-  }
+  merge_records(archive, preamble.first_cluster.value_or(0), contents.records, index);
   return index;
 }
 

@@ -15,7 +15,7 @@ namespace raystage {
 /// any bytes can be tried.
 struct ArchiveIndex {
   ArchiveWriter::Description description;
-  std::vector<FrameRecord> records;  ///< by increasing time; every stored one lies in the archive
+  std::vector<FrameRecord> records;  ///< see ArchiveReader; every stored one lies in the archive
   std::vector<FrameRecord> frames;   ///< the stored ones
   bool closed = false;
   int recovered = 0;        ///< frames found in the archive that the journal does not list
@@ -29,5 +29,10 @@ struct ArchiveIndex {
 ArchiveIndex index_archive(std::span<const std::byte> archive,
                            std::optional<std::span<const std::byte>> journal,
                            std::string_view archive_name, std::string_view journal_name);
+
+/// The part of it that needs neither header: clusters from `first_cluster` on, and the records of a
+/// journal. Fills in everything of `index` but description and `closed`, which it heeds.
+void merge_records(std::span<const std::byte> archive, std::size_t first_cluster,
+                   std::span<const FrameRecord> records, ArchiveIndex& index);
 
 }  // namespace raystage

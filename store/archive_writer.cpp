@@ -7,10 +7,8 @@
 #include <utility>
 
 #include "schemas/error.h"
-#include "store/archive.h"
+#include "store/archive_files.h"
 #include "store/journal.h"
-#include "store/matroska.h"
-#include "store/posix_file.h"
 
 namespace raystage {
 namespace {
@@ -33,29 +31,15 @@ const char* name_of(FrameStatus status) {
       return "torn";
     case FrameStatus::kStartUp:
       return "lost at start-up";
+    case FrameStatus::kDroppedDiskFull:
+      return "dropped, could not be written";
+    case FrameStatus::kDroppedLate:
+      return "dropped, arrived out of order";
+    case FrameStatus::kUnreadable:
+      return "no JPEG or of another size";
   }
   return "unknown";
 }
-
-struct ArchiveWriter::Files {
-  Files(const std::filesystem::path& archive_path, const std::filesystem::path& journal_path,
-        const Description& description);
-
-  void append(const FrameRecord& record, std::span<const std::byte> jpeg);
-  void close();
-
-  /// Cuts both files back to the last whole frame and says so in an Error with errno's text.
-  Error roll_back(const OutputFile& failed);
-  void check_time(Nanoseconds time) const;
-
-  OutputFile archive;
-  // Made second; if that fails the archive is taken away again.
-  std::unique_ptr<OutputFile> journal;
-  matroska::Header header;
-  std::uint64_t archive_end = 0, journal_end = 0;
-  std::vector<matroska::CuePoint> cues;
-  Nanoseconds last_time = -1;
-};
 
 ArchiveWriter::Files::Files(const std::filesystem::path& archive_path,
                             const std::filesystem::path& journal_path,
@@ -86,7 +70,7 @@ ArchiveWriter::Files::Files(const std::filesystem::path& archive_path,
   }
 }
 
-void ArchiveWriter::Files::check_time(Nanoseconds time) const {
+void ArchiveWriter::Files::check_time(Nanoseconds time, bool stored) const {
   const auto refuse = [&](const std::string& what) {
     return Error::bad_input(what, archive.path().string(),
                             "Give each frame its time since the take's epoch, in order");
@@ -95,7 +79,8 @@ void ArchiveWriter::Files::check_time(Nanoseconds time) const {
     throw refuse("a frame at " + std::to_string(time) +
                  " ns is outside of 0 to 104 days since the epoch");
   }
-  if (time <= last_time) {
+  const Nanoseconds last = stored && last_stored_time == last_time ? last_time + 1 : last_time;
+  if (time < last) {
     throw refuse("a frame at " + std::to_string(time) + " ns does not follow the one at " +
                  std::to_string(last_time) + " ns");
   }
@@ -124,6 +109,7 @@ void ArchiveWriter::Files::append(const FrameRecord& record, std::span<const std
   if (!jpeg.empty()) {
     cues.push_back({record.time_ns, archive_end});
     archive_end = record.offset + record.size;
+    last_stored_time = record.time_ns;
   }
   last_time = record.time_ns;
 }
@@ -131,24 +117,34 @@ void ArchiveWriter::Files::append(const FrameRecord& record, std::span<const std
 void ArchiveWriter::Files::close() {
   // Every state on the way is readable: Cues behind the clusters, then what points to them, the
   // Segment's size (which says "closed") last.
-  if (!cues.empty()) {
-    const auto table = matroska::make_cues(cues, header);
-    if (!archive.write_at(archive_end, table)) throw roll_back(archive);
-    // A frame lasts until the next; the last one as long as the one before it.
-    const Nanoseconds last = cues.back().time;
-    const Nanoseconds interval = cues.size() > 1 ? last - cues[cues.size() - 2].time : 1;
-    if (!archive.write_at(header.duration_offset, matroska::make_duration(last + interval)) ||
-        !archive.write_at(header.seek_head_offset, matroska::make_seek_head(header, archive_end))) {
-      throw roll_back(archive);
-    }
-    archive_end += table.size();
-  }
-  const auto size = matroska::make_segment_size(archive_end - header.segment_data_offset);
-  if (!archive.write_at(header.segment_size_offset, size)) throw roll_back(archive);
+  const auto closing = matroska::make_closing(cues, header, archive_end);
+  const auto put = [&](std::uint64_t offset, std::span<const std::byte> bytes) {
+    if (!archive.write_at(offset, bytes)) throw roll_back(archive);
+  };
+  put(archive_end, closing.cues);
+  put(header.duration_offset, closing.duration);
+  put(header.seek_head_offset, closing.seek_head);
+  archive_end += closing.cues.size();
+  put(header.segment_size_offset, closing.segment_size);
 }
 
-ArchiveWriter::ArchiveWriter(const std::filesystem::path& archive,
-                             const std::filesystem::path& journal, const Description& description) {
+void ArchiveWriter::Files::flush() {
+  const auto bring = [](const OutputFile& file) {
+    if (file.sync()) return;
+    throw Error::from_errno("the data cannot be brought to the disk", file.path().string(),
+                            "Check the disk");
+  };
+  bring(archive);
+  bring(*journal);
+  // Once: the files' names, or a power loss leaves files that no folder lists.
+  if (!names_are_safe.exchange(true)) {
+    sync_folder(archive.path().parent_path());
+    sync_folder(journal->path().parent_path());
+  }
+}
+
+void check_description(const ArchiveWriter::Description& description,
+                       const std::filesystem::path& archive) {
   const auto refuse = [&](std::string what) {
     return Error::bad_input(std::move(what), archive.string(), "Correct the camera's description");
   };
@@ -157,8 +153,15 @@ ArchiveWriter::ArchiveWriter(const std::filesystem::path& archive,
                  std::to_string(description.height) + " pixels cannot be recorded");
   }
   if (description.epoch_utc < 0) throw refuse("the epoch lies before 1970");
+}
+
+ArchiveWriter::ArchiveWriter(const std::filesystem::path& archive,
+                             const std::filesystem::path& journal, const Description& description) {
+  check_description(description, archive);
   files_ = std::make_unique<Files>(archive, journal, description);
 }
+
+ArchiveWriter::ArchiveWriter(std::unique_ptr<Files> files) : files_(std::move(files)) {}
 
 ArchiveWriter::~ArchiveWriter() {
   try {
@@ -175,29 +178,38 @@ ArchiveWriter& ArchiveWriter::operator=(ArchiveWriter&& other) noexcept {
   return *this;
 }
 
-void ArchiveWriter::append(std::span<const std::byte> jpeg, Nanoseconds time) {
+ArchiveWriter::Files& ArchiveWriter::open_files() const {
   if (!files_) throw Error::failed("a frame came after the archive was closed", "", "");
-  files_->check_time(time);
-  if (jpeg.empty() || jpeg.size() > std::numeric_limits<std::uint32_t>::max()) {
-    throw Error::bad_input("a frame of " + std::to_string(jpeg.size()) + " bytes cannot be stored",
-                           files_->archive.path().string(),
-                           "Record what is missing as missing; a frame has 1 byte to 4 GiB");
-  }
-  files_->append({time, files_->archive_end + matroska::kClusterHeaderBytes,
-                  static_cast<std::uint32_t>(jpeg.size()), FrameStatus::kStored,
-                  XXH3_64bits(jpeg.data(), jpeg.size())},
-                 jpeg);
+  return *files_;
 }
 
-void ArchiveWriter::append_missing(FrameStatus status, Nanoseconds time) {
-  if (!files_) throw Error::failed("a frame came after the archive was closed", "", "");
-  files_->check_time(time);
+void ArchiveWriter::append(std::span<const std::byte> jpeg, Nanoseconds time, FrameOrigin origin) {
+  Files& files = open_files();
+  files.check_time(time, true);
+  if (jpeg.empty() || jpeg.size() > std::numeric_limits<std::uint32_t>::max()) {
+    throw Error::bad_input("a frame of " + std::to_string(jpeg.size()) + " bytes cannot be stored",
+                           files.archive.path().string(),
+                           "Record what is missing as missing; a frame has 1 byte to 4 GiB");
+  }
+  files.append({time, files.archive_end + matroska::kClusterHeaderBytes,
+                static_cast<std::uint32_t>(jpeg.size()), FrameStatus::kStored,
+                XXH3_64bits(jpeg.data(), jpeg.size()), origin.arrival_ns, origin.sequence},
+               jpeg);
+}
+
+void ArchiveWriter::append_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin) {
+  Files& files = open_files();
+  files.check_time(time, false);
   if (status == FrameStatus::kStored) {
     throw Error::bad_input("a missing frame needs the reason why it is missing",
-                           files_->journal->path().string(), "Give another status than stored");
+                           files.journal->path().string(), "Give another status than stored");
   }
-  files_->append({time, 0, 0, status, 0}, {});
+  files.append({time, 0, 0, status, 0, origin.arrival_ns, origin.sequence}, {});
 }
+
+Nanoseconds ArchiveWriter::last_time() const { return open_files().last_time; }
+
+void ArchiveWriter::flush() { open_files().flush(); }
 
 void ArchiveWriter::close() {
   // Closed even if that fails: trying again would not get further.

@@ -4,6 +4,7 @@
 #include <xxhash.h>
 
 #include <algorithm>
+#include <cassert>
 #include <string>
 
 #include "schemas/error.h"
@@ -15,20 +16,67 @@ namespace {
 constexpr std::array<char, 8> kMagic{'R', 'A', 'Y', 'S', 'J', 'R', 'N', 'L'};
 constexpr std::size_t kVersionAt = 8, kRecordSizeAt = 12, kEpochAt = 16, kCameraAt = 24,
                       kHeaderCheckAt = 56;
-constexpr std::size_t kTimeAt = 0, kOffsetAt = 8, kSizeAt = 16, kStatusAt = 20, kHashAt = 24;
+constexpr std::size_t kTimeAt = 0, kOffsetAt = 8, kSizeAt = 16, kStatusAt = 20, kHashAt = 24,
+                      kArrivalAt = 32, kSequenceAt = 40;
 constexpr std::uint32_t kStatusMask = 0xFF;
-constexpr auto kLastStatus = static_cast<std::uint32_t>(FrameStatus::kStartUp);
+constexpr auto kLastStatus = static_cast<std::uint32_t>(kFrameStatusCount - 1);
+
+// CRC-24 of OpenPGP (RFC 9580, section 6.1): finds every one, two or three flipped bits in a
+// record.
+constexpr std::uint32_t kCrcPolynomial = 0x864CFB, kCrcStart = 0xB704CE, kCrcTop = 0x800000;
+
+constexpr std::array<std::uint32_t, 256> kCrcTable = [] {
+  std::array<std::uint32_t, 256> table{};
+  for (std::uint32_t byte = 0; byte < table.size(); ++byte) {
+    std::uint32_t crc = byte << 16;
+    for (int bit = 0; bit < 8; ++bit) crc = (crc << 1) ^ ((crc & kCrcTop) ? kCrcPolynomial : 0);
+    table[byte] = crc & 0xFFFFFF;
+  }
+  return table;
+}();
+
+std::uint32_t crc24(std::span<const std::byte> bytes) {
+  std::uint32_t crc = kCrcStart;
+  for (const std::byte byte : bytes) {
+    const std::uint32_t index = (crc >> 16) ^ std::to_integer<std::uint32_t>(byte);
+    crc = ((crc << 8) ^ kCrcTable[index & 0xFF]) & 0xFFFFFF;
+  }
+  return crc;
+}
 
 // 24 bits over the record with the check's own bits 0: one rotten record must not pass for another
 // frame, and must not take the rest of the journal with it.
-std::uint32_t check_of(std::span<const std::byte, kRecordBytes> record) {
+std::uint32_t check_of(std::span<const std::byte> record) {
   std::array<std::byte, kRecordBytes> plain{};
   std::ranges::copy(record, plain.begin());
   std::fill_n(plain.begin() + kStatusAt + 1, 3, std::byte{0});
-  return static_cast<std::uint32_t>(XXH3_64bits(plain.data(), plain.size())) & ~kStatusMask;
+  const auto own = std::span(plain).first(record.size());
+  if (record.size() == kRecordBytes) return crc24(own) << 8;
+  return static_cast<std::uint32_t>(XXH3_64bits(own.data(), own.size())) & ~kStatusMask;
 }
 
-std::optional<FrameRecord> decode_record(std::span<const std::byte, kRecordBytes> bytes) {
+void encode_fields(std::span<std::byte> bytes, const FrameRecord& record) {
+  store_little_endian(bytes, kTimeAt, record.time_ns);
+  store_little_endian(bytes, kOffsetAt, record.offset);
+  store_little_endian(bytes, kSizeAt, record.size);
+  const auto status = static_cast<std::uint32_t>(record.status);
+  store_little_endian(bytes, kStatusAt, status);
+  store_little_endian(bytes, kHashAt, record.xxh3);
+  if (bytes.size() == kRecordBytes) {
+    store_little_endian(bytes, kArrivalAt, record.arrival_ns);
+    store_little_endian(bytes, kSequenceAt, record.sequence);
+  }
+  store_little_endian(bytes, kStatusAt, status | check_of(bytes));
+}
+
+}  // namespace
+
+std::size_t record_bytes(std::uint32_t version) {
+  return version == 1 ? kRecordBytesV1 : kRecordBytes;
+}
+
+std::optional<FrameRecord> decode_record(std::span<const std::byte> bytes, std::uint32_t version) {
+  assert(bytes.size() == record_bytes(version));
   const auto status = load_little_endian<std::uint32_t>(bytes, kStatusAt);
   if ((status & ~kStatusMask) != check_of(bytes) || (status & kStatusMask) > kLastStatus) {
     return std::nullopt;
@@ -39,20 +87,23 @@ std::optional<FrameRecord> decode_record(std::span<const std::byte, kRecordBytes
   record.size = load_little_endian<std::uint32_t>(bytes, kSizeAt);
   record.status = static_cast<FrameStatus>(status & kStatusMask);
   record.xxh3 = load_little_endian<std::uint64_t>(bytes, kHashAt);
+  if (version >= 2) {
+    record.arrival_ns = load_little_endian<std::int64_t>(bytes, kArrivalAt);
+    record.sequence = load_little_endian<std::uint64_t>(bytes, kSequenceAt);
+  }
   return record;
 }
-
-}  // namespace
 
 std::uint64_t hash_of_camera(std::string_view camera_id) {
   return XXH3_64bits(camera_id.data(), camera_id.size());
 }
 
-std::array<std::byte, kHeaderBytes> encode_header(const ArchiveWriter::Description& description) {
+std::array<std::byte, kHeaderBytes> encode_header(const ArchiveWriter::Description& description,
+                                                  std::uint32_t version) {
   std::array<std::byte, kHeaderBytes> bytes{};
   std::ranges::copy(std::as_bytes(std::span(kMagic)), bytes.begin());
-  store_little_endian(bytes, kVersionAt, kVersion);
-  store_little_endian(bytes, kRecordSizeAt, static_cast<std::uint32_t>(kRecordBytes));
+  store_little_endian(bytes, kVersionAt, version);
+  store_little_endian(bytes, kRecordSizeAt, static_cast<std::uint32_t>(record_bytes(version)));
   store_little_endian(bytes, kEpochAt, description.epoch_utc);
   store_little_endian(bytes, kCameraAt, hash_of_camera(description.camera_id));
   store_little_endian(bytes, kHeaderCheckAt,
@@ -62,42 +113,49 @@ std::array<std::byte, kHeaderBytes> encode_header(const ArchiveWriter::Descripti
 
 std::array<std::byte, kRecordBytes> encode_record(const FrameRecord& record) {
   std::array<std::byte, kRecordBytes> bytes{};
-  store_little_endian(bytes, kTimeAt, record.time_ns);
-  store_little_endian(bytes, kOffsetAt, record.offset);
-  store_little_endian(bytes, kSizeAt, record.size);
-  const auto status = static_cast<std::uint32_t>(record.status);
-  store_little_endian(bytes, kStatusAt, status);
-  store_little_endian(bytes, kHashAt, record.xxh3);
-  store_little_endian(bytes, kStatusAt, status | check_of(bytes));
+  encode_fields(bytes, record);
   return bytes;
 }
 
-Contents decode(std::span<const std::byte> file, std::string_view name) {
-  Contents contents;
-  if (file.size() < kHeaderBytes) return contents;
+std::array<std::byte, kRecordBytesV1> encode_record_v1(const FrameRecord& record) {
+  std::array<std::byte, kRecordBytesV1> bytes{};
+  encode_fields(bytes, record);
+  return bytes;
+}
+
+std::optional<Header> decode_header(std::span<const std::byte> file, std::string_view name) {
+  if (file.size() < kHeaderBytes) return std::nullopt;
   const auto header = file.first<kHeaderBytes>();
   const bool magic =
       std::ranges::equal(header.first<kMagic.size()>(), std::as_bytes(std::span(kMagic)));
   if (!magic || load_little_endian<std::uint64_t>(header, kHeaderCheckAt) !=
                     XXH3_64bits(header.data(), kHeaderCheckAt)) {
-    return contents;
+    return std::nullopt;
   }
   const auto version = load_little_endian<std::uint32_t>(header, kVersionAt);
   const auto record_size = load_little_endian<std::uint32_t>(header, kRecordSizeAt);
-  if (version != kVersion || record_size != kRecordBytes) {
+  if (version < 1 || version > kVersion || record_size != record_bytes(version)) {
     throw Error::bad_input(
         "the journal has format version " + std::to_string(version) + " with " +
-            std::to_string(record_size) + " bytes a record, this program reads version " +
-            std::to_string(kVersion) + " with " + std::to_string(kRecordBytes),
+            std::to_string(record_size) + " bytes a record, this program reads versions 1 to " +
+            std::to_string(kVersion) + " with " + std::to_string(kRecordBytesV1) + " and " +
+            std::to_string(kRecordBytes),
         std::string(name) + " @" + std::to_string(kVersionAt), "Use a newer Raystage");
   }
-  contents.header_valid = true;
-  contents.epoch_utc = load_little_endian<std::int64_t>(header, kEpochAt);
-  contents.camera_hash = load_little_endian<std::uint64_t>(header, kCameraAt);
+  return Header{version, load_little_endian<std::int64_t>(header, kEpochAt),
+                load_little_endian<std::uint64_t>(header, kCameraAt)};
+}
+
+Contents decode(std::span<const std::byte> file, std::string_view name) {
+  Contents contents;
+  contents.header = decode_header(file, name);
+  if (!contents.header) return contents;
+  const std::uint32_t version = contents.header->version;
+  const std::size_t step = record_bytes(version);
   auto rest = file.subspan(kHeaderBytes);
-  contents.records.reserve(rest.size() / kRecordBytes);
-  for (; rest.size() >= kRecordBytes; rest = rest.subspan(kRecordBytes)) {
-    if (const auto record = decode_record(rest.first<kRecordBytes>())) {
+  contents.records.reserve(rest.size() / step);
+  for (; rest.size() >= step; rest = rest.subspan(step)) {
+    if (const auto record = decode_record(rest.first(step), version)) {
       contents.records.push_back(*record);
     } else {
       ++contents.damaged;

@@ -235,6 +235,19 @@ std::vector<std::byte> make_segment_size(std::uint64_t size) {
   return {writer.bytes().begin(), writer.bytes().end()};
 }
 
+Closing make_closing(std::span<const CuePoint> points, const Header& header, std::uint64_t end) {
+  Closing closing;
+  if (!points.empty()) {
+    closing.cues = make_cues(points, header);
+    const Nanoseconds last = points.back().time;
+    const Nanoseconds interval = points.size() > 1 ? last - points[points.size() - 2].time : 1;
+    closing.duration = make_duration(last + interval);
+    closing.seek_head = make_seek_head(header, end);
+  }
+  closing.segment_size = make_segment_size(end + closing.cues.size() - header.segment_data_offset);
+  return closing;
+}
+
 Preamble read_preamble(Bytes file, std::string_view name) {
   const std::size_t magic = std::min(file.size(), kEbmlIdBytes.size());
   if (!std::ranges::equal(file.first(magic), Bytes(kEbmlIdBytes).first(magic))) {

@@ -47,6 +47,14 @@ std::vector<std::byte> make_seek_head(const Header& header, std::uint64_t cues_o
 std::vector<std::byte> make_duration(Nanoseconds duration);
 std::vector<std::byte> make_segment_size(std::uint64_t size);
 
+/// What close() adds to a file whose clusters end at `end`: the Cues there, the rest in the header.
+/// A frame lasts until the next, the last one as long as the one before it. Without frames only the
+/// size changes, and the other parts are empty.
+struct Closing {
+  std::vector<std::byte> cues, duration, seek_head, segment_size;
+};
+Closing make_closing(std::span<const CuePoint> points, const Header& header, std::uint64_t end);
+
 /// What the beginning of a file says. A file cut within its header gives what is whole, and no
 /// first_cluster.
 struct Preamble {

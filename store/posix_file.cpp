@@ -2,6 +2,7 @@
 #include "store/posix_file.h"
 
 #include <fcntl.h>
+#include <sys/file.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -23,12 +24,22 @@ iovec part(std::span<const std::byte> bytes) {
 
 }  // namespace
 
-OutputFile::OutputFile(std::filesystem::path path) : path_(std::move(path)) {
+OutputFile::OutputFile(std::filesystem::path path, Open mode) : path_(std::move(path)) {
   constexpr mode_t kMode = 0666;  // less the user's umask
-  descriptor_ = open(path_.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, kMode);
+  const int create = mode == Open::kNew ? O_CREAT | O_EXCL : 0;
+  descriptor_ = open(path_.c_str(), O_WRONLY | O_CLOEXEC | create, kMode);
   if (descriptor_ < 0) {
-    throw Error::from_errno("the file cannot be created", path_.string(),
-                            "Choose a new name in a folder that can be written to");
+    throw mode == Open::kNew
+        ? Error::from_errno("the file cannot be created", path_.string(),
+                            "Choose a new name in a folder that can be written to")
+        : Error::from_errno("the file cannot be opened for writing", path_.string(),
+                            "Check that it exists and may be written to");
+  }
+  // The lock goes with the process, however that ends.
+  if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    close(descriptor_);
+    throw Error::failed("another program is writing to the file", path_.string(),
+                        "Wait until the recording has ended");
   }
 }
 
@@ -59,6 +70,8 @@ bool OutputFile::write_at(std::uint64_t offset, std::span<const std::byte> head,
 bool OutputFile::truncate(std::uint64_t size) {
   return ftruncate(descriptor_, static_cast<off_t>(size)) == 0;
 }
+
+bool OutputFile::sync() const { return fdatasync(descriptor_) == 0; }
 
 void OutputFile::discard() {
   close(std::exchange(descriptor_, -1));
@@ -92,6 +105,14 @@ MappedFile::MappedFile(const std::filesystem::path& path) {
 
 MappedFile::~MappedFile() {
   if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
+}
+
+void sync_folder(const std::filesystem::path& folder) {
+  const int descriptor =
+      open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return;
+  fsync(descriptor);
+  close(descriptor);
 }
 
 void sync_files_below(const std::filesystem::path& folder) {

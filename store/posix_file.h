@@ -10,11 +10,14 @@
 
 namespace raystage {
 
-/// A new file that is written at stated offsets.
+/// A file that is written at stated offsets. While it is open no other OutputFile takes it, in this
+/// process or another, where the file system knows locks.
 class OutputFile {
  public:
-  /// Throws Error (failed) when it exists already or cannot be created.
-  explicit OutputFile(std::filesystem::path path);
+  enum class Open { kNew, kExisting };
+  /// Throws Error (failed) when a new one exists already or cannot be created, or when an existing
+  /// one cannot be opened or is open for writing elsewhere.
+  explicit OutputFile(std::filesystem::path path, Open open = Open::kNew);
   ~OutputFile();
   OutputFile(const OutputFile&) = delete;
   OutputFile& operator=(const OutputFile&) = delete;
@@ -25,6 +28,9 @@ class OutputFile {
   [[nodiscard]] bool write_at(std::uint64_t offset, std::span<const std::byte> head,
                               std::span<const std::byte> body = {});
   [[nodiscard]] bool truncate(std::uint64_t size);
+  /// Waits until the disk has what was written before the call; another thread may be writing
+  /// meanwhile. False, with errno, when the disk refuses.
+  [[nodiscard]] bool sync() const;
   /// Closes and removes the file; for what failed half way.
   void discard();
 
@@ -48,6 +54,9 @@ class MappedFile {
  private:
   std::span<const std::byte> bytes_;
 };
+
+/// Brings a folder's list of files to the disk; where the file system can.
+void sync_folder(const std::filesystem::path& folder);
 
 /// Brings every file below `folder` to the disk. All are set off first, so that they share the file
 /// system's commits: for many files far cheaper than one after the other. Throws Error (failed)

@@ -12,8 +12,6 @@
 
 namespace raystage {
 
-inline constexpr std::size_t kFrameStatusCount = 6;
-
 /// What a take holds and what it lacks, for `raystage info`.
 struct TakeSummary {
   struct Camera {

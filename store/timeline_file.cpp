@@ -85,7 +85,9 @@ std::uint64_t fingerprint_of(const Take& take) {
     hash = XXH3_64bits_withSeed(id.data(), id.size(), hash);
     table.clear();
     for (const FrameRecord& frame : take.archive(camera).frames()) {
-      const auto record = journal::encode_record(frame);
+      // The fields that say which frame it is: a journal of another version, or a better known
+      // arrival, leaves the timeline valid.
+      const auto record = journal::encode_record_v1(frame);
       table.insert(table.end(), record.begin(), record.end());
     }
     hash = XXH3_64bits_withSeed(table.data(), table.size(), hash);

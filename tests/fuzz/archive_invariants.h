@@ -11,12 +11,14 @@ namespace raystage {
 
 /// Ends the process where a table promises what its archive does not hold.
 inline void check_index(const ArchiveIndex& index, std::span<const std::byte> archive) {
-  Nanoseconds last = -1;
+  Nanoseconds last = 0, last_stored = -1;
   std::size_t end = 0, stored = 0;
   for (const FrameRecord& record : index.records) {
-    if (record.time_ns <= last) std::abort();
+    if (record.time_ns < last) std::abort();
     last = record.time_ns;
     if (record.status != FrameStatus::kStored) continue;
+    if (record.time_ns <= last_stored) std::abort();
+    last_stored = record.time_ns;
     if (stored >= index.frames.size() || !(index.frames[stored++] == record)) std::abort();
     if (record.size == 0 || record.offset < end || record.offset > archive.size() ||
         record.size > archive.size() - record.offset) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any bytes as the journal of a whole archive. If the first byte is odd, the rest is taken as the
-// fields of records and given the right checks, so that what lies behind those is reached.
+// fields of records and given the right checks, so that what lies behind those is reached; its next
+// bit chooses the version.
 #include <cstdint>
 #include <vector>
 
@@ -33,20 +34,26 @@ Bytes make_archive() {
   return bytes;
 }
 
-Bytes seal(std::span<const std::byte> fields) {
+Bytes seal(std::span<const std::byte> fields, std::uint32_t version) {
   Bytes bytes;
-  append(bytes, journal::encode_header(description()));
+  append(bytes, journal::encode_header(description(), version));
   for (; fields.size() >= 12; fields = fields.subspan(12)) {
     FrameRecord record;
     record.time_ns = load_little_endian<std::int16_t>(fields, 0);
     record.offset = load_little_endian<std::uint16_t>(fields, 2);
     record.size = load_little_endian<std::uint16_t>(fields, 4);
-    record.status = static_cast<FrameStatus>(load_little_endian<std::uint8_t>(fields, 6) % 8);
+    record.status = static_cast<FrameStatus>(load_little_endian<std::uint8_t>(fields, 6) % 10);
     record.xxh3 = load_little_endian<std::uint8_t>(fields, 7);
     // Now and then the far ends of the ranges.
     if (load_little_endian<std::uint8_t>(fields, 8) > 250) record.offset = ~record.offset;
     if (load_little_endian<std::uint8_t>(fields, 9) > 250) record.size = ~record.size;
-    append(bytes, journal::encode_record(record));
+    record.arrival_ns = load_little_endian<std::int8_t>(fields, 10);
+    record.sequence = load_little_endian<std::uint8_t>(fields, 11);
+    if (version == 1) {
+      append(bytes, journal::encode_record_v1(record));
+    } else {
+      append(bytes, journal::encode_record(record));
+    }
   }
   return bytes;
 }
@@ -57,7 +64,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   if (size == 0) return 0;
   static const Bytes archive = make_archive();
   const auto input = std::as_bytes(std::span(data, size)).subspan(1);
-  const Bytes journal = data[0] % 2 == 1 ? seal(input) : Bytes(input.begin(), input.end());
+  const Bytes journal =
+      data[0] % 2 == 1 ? seal(input, data[0] % 4 == 1 ? 2 : 1) : Bytes(input.begin(), input.end());
   try {
     const auto index = index_archive(archive, journal, "archive", "journal");
     check_index(index, archive);

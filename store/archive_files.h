@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "schemas/error.h"
+#include "store/archive.h"
+#include "store/matroska.h"
+#include "store/posix_file.h"
+
+namespace raystage {
+
+/// Throws Error (bad input) where no archive can have this description.
+void check_description(const ArchiveWriter::Description& description,
+                       const std::filesystem::path& archive);
+
+/// The two open files behind an ArchiveWriter, and where they end.
+struct ArchiveWriter::Files {
+  /// Creates both.
+  Files(const std::filesystem::path& archive_path, const std::filesystem::path& journal_path,
+        const Description& description);
+  struct Existing {};
+  /// Opens both as they are; the rest is up to resume().
+  Files(Existing, const std::filesystem::path& archive_path, const Description& description);
+
+  void append(const FrameRecord& record, std::span<const std::byte> jpeg);
+  void close();
+  void flush();
+
+  /// Cuts both files back to the last whole frame and says so in an Error with errno's text.
+  Error roll_back(const OutputFile& failed);
+  void check_time(Nanoseconds time, bool stored) const;
+
+  OutputFile archive;
+  // Made second; if that fails the archive is taken away again.
+  std::unique_ptr<OutputFile> journal;
+  matroska::Header header;
+  std::uint64_t archive_end = 0, journal_end = 0;
+  std::vector<matroska::CuePoint> cues;
+  Nanoseconds last_time = -1, last_stored_time = -1;
+  std::atomic<bool> names_are_safe = false;
+};
+
+}  // namespace raystage

@@ -1,0 +1,138 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <xxhash.h>
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "schemas/atomic_file.h"
+#include "store/archive_files.h"
+#include "store/archive_index.h"
+#include "store/journal.h"
+
+namespace raystage {
+namespace {
+
+using Bytes = std::span<const std::byte>;
+using Description = ArchiveWriter::Description;
+
+// Whether the file begins with this header, but for what close() fills in; a file cut within it
+// does too.
+bool begins_with(Bytes file, const matroska::Header& header) {
+  const std::size_t size = std::min(file.size(), header.bytes.size());
+  std::vector<std::byte> found(file.begin(), file.begin() + static_cast<std::ptrdiff_t>(size));
+  const auto blank = [&](std::size_t offset, std::size_t count) {
+    for (std::size_t i = offset; i < std::min(offset + count, size); ++i) {
+      found[i] = header.bytes[i];
+    }
+  };
+  blank(header.segment_size_offset, header.segment_data_offset - header.segment_size_offset);
+  blank(header.seek_head_offset, matroska::kSeekHeadBytes);
+  blank(header.duration_offset, matroska::kDurationBytes);
+  return std::ranges::equal(found, Bytes(header.bytes).first(size));
+}
+
+void check_header(Bytes file, const matroska::Header& header, const Description& wanted,
+                  const Description& found, const std::filesystem::path& path) {
+  if (begins_with(file, header)) return;
+  if (!found.camera_id.empty() &&
+      (found.camera_id != wanted.camera_id || found.width != wanted.width ||
+       found.height != wanted.height || found.epoch_utc != wanted.epoch_utc)) {
+    throw Error::bad_input(
+        "this is the archive of camera \"" + found.camera_id + "\", " +
+            std::to_string(found.width) + " x " + std::to_string(found.height) + " pixels, from " +
+            format_utc(found.epoch_utc) + ", where \"" + wanted.camera_id + "\", " +
+            std::to_string(wanted.width) + " x " + std::to_string(wanted.height) + ", " +
+            format_utc(wanted.epoch_utc) + " is to go on",
+        path.string(), "Go on with the camera's own archive, or begin a new take");
+  }
+  throw Error::bad_input("the archive's header is damaged", path.string() + " @0",
+                         "Run `raystage repair` on the take");
+}
+
+struct Found {
+  ArchiveIndex index;
+  std::vector<std::byte> journal;  ///< as it should be
+  bool journal_is_right = false, header_is_whole = false;
+};
+
+Found examine(const std::filesystem::path& archive_path, const std::filesystem::path& journal_path,
+              const Description& description, const matroska::Header& header) {
+  Found found;
+  const MappedFile archive(archive_path);
+  std::optional<MappedFile> journal;
+  std::optional<Bytes> journal_bytes;
+  if (std::filesystem::exists(journal_path)) {
+    journal_bytes = journal.emplace(journal_path).bytes();
+  }
+  found.index =
+      index_archive(archive.bytes(), journal_bytes, archive_path.string(), journal_path.string());
+  check_header(archive.bytes(), header, description, found.index.description, archive_path);
+  found.header_is_whole = archive.bytes().size() >= header.bytes.size();
+
+  const auto add = [&](const auto& bytes) {
+    found.journal.insert(found.journal.end(), bytes.begin(), bytes.end());
+  };
+  add(journal::encode_header(description));
+  for (FrameRecord& record : found.index.records) {
+    if (record.status == FrameStatus::kStored && record.xxh3 == 0) {
+      record.xxh3 = XXH3_64bits(archive.bytes().data() + record.offset, record.size);
+    }
+    add(journal::encode_record(record));
+  }
+  found.journal_is_right = journal_bytes && std::ranges::equal(*journal_bytes, found.journal);
+  return found;
+}
+
+}  // namespace
+
+ArchiveWriter::Files::Files(Existing, const std::filesystem::path& archive_path,
+                            const Description& description)
+    : archive(archive_path, OutputFile::Open::kExisting),
+      header(matroska::make_header(description)) {}
+
+ArchiveWriter ArchiveWriter::resume(const std::filesystem::path& archive,
+                                    const std::filesystem::path& journal,
+                                    const Description& description) {
+  check_description(description, archive);
+  if (!std::filesystem::exists(archive)) {
+    throw Error::bad_input("there is no archive to go on with", archive.string(),
+                           "Begin a new one");
+  }
+  auto files = std::make_unique<Files>(Files::Existing{}, archive, description);
+  const matroska::Header& header = files->header;
+  Found found = examine(archive, journal, description, header);
+  files->archive_end = header.bytes.size();
+  for (const FrameRecord& frame : found.index.frames) {
+    files->cues.push_back({frame.time_ns, frame.offset - matroska::kClusterHeaderBytes});
+    files->archive_end = frame.offset + frame.size;
+    files->last_stored_time = frame.time_ns;
+  }
+  if (!found.index.records.empty()) files->last_time = found.index.records.back().time_ns;
+
+  const auto check = [&](bool done) {
+    if (!done) {
+      throw Error::from_errno("the archive cannot be opened again", archive.string(),
+                              "Check the disk and the room on it");
+    }
+  };
+  const auto put_back = [&](std::size_t offset, std::size_t size) {
+    check(files->archive.write_at(offset, Bytes(header.bytes).subspan(offset, size)));
+  };
+  if (found.header_is_whole) {
+    // What close() did, backwards: first the size that says "closed", then what points to the Cues,
+    // and the Cues only when the disk has all that. Every state in between can be read.
+    put_back(header.segment_size_offset, header.segment_data_offset - header.segment_size_offset);
+    put_back(header.seek_head_offset, matroska::kSeekHeadBytes);
+    put_back(header.duration_offset, matroska::kDurationBytes);
+  } else {
+    put_back(0, header.bytes.size());
+  }
+  check(files->archive.sync() && files->archive.truncate(files->archive_end));
+  if (!found.journal_is_right) write_file_atomically(journal, found.journal);
+  files->journal = std::make_unique<OutputFile>(journal, OutputFile::Open::kExisting);
+  files->journal_end = found.journal.size();
+  return ArchiveWriter(std::move(files));
+}
+
+}  // namespace raystage

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+// Going on after a crash: no frame whose append returned is lost, whenever the process died.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+#include <set>
+#include <thread>
+
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+#include "store/archive_test_data.h"
+#include "store/journal.h"
+#include "store/matroska.h"
+
+namespace raystage {
+namespace {
+
+using test::bytes_of;
+using test::description;
+using test::fake_jpeg;
+using testing::HasSubstr;
+
+using Bytes = std::vector<std::byte>;
+
+struct Resume : testing::Test {
+  ArchiveWriter writer() const { return {mkv, journal, description()}; }
+  ArchiveReader reader() const { return {mkv, journal}; }
+  ArchiveWriter resume() const { return ArchiveWriter::resume(mkv, journal, description()); }
+
+  /// What frame i is everywhere here.
+  static Bytes jpeg(std::size_t i) { return fake_jpeg(static_cast<unsigned>(i), 100 + i % 5000); }
+  static Nanoseconds time(std::size_t i) { return static_cast<Nanoseconds>(i) * 1000; }
+  static FrameOrigin origin(std::size_t i) { return {time(i) + 7, i}; }
+
+  void expect_frames(std::size_t at_least) const {
+    const ArchiveReader in = reader();
+    ASSERT_GE(in.frames().size(), at_least);
+    for (std::size_t i = 0; i < in.frames().size(); ++i) {
+      ASSERT_EQ(in.frames()[i].time_ns, time(i));
+      ASSERT_TRUE(std::ranges::equal(in.jpeg(static_cast<int>(i)), jpeg(i))) << i;
+      if (in.frames()[i].xxh3 == 0) continue;  // not in the journal yet
+      const FrameOrigin expected = unlisted.contains(i) ? FrameOrigin{} : origin(i);
+      ASSERT_EQ(in.frames()[i].arrival_ns, expected.arrival_ns);
+      ASSERT_EQ(in.frames()[i].sequence, expected.sequence);
+      ASSERT_TRUE(in.verify_frame(static_cast<int>(i)));
+    }
+  }
+  // The same frames without any interruption.
+  std::pair<Bytes, Bytes> in_one_go(std::size_t frames) const {
+    const TestFolder other;
+    const auto a = other.path() / "a.mkv", b = other.path() / "a.journal";
+    ArchiveWriter out(a, b, description());
+    for (std::size_t i = 0; i < frames; ++i) {
+      out.append(jpeg(i), time(i), unlisted.contains(i) ? FrameOrigin{} : origin(i));
+    }
+    out.close();
+    return {bytes_of(a), bytes_of(b)};
+  }
+
+  /// Frames that a crash left in the archive only: the journal was to name their origin.
+  std::set<std::size_t> unlisted;
+  TestFolder folder;
+  std::filesystem::path mkv = folder.path() / "r0c0.mkv";
+  std::filesystem::path journal = folder.path() / "r0c0.journal";
+};
+
+// A recorder that crashes now and then, and restarts; it says through a pipe how far it got.
+[[noreturn]] void record_until_killed(const Resume& test, int pipe) {
+  std::mt19937 random(static_cast<unsigned>(getpid()));
+  auto frames = std::filesystem::exists(test.journal)
+                    ? static_cast<std::size_t>(test.reader().frames().size())
+                    : std::size_t{0};
+  bool begun = std::filesystem::exists(test.mkv);
+  while (true) {
+    ArchiveWriter out = begun ? test.resume() : test.writer();
+    begun = true;
+    for (std::size_t i = random() % 40; i > 0; --i) {
+      out.append(Resume::jpeg(frames), Resume::time(frames), Resume::origin(frames));
+      ++frames;
+      if (write(pipe, &frames, sizeof frames) != sizeof frames) _exit(1);
+    }
+    if (random() % 2 == 0) out.close();
+    // Else the destructor does.
+  }
+}
+
+TEST_F(Resume, SurvivesBeingKilledAtAnyMoment) {
+  std::mt19937 random(20051);
+  std::size_t acknowledged = 0;
+  int while_open = 0;
+  constexpr int kKills = 60;
+  for (int round = 0; round < kKills; ++round) {
+    std::array<int, 2> ends{};
+    ASSERT_EQ(pipe(ends.data()), 0);
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      close(ends[0]);
+      try {
+        record_until_killed(*this, ends[1]);
+      } catch (const std::exception& error) {
+        std::fprintf(stderr, "the recorder: %s\n", error.what());
+      }
+      _exit(1);
+    }
+    close(ends[1]);
+    std::this_thread::sleep_for(std::chrono::microseconds(1000 + random() % 30'000));
+    kill(child, SIGKILL);
+    int status = 0;
+    waitpid(child, &status, 0);
+    ASSERT_TRUE(WIFSIGNALED(status)) << "the recorder ended by itself";
+    std::size_t count = 0;
+    while (read(ends[0], &count, sizeof count) == sizeof count) {
+      acknowledged = std::max(acknowledged, count);
+    }
+    close(ends[0]);
+    if (!std::filesystem::exists(mkv) || !std::filesystem::exists(journal)) continue;
+    ASSERT_NO_FATAL_FAILURE(expect_frames(acknowledged)) << "round " << round;
+    while_open += reader().was_closed() ? 0 : 1;
+    // Not acknowledged, and kept all the same.
+    if (reader().recovered_frames() > 0) {
+      ASSERT_EQ(reader().recovered_frames(), 1);
+      ASSERT_EQ(reader().frames().size(), acknowledged + 1);
+      unlisted.insert(acknowledged);
+    }
+  }
+  ASSERT_GT(acknowledged, 100u);
+  EXPECT_GT(while_open, 0);
+  RecordProperty("frames", static_cast<int>(acknowledged));
+  RecordProperty("unlisted", static_cast<int>(unlisted.size()));
+
+  resume().close();
+  const auto frames = reader().frames().size();
+  ASSERT_NO_FATAL_FAILURE(expect_frames(acknowledged));
+  // As if nothing had happened.
+  const auto [archive, lines] = in_one_go(frames);
+  EXPECT_TRUE(bytes_of(mkv) == archive);
+  EXPECT_TRUE(bytes_of(journal) == lines);
+  if (std::system("ffprobe -version >/dev/null 2>&1") != 0) return;
+  const std::string probe =
+      "test \"$(ffprobe -v error -count_packets -show_entries "
+      "stream=nb_read_packets -of csv=p=0 '" +
+      mkv.string() + "' 2>/dev/null)\" = " + std::to_string(frames);
+  EXPECT_EQ(std::system(probe.c_str()), 0);
+}
+
+TEST_F(Resume, AClosedArchiveGoesOnAsIfNeverClosed) {
+  {
+    ArchiveWriter out = writer();
+    for (std::size_t i = 0; i < 5; ++i) out.append(jpeg(i), time(i), origin(i));
+  }
+  ASSERT_TRUE(reader().was_closed());
+  for (std::size_t i = 5; i < 9; ++i) {
+    ArchiveWriter out = resume();
+    EXPECT_EQ(out.last_time(), time(i - 1));
+    EXPECT_FALSE(reader().was_closed());
+    EXPECT_THROW(out.append(jpeg(i), time(i - 1)), Error);
+    out.append(jpeg(i), time(i), origin(i));
+  }
+  EXPECT_EQ(std::pair(bytes_of(mkv), bytes_of(journal)), in_one_go(9));
+}
+
+// Every state between closed and open again, written by hand: all can be read, and gone on from.
+TEST_F(Resume, EveryStepOfClosingAndOpeningAgainIsReadable) {
+  {
+    ArchiveWriter out = writer();
+    for (std::size_t i = 0; i < 5; ++i) out.append(jpeg(i), time(i), origin(i));
+  }
+  const Bytes closed = bytes_of(mkv);
+  const auto header = matroska::make_header(description());
+  const FrameRecord last = reader().frames().back();
+  const auto end = last.offset + last.size;
+  const auto put_back = [&](Bytes& file, std::size_t offset, std::size_t size) {
+    std::copy_n(header.bytes.begin() + static_cast<std::ptrdiff_t>(offset), size,
+                file.begin() + static_cast<std::ptrdiff_t>(offset));
+  };
+  for (int step = 0; step < 16; ++step) {
+    for (std::size_t cut = end; cut <= closed.size(); cut += cut == end ? 1 : 150) {
+      Bytes file = closed;
+      if (step & 1) put_back(file, header.segment_size_offset, 8);
+      if (step & 2) put_back(file, header.seek_head_offset, matroska::kSeekHeadBytes);
+      if (step & 4) put_back(file, header.duration_offset, matroska::kDurationBytes);
+      if (step & 8) file.resize(cut);
+      test::overwrite(mkv, file);
+      ASSERT_NO_FATAL_FAILURE(expect_frames(5)) << step << " " << cut;
+      {
+        ArchiveWriter out = resume();
+        out.append(jpeg(5), time(5), origin(5));
+      }
+      ASSERT_EQ(std::pair(bytes_of(mkv), bytes_of(journal)), in_one_go(6)) << step << " " << cut;
+      // The journal of five frames again.
+      std::filesystem::resize_file(journal, journal::kHeaderBytes + 5 * journal::kRecordBytes);
+    }
+  }
+}
+
+TEST_F(Resume, ATornTailIsCutAndUnlistedFramesAreListed) {
+  {
+    ArchiveWriter out = writer();
+    for (std::size_t i = 0; i < 3; ++i) out.append(jpeg(i), time(i), origin(i));
+    out.append_missing(FrameStatus::kDroppedBySource, time(3));
+    const Bytes archive = bytes_of(mkv), lines = bytes_of(journal);
+    for (std::size_t cut = 0; cut <= archive.size(); cut += 1 + cut / 8) {
+      for (const std::size_t lost : {std::size_t{0}, std::size_t{1}, std::size_t{48},
+                                     std::size_t{60}, std::size_t{100}, lines.size()}) {
+        const auto a = folder.path() / "cut.mkv", b = folder.path() / "cut.journal";
+        test::overwrite(a, std::span(archive).first(cut));
+        test::overwrite(b, std::span(lines).first(lines.size() - lost));
+        const auto before = ArchiveReader(a, b).frames().size();
+        ArchiveWriter::resume(a, b, description()).append(jpeg(9), time(9), origin(9));
+        const ArchiveReader in(a, b);
+        EXPECT_TRUE(in.was_closed());
+        EXPECT_EQ(in.damaged_records() + in.recovered_frames(), 0);
+        ASSERT_EQ(in.frames().size(), before + 1) << cut << " " << lost;
+        for (std::size_t i = 0; i <= before; ++i) {
+          ASSERT_TRUE(in.verify_frame(static_cast<int>(i)));
+          const std::size_t number = i == before ? 9 : i;
+          ASSERT_EQ(in.frames()[i].time_ns, time(number));
+          ASSERT_TRUE(std::ranges::equal(in.jpeg(static_cast<int>(i)), jpeg(number)));
+        }
+        // No trace is left of what was cut.
+        const Bytes file = bytes_of(a);
+        const auto found = matroska::scan_clusters(file, 0, file.size());
+        EXPECT_EQ(found.size(), before + 1);
+      }
+    }
+  }
+}
+
+TEST_F(Resume, RefusesWhatIsNotItsOwn) {
+  const auto refused = [&](const ArchiveWriter::Description& other) -> std::string {
+    try {
+      ArchiveWriter::resume(mkv, journal, other);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      return error.what();
+    }
+    return "went on";
+  };
+  EXPECT_THAT(refused(description()), HasSubstr("no archive to go on with"));
+  {
+    ArchiveWriter out = writer();
+    out.append(jpeg(0), time(0));
+    try {
+      resume();
+      ADD_FAILURE() << "two writers at once";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+      EXPECT_THAT(error.what(), HasSubstr("another program is writing"));
+    }
+  }
+  const Bytes whole = bytes_of(mkv), lines = bytes_of(journal);
+  auto other = description();
+  other.camera_id = "r0c1";
+  EXPECT_THAT(refused(other), HasSubstr("camera \"r0c0\""));
+  other = description();
+  other.width = 641;
+  EXPECT_THAT(refused(other), HasSubstr("641 x 480"));
+  other = description();
+  other.epoch_utc += 1;
+  EXPECT_THAT(refused(other), HasSubstr("is to go on"));
+  auto damaged = whole;
+  damaged[20] ^= std::byte{1};
+  test::overwrite(mkv, damaged);
+  EXPECT_THAT(refused(description()), HasSubstr("raystage repair"));
+  EXPECT_EQ(bytes_of(mkv), damaged);
+  EXPECT_EQ(bytes_of(journal), lines);
+}
+
+TEST_F(Resume, FlushFromAnotherThread) {
+  ArchiveWriter out = writer();
+  std::atomic<bool> done = false;
+  std::thread flusher([&] {
+    while (!done) out.flush();
+  });
+  for (std::size_t i = 0; i < 200; ++i) out.append(jpeg(i), time(i), origin(i));
+  done = true;
+  flusher.join();
+  out.flush();
+  out.close();
+  EXPECT_THROW(out.flush(), Error);
+  expect_frames(200);
+}
+
+}  // namespace
+}  // namespace raystage

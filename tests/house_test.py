@@ -19,6 +19,7 @@ ROOMS = {
     "store": ["store/jpeg"],
     "render/evaluation": ["render"],
     "ingest/simulated": [],
+    "ingest/record": ["ingest/sources"],
     "ingest/sources": ["ingest/simulated"],
     "compose/preview": ["compose"],
 }

@@ -17,9 +17,6 @@
 
 namespace raystage {
 
-/// Number of FrameStatus values.
-inline constexpr std::size_t kStatusCount = 9;
-
 /// From memory to the archives, in a thread of its own. A disk that is slow or full holds up nobody
 /// but this: frames stay in memory until they can be written, and what cannot be kept there is
 /// dropped by the intakes.
@@ -58,7 +55,7 @@ class ArchiveFlow {
 
  private:
   struct Tally {
-    std::array<std::atomic<std::uint64_t>, kStatusCount> count{};
+    std::array<std::atomic<std::uint64_t>, kFrameStatusCount> count{};
   };
   void write_on(const std::stop_token& stop);
   void flush_on(const std::stop_token& stop);

@@ -28,7 +28,7 @@ void audit_session(const RecordingTake& take, const ArchiveFlow& flow,
       complain(error.what());
     }
     std::uint64_t accounted = 0;
-    for (std::size_t s = 0; s < kStatusCount; ++s) {
+    for (std::size_t s = 0; s < kFrameStatusCount; ++s) {
       const auto status = static_cast<FrameStatus>(s);
       const std::uint64_t count = on_disk.by_status[s];
       if (count != flow.written(i, status)) {

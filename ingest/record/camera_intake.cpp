@@ -41,7 +41,10 @@ CameraIntake::CameraIntake(const Settings& settings, std::unique_ptr<FrameSource
       clock_(settings.epoch_utc, settings.last_time) {}
 
 void CameraIntake::run(const std::stop_token& stop) {
-  const std::stop_callback interrupt(stop, [this] { source_->interrupt(); });
+  const std::stop_callback interrupt(stop, [this] {
+    const std::scoped_lock lock(source_mutex_);
+    source_->interrupt();
+  });
   auto last_frame = Clock::now();
   bool silent = false;
   while (!stop.stop_requested()) {
@@ -98,7 +101,11 @@ bool CameraIntake::reconnect(const std::stop_token& stop) {
   const auto start = Clock::now();
   while (!stop.stop_requested()) {
     try {
-      source_ = reopen_();
+      auto source = reopen_();
+      {
+        const std::scoped_lock lock(source_mutex_);
+        std::swap(source, source_);
+      }
       clock_.forget_device();
       to_.counters.state = CameraCounters::State::kRunning;
       to_.counters.add_event(

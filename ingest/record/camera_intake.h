@@ -85,6 +85,7 @@ class CameraIntake {
   void push_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin);
 
   const Settings settings_;
+  std::mutex source_mutex_;  // held while the source is exchanged or interrupted
   std::unique_ptr<FrameSource> source_;
   const Open reopen_;
   Plumbing to_;

@@ -205,18 +205,17 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
             --running;
           });
     }
-    const auto is_over = [&] {
-      if (stop.stop_requested()) return session.why_stopped = "asked to", true;
-      if (a_camera_asks) return session.why_stopped = "a camera was lost", true;
-      if (running == 0) return session.why_stopped = "every source has ended", true;
-      if (!s.settings.duration_s) return false;
+    const auto why_over = [&]() -> std::string {  // empty: go on
+      if (stop.stop_requested()) return "asked to";
+      if (a_camera_asks) return "a camera was lost";
+      if (running == 0) return "every source has ended";
+      if (!s.settings.duration_s) return {};
       const double done = s.settings.start_utc
                               ? static_cast<double>(host_utc_now() - start_utc) * 1e-9
                               : seconds_since(s.start);
-      if (done < *s.settings.duration_s) return false;
-      return session.why_stopped = "the duration is over", true;
+      return done >= *s.settings.duration_s ? "the duration is over" : "";
     };
-    while (!is_over()) {
+    while ((session.why_stopped = why_over()).empty()) {
       std::this_thread::sleep_for(kLook);
       if (status && seconds_since(s.last_status) >= kStatusEvery) status(s.status(flow));
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <string>
@@ -47,7 +48,7 @@ class RecordingTake {
 
   /// What is on disk since this session began, per camera: opened anew and counted.
   struct Counted {
-    std::uint64_t by_status[16] = {};
+    std::array<std::uint64_t, kFrameStatusCount> by_status{};
   };
   Counted count(std::size_t camera) const;
 

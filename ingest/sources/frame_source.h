@@ -1,38 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <chrono>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
 #include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
 #include "schemas/time.h"
+#include "store/jpeg/raw_image.h"
 
 namespace raystage {
-
-/// Pixel formats that libjpeg-turbo encodes without another conversion. YUV is full range, Rec.601
-/// matrix (JFIF).
-enum class PixelFormat : std::uint8_t { kYuv420, kYuv422, kYuv444, kGray, kRgb, kBgr };
-
-/// One raw picture. YUV has three planes, the others one; `owner` keeps the bytes alive, so that a
-/// driver's buffer need not be copied.
-struct RawImage {
-  PixelFormat format = PixelFormat::kYuv420;
-  int width = 0, height = 0;  ///< pixels
-  struct Plane {
-    const std::byte* data = nullptr;
-    std::size_t stride = 0;  ///< bytes from row to row
-  };
-  std::array<Plane, 3> planes{};
-  std::shared_ptr<const void> owner;
-  /// Bytes of the pixels without padding.
-  std::size_t bytes() const;
-};
 
 /// What a source delivers: a JPEG as it arrived, or raw pixels.
 struct SourceFrame {

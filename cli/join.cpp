@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage join: one take of the parts that several nodes recorded.
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <vector>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "ingest/record/join_takes.h"
+#include "raystage_version.h"
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app(
+      "Makes one take of the parts that several nodes recorded of the same scene. Frames are copied\n"
+      "byte for byte and held against their hashes; times are moved to the earliest part's epoch.",
+      "raystage join");
+  std::vector<std::filesystem::path> parts;
+  std::filesystem::path output;
+  bool quiet = false;
+  app.add_option("PART", parts, "Takes of the nodes, two or more")->required()->expected(2, 10000);
+  app.add_option("-o,--output", output, "Folder of the new take; must not exist")
+      ->required()
+      ->type_name("TAKE");
+  app.add_flag("-q,--quiet", quiet, "No progress on stderr");
+  return parse_and_run(app, argc, argv, "join", [&](std::stop_token stop) {
+    Progress progress(!quiet);
+    const JoinReport report = join_takes(parts, output, "raystage " RAYSTAGE_VERSION,
+                                         [&](double done) { progress.report(done); }, stop);
+    constexpr double kMegabyte = 1e6;
+    fmt::print("{}: {} cameras of {} parts, {} frames, {} recorded as missing, {:.1f} MB\n",
+               output.string(), report.cameras, parts.size(), report.frames, report.missing,
+               static_cast<double>(report.bytes) / kMegabyte);
+    return ExitCode::kSuccess;
+  });
+}

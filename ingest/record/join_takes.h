@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+namespace raystage {
+
+/// Makes one take of the parts that several nodes recorded of the same scene: every camera of every
+/// part, its frames byte for byte, with their times moved to the earliest part's epoch. The nodes'
+/// accounts are kept; each camera says which node recorded it. Every frame is held against its hash
+/// on the way. The parts stay as they are.
+/// Throws Error: bad input where a camera id occurs twice, the parts differ in colour space or in
+/// whether they are calibrated, or a frame is damaged; failed for the disk or when stopped.
+struct JoinReport {
+  int cameras = 0;
+  std::uint64_t frames = 0, missing = 0, bytes = 0;
+};
+JoinReport join_takes(const std::vector<std::filesystem::path>& parts,
+                      const std::filesystem::path& take_folder, const std::string& created_by,
+                      const std::function<void(double)>& progress, const std::stop_token& stop);
+
+}  // namespace raystage

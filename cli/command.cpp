@@ -67,7 +67,7 @@ class SignalWatch {
 
 }  // namespace
 
-int run_command(std::string_view name, const CommandBody& body) {
+int run_command(std::string_view name, const CommandBody& body, OnSignal on_signal) {
   const auto complain = [&](std::string_view text) {
     fmt::print(stderr, "raystage {}: {}\n", name, text);
     std::fflush(stderr);
@@ -80,7 +80,7 @@ int run_command(std::string_view name, const CommandBody& body) {
   try {
     code = static_cast<int>(body(watch.token()));
   } catch (const Error& error) {
-    if (watch.signal() == 0) complain(error.what());
+    if (watch.signal() == 0 || on_signal == OnSignal::kEnd) complain(error.what());
     code = static_cast<int>(error.exit_code());
   } catch (const std::bad_alloc&) {
     complain("out of memory. Use fewer threads or a smaller --memory.");
@@ -88,7 +88,7 @@ int run_command(std::string_view name, const CommandBody& body) {
   } catch (const std::exception& error) {
     complain(fmt::format("unexpected: {}. Please report this.", error.what()));
   }
-  if (watch.signal() != 0 && code != 0) {
+  if (watch.signal() != 0 && code != 0 && on_signal == OnSignal::kAbort) {
     complain("stopped; nothing half-written was left");
     return 128 + watch.signal();
   }

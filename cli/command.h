@@ -14,10 +14,16 @@ namespace raystage {
 /// A command's body: works on parsed options; `stop` is requested by SIGINT and SIGTERM.
 using CommandBody = std::function<ExitCode(std::stop_token stop)>;
 
+/// What a signal asks for.
+enum class OnSignal {
+  kAbort,  ///< to give up: exit code 128 + the signal's number, unless all was done all the same
+  kEnd     ///< the command's proper end: the body's exit code
+};
+
 /// Runs a command to its exit code. Errors and unexpected exceptions become one line on stderr
-/// ("raystage NAME: where: what. What to do."). After a signal the body has its time to stop; the
-/// process then exits with 128 + the signal's number.
-int run_command(std::string_view name, const CommandBody& body);
+/// ("raystage NAME: where: what. What to do."). After a signal the body has its time to stop.
+int run_command(std::string_view name, const CommandBody& body,
+                OnSignal on_signal = OnSignal::kAbort);
 
 /// How progress is shown on stderr.
 enum class ProgressStyle {

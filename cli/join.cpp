@@ -13,7 +13,8 @@
 int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app(
-      "Makes one take of the parts that several nodes recorded of the same scene. Frames are copied\n"
+      "Makes one take of the parts that several nodes recorded of the same scene. Frames are "
+      "copied\n"
       "byte for byte and held against their hashes; times are moved to the earliest part's epoch.",
       "raystage join");
   std::vector<std::filesystem::path> parts;
@@ -26,8 +27,9 @@ int main(int argc, char** argv) {
   app.add_flag("-q,--quiet", quiet, "No progress on stderr");
   return parse_and_run(app, argc, argv, "join", [&](std::stop_token stop) {
     Progress progress(!quiet);
-    const JoinReport report = join_takes(parts, output, "raystage " RAYSTAGE_VERSION,
-                                         [&](double done) { progress.report(done); }, stop);
+    const JoinReport report = join_takes(
+        parts, output, "raystage " RAYSTAGE_VERSION, [&](double done) { progress.report(done); },
+        stop);
     constexpr double kMegabyte = 1e6;
     fmt::print("{}: {} cameras of {} parts, {} frames, {} recorded as missing, {:.1f} MB\n",
                output.string(), report.cameras, parts.size(), report.frames, report.missing,

@@ -30,7 +30,7 @@ inline void refuse_non_finite(const CLI::App& app) {
 /// Parses the command line into what `app`'s options are bound to and runs `body`.
 /// --help and --version: printed, exit code 0. Bad usage: said on stderr, exit code 2.
 inline int parse_and_run(CLI::App& app, int argc, char** argv, std::string_view name,
-                         const CommandBody& body) {
+                         const CommandBody& body, OnSignal on_signal = OnSignal::kAbort) {
   app.set_version_flag("--version", "raystage " RAYSTAGE_VERSION, "Print the version");
   app.get_formatter()->column_width(34);
   try {
@@ -41,7 +41,7 @@ inline int parse_and_run(CLI::App& app, int argc, char** argv, std::string_view 
     app.exit(error);
     return static_cast<int>(asked_for ? ExitCode::kSuccess : ExitCode::kBadInput);
   }
-  return run_command(name, body);
+  return run_command(name, body, on_signal);
 }
 
 }  // namespace raystage

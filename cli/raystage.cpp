@@ -21,6 +21,8 @@ struct Command {
 constexpr Command kCommands[] = {
     {"import",
      "make a take of images or movies: a manifest, a COLMAP model, a NeRF transforms.json"},
+    {"record", "record a camera array: one ingest node"},
+    {"join", "make one take of what several nodes recorded"},
     {"simulate", "make a take of a simulated scene, with its truth"},
     {"sync", "align the free-running cameras of a take in time"},
     {"info", "say what a take holds and what it lacks"},

@@ -8,8 +8,13 @@
 namespace raystage {
 
 Encoders::Encoders(const JpegEncodeSettings& settings, int threads, std::function<void()> done)
-    // No slot is kept for the caller: sources never encode themselves.
-    : settings_(settings), done_(std::move(done)), arena_(threads, 0) {}
+    // TBB counts the calling thread too, but sources never encode themselves: one worker more, and
+    // no slot kept for callers.
+    : settings_(settings),
+      done_(std::move(done)),
+      parallelism_(tbb::global_control::max_allowed_parallelism,
+                   static_cast<std::size_t>(threads) + 1),
+      arena_(threads, 0) {}
 
 Encoders::~Encoders() { wait(); }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
@@ -37,6 +38,7 @@ class Encoders {
   const std::function<void()> done_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<RawJpegEncoder>> idle_;
+  tbb::global_control parallelism_;
   tbb::task_arena arena_;
   tbb::task_group group_;
 };

@@ -82,8 +82,8 @@ void copy_accounts(const std::vector<Part>& parts, const fs::path& folder) {
     for (const auto& file : fs::directory_iterator(parts[p].accounts, error)) {
       if (file.path().extension() != ".json") continue;
       fs::path target = folder / file.path().filename();
-      if (fs::exists(target)) target = folder / fmt::format("part{}_{}", p + 1,
-                                                            file.path().filename().string());
+      if (fs::exists(target))
+        target = folder / fmt::format("part{}_{}", p + 1, file.path().filename().string());
       write_file_atomically(target, read_file(file.path()));
     }
   }
@@ -103,7 +103,8 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
   for (const Part& part : parts) {
     check_alike(part, parts.front());
     rig.cameras.insert(rig.cameras.end(), part.rig.cameras.begin(), part.rig.cameras.end());
-    for (int i = 0; i < part.take.camera_count(); ++i) total += part.take.archive(i).records().size();
+    for (int i = 0; i < part.take.camera_count(); ++i)
+      total += part.take.archive(i).records().size();
   }
   const TakeDocument joined = joined_document(parts, created_by);
   TakeWriter writer(take_folder, joined, rig);

@@ -131,6 +131,7 @@ RecorderStatus Recorder::State::status(const ArchiveFlow& flow) {
         interval;
     camera.dropped = counters[i].dropped + queues[i].encoder_failures();
     camera.skipped_by_source = counters[i].skipped_by_source;
+    camera.stored = flow.written(i, FrameStatus::kStored);
     camera.in_memory = queues[i].size();
     camera.state = counters[i].state;
     status.cameras.push_back(std::move(camera));

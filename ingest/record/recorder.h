@@ -43,6 +43,7 @@ struct RecorderStatus {
     std::string id;
     double fps = 0;  ///< frames arrived, over the time since the status before
     std::uint64_t arrived = 0, dropped = 0, skipped_by_source = 0;
+    std::uint64_t stored = 0;   ///< in the archive: outlives this process
     std::size_t in_memory = 0;  ///< frames and records
     CameraCounters::State state = CameraCounters::State::kRunning;
   };

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage record: one ingest node.
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "cli/record_status.h"
+#include "cli/threads.h"
+#include "ingest/record/record_setup.h"
+#include "ingest/sources/open_source.h"
+#include "raystage_version.h"
+
+namespace raystage {
+namespace {
+
+struct Options {
+  std::filesystem::path config, take;
+  std::string node, start_at, status = "auto";
+  double duration = 0, memory_mb = 0;
+  int threads = 0;
+  bool hold = false, resume = false;
+};
+
+void declare(CLI::App& app, Options& options) {
+  app.add_option("CONFIG", options.config, "What to record, and how (record.json)")->required();
+  app.add_option("-o,--output", options.take,
+                 "Folder of the take; must not exist, but for --resume")
+      ->required()
+      ->type_name("TAKE");
+  app.add_option("--node", options.node,
+                 "Name of this node (default: as the configuration says, else the host's name)")
+      ->type_name("NAME");
+  app.add_option("--duration", options.duration,
+                 "Stop after so many seconds (default: at Ctrl-C, SIGTERM or the sources' end)")
+      ->check(CLI::Range(0.001, 1e7))
+      ->type_name("S");
+  app.add_option("--start-at", options.start_at,
+                 "Frames count from this time on, UTC, e.g. 2026-01-01T12:00:00Z; nodes that are "
+                 "given the same time start together (default: at once)")
+      ->type_name("UTC");
+  app.add_flag("--hold", options.hold,
+               "Keep all frames in memory and write them at the end; says before it starts how "
+               "long the memory lasts");
+  app.add_option("--memory", options.memory_mb,
+                 "Memory for all frames of all cameras, MB = 10^6 bytes (default: as the "
+                 "configuration says, else 1024)")
+      ->check(CLI::Range(1.0, 1e8))
+      ->type_name("MB");
+  app.add_flag("--resume", options.resume, "Go on with a take, after a crash or a stop");
+  app.add_option("--status", options.status,
+                 "auto = a line on stderr that is kept up to date, or one every 10 s where no "
+                 "terminal is watching; json = a line of JSON a second on stdout; none "
+                 "(default: auto)")
+      ->check(CLI::IsMember({"auto", "json", "none"}).description(""))
+      ->type_name("auto|json|none");
+  add_threads_option(app, options.threads);
+  app.footer(
+      "Exit codes: 0 every frame seen is stored; 1 failed, or frames are unaccounted for; 2 bad "
+      "usage\n"
+      "or input; 3 frames were dropped or a camera was lost, and the take says which.");
+}
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "node";
+}
+
+/// Shows how a recording stands.
+class StatusPrinter {
+ public:
+  explicit StatusPrinter(const std::string& style)
+      : json_(style == "json"), none_(style == "none"), terminal_(isatty(STDERR_FILENO) == 1) {}
+
+  void show(const RecorderStatus& status) {
+    constexpr double kPlainEvery = 10;  // seconds
+    if (none_) return;
+    if (json_) {
+      std::puts(status_json(status).c_str());
+      std::fflush(stdout);
+    } else if (terminal_) {
+      std::fputs(("\r\033[K" + status_line(status)).c_str(), stderr);
+      open_ = true;
+    } else if (status.seconds >= next_plain_) {
+      std::fputs((status_line(status) + "\n").c_str(), stderr);
+      next_plain_ = status.seconds + kPlainEvery;
+    }
+    std::fflush(stderr);
+  }
+  void finish() {
+    if (open_) std::fputc('\n', stderr);
+    open_ = false;
+  }
+
+ private:
+  bool json_, none_, terminal_, open_ = false;
+  double next_plain_ = 0;
+};
+
+Nanoseconds whole_second(Nanoseconds utc) {
+  return utc / kNanosecondsPerSecond * kNanosecondsPerSecond;
+}
+
+RecordingTake open_take(const Options& options, const RecordConfig& config,
+                        const std::vector<RecorderCamera>& cameras, const std::string& node,
+                        std::optional<Nanoseconds> start_utc) {
+  if (options.resume) {
+    std::vector<std::string> ids;
+    for (const RecorderCamera& camera : cameras) ids.push_back(camera.id);
+    return RecordingTake::resume(options.take, ids, node);
+  }
+  const Nanoseconds epoch = whole_second(start_utc.value_or(host_utc_now()));
+  return RecordingTake::create(options.take,
+                               take_for(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION),
+                               rig_for(config, options.config.parent_path(), cameras), node);
+}
+
+void say_how_long_memory_lasts(std::vector<RecorderCamera>& cameras,
+                               const RecorderSettings& settings) {
+  constexpr double kMeasure = 2;  // seconds
+  const double rate = measure_bytes_per_second(cameras, settings.jpeg, kMeasure);
+  const std::string lasts =
+      rate > 0 ? duration_text(static_cast<double>(settings.memory_bytes) / rate) : "unknown";
+  std::fputs(fmt::format("{:.0f} MB of memory hold {} of this ({:.1f} MB/s)\n",
+                         static_cast<double>(settings.memory_bytes) / 1e6, lasts, rate / 1e6)
+                 .c_str(),
+             stderr);
+}
+
+ExitCode record(const Options& options, const std::stop_token& stop) {
+  RecordConfig config = read_record_config(options.config);
+  if (options.hold) config.hold = true;
+  if (options.memory_mb > 0) config.memory_mb = options.memory_mb;
+  const std::string node = !options.node.empty()  ? options.node
+                           : !config.node.empty() ? config.node
+                                                  : host_name();
+  RecorderSettings settings = settings_from(config);
+  settings.threads = thread_count(options.threads);
+  if (!options.start_at.empty()) settings.start_utc = parse_utc(options.start_at);
+  if (options.duration > 0) settings.duration_s = options.duration;
+
+  const std::filesystem::path folder = options.config.parent_path();
+  auto cameras = open_cameras(
+      config, [folder](const RecordConfig::Camera& camera) { return open_source(camera, folder); });
+  if (config.hold) say_how_long_memory_lasts(cameras, settings);
+  RecordingTake take = open_take(options, config, cameras, node, settings.start_utc);
+  Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION);
+  StatusPrinter printer(options.status);
+  Progress writing(config.hold && options.status == "auto");
+  const RecordingDocument::Session session = recorder.run(
+      stop, [&](const RecorderStatus& status) { printer.show(status); },
+      [&](double done) {
+        printer.finish();
+        writing.report(done);
+      });
+  printer.finish();
+  fmt::print(options.status == "json" ? stderr : stdout, "{}: {}; {}", options.take.string(),
+             session.why_stopped, session_text(session));
+
+  if (!session.audit || !session.audit->holds) return ExitCode::kFailed;
+  bool whole = true;
+  for (const RecordingDocument::Camera& camera : session.cameras) {
+    const bool lost = std::ranges::any_of(
+        camera.events, [](const auto& event) { return event.what.starts_with("lost"); });
+    whole = whole && camera.dropped.empty() && camera.skipped_by_source == 0 && !lost;
+  }
+  return whole ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed;
+}
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app("Records the cameras of one ingest node into a take.", "raystage record");
+  Options options;
+  declare(app, options);
+  return parse_and_run(
+      app, argc, argv, "record", [&](const std::stop_token& stop) { return record(options, stop); },
+      OnSignal::kEnd);
+}

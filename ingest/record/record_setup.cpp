@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/record_setup.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "schemas/error.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+using WhenLost = CameraIntake::WhenLost;
+
+WhenLost when_lost_of(const RecordConfig& config) {
+  switch (config.when_lost) {
+    case RecordConfig::WhenLost::kReconnect:
+      return WhenLost::kReconnect;
+    case RecordConfig::WhenLost::kStop:
+      return WhenLost::kStop;
+    case RecordConfig::WhenLost::kContinue:
+      break;
+  }
+  return WhenLost::kContinue;
+}
+
+JpegEncodeSettings::Chroma chroma_of(const RecordConfig& config) {
+  switch (config.chroma) {
+    case RecordConfig::Chroma::k444:
+      return JpegEncodeSettings::Chroma::k444;
+    case RecordConfig::Chroma::k422:
+      return JpegEncodeSettings::Chroma::k422;
+    case RecordConfig::Chroma::k420:
+      break;
+  }
+  return JpegEncodeSettings::Chroma::k420;
+}
+
+/// Cameras in a row, 10 cm apart, with a lens of 53 degrees: a take needs a rig, and this one is
+/// good enough to look at. Calibration replaces it.
+CameraGeometry uncalibrated(const std::string& id, const SourceDescription& source,
+                            std::size_t index) {
+  constexpr double kSpacing = 0.1;
+  CameraGeometry geometry;
+  geometry.id = id;
+  geometry.width = source.width;
+  geometry.height = source.height;
+  geometry.intrinsics.fx = geometry.intrinsics.fy = source.width;
+  geometry.intrinsics.cx = source.width / 2.0;
+  geometry.intrinsics.cy = source.height / 2.0;
+  geometry.world_from_camera = {
+      1, 0, 0, kSpacing * static_cast<double>(index), 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  return geometry;
+}
+
+/// What all sources say, or `otherwise`.
+std::string common(const std::vector<RecorderCamera>& cameras, std::string SourceDescription::*word,
+                   const std::string& otherwise) {
+  const std::string& first = cameras.front().source->description().*word;
+  const bool same = std::ranges::all_of(
+      cameras, [&](const auto& camera) { return camera.source->description().*word == first; });
+  return same ? first : otherwise;
+}
+
+}  // namespace
+
+std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenSource& open) {
+  std::vector<RecorderCamera> cameras(config.cameras.size());
+  raystage::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t i) {
+    const RecordConfig::Camera& camera = config.cameras[i];
+    cameras[i] = {camera.id, open(camera), [open, camera] { return open(camera); }};
+  });
+  for (const RecorderCamera& camera : cameras) {
+    const SourceDescription& source = camera.source->description();
+    if (source.width > 0 && source.height > 0) continue;
+    throw Error::failed("the source does not say how large its frames are", camera.id,
+                        "Set the size in the source's options");
+  }
+  return cameras;
+}
+
+RecorderSettings settings_from(const RecordConfig& config) {
+  constexpr double kBytesPerMb = 1e6;
+  RecorderSettings settings;
+  settings.memory_bytes = static_cast<std::size_t>(config.memory_mb * kBytesPerMb);
+  settings.hold = config.hold;
+  settings.drop_oldest = config.when_full == RecordConfig::WhenFull::kDropOldest;
+  settings.when_lost = when_lost_of(config);
+  settings.lost_after =
+      std::chrono::milliseconds(static_cast<std::int64_t>(config.lost_after_seconds * 1000));
+  settings.jpeg = {config.quality, chroma_of(config), config.restart_interval};
+  return settings;
+}
+
+RigDocument rig_for(const RecordConfig& config, const std::filesystem::path& config_folder,
+                    const std::vector<RecorderCamera>& cameras) {
+  RigDocument rig;
+  if (config.rig.empty()) {
+    rig.name = "not calibrated";
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+      rig.cameras.push_back({uncalibrated(cameras[i].id, cameras[i].source->description(), i), {}});
+    }
+    return rig;
+  }
+  const std::filesystem::path file = config_folder / config.rig;
+  const RigDocument whole = read_rig(file);
+  rig.name = whole.name;
+  rig.topology = whole.topology;
+  for (const RecorderCamera& camera : cameras) {
+    const auto found = std::ranges::find(
+        whole.cameras, camera.id, [](const auto& candidate) { return candidate.geometry.id; });
+    if (found == whole.cameras.end()) {
+      throw Error::bad_input("the rig has no camera \"" + camera.id + "\"", file.string(),
+                             "Use the rig's ids in the configuration");
+    }
+    const SourceDescription& source = camera.source->description();
+    if (found->geometry.width != source.width || found->geometry.height != source.height) {
+      throw Error::bad_input(
+          fmt::format("camera \"{}\" is {} x {} pixels, but its source delivers {} x {}", camera.id,
+                      found->geometry.width, found->geometry.height, source.width, source.height),
+          file.string(), "Set the source to the size that was calibrated, or correct the rig");
+    }
+    rig.cameras.push_back(*found);
+  }
+  return rig;
+}
+
+TakeDocument take_for(const RecordConfig& config, const std::vector<RecorderCamera>& cameras,
+                      const std::string& node, Nanoseconds epoch_utc,
+                      const std::string& created_by) {
+  TakeDocument take;
+  take.name = config.name;
+  take.created_by = created_by;
+  take.epoch_utc = epoch_utc;
+  take.color_space = config.color_space;
+  take.clock = common(cameras, &SourceDescription::clock, "host");
+  take.time_marks = common(cameras, &SourceDescription::time_marks, "unknown");
+  take.nominal_fps = config.nominal_fps;
+  std::vector<double> rates;
+  for (const RecorderCamera& camera : cameras) {
+    rates.push_back(camera.source->description().fps);
+    take.cameras.push_back({.id = camera.id, .archive = {}, .journal = {}, .node = node});
+  }
+  if (take.nominal_fps == 0) {
+    const auto middle = rates.begin() + static_cast<std::ptrdiff_t>(rates.size() / 2);
+    std::nth_element(rates.begin(), middle, rates.end());
+    take.nominal_fps = *middle;
+  }
+  return take;
+}
+
+}  // namespace raystage

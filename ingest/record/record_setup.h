@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "ingest/record/recorder.h"
+#include "schemas/record_config.h"
+#include "schemas/rig_document.h"
+#include "schemas/take_document.h"
+
+namespace raystage {
+
+/// Opens one camera's source; given from outside, so that tests bring sources of their own.
+using OpenSource = std::function<std::unique_ptr<FrameSource>(const RecordConfig::Camera&)>;
+
+/// All sources of a configuration, opened at once (network cameras take seconds each). Throws the
+/// first Error that one of them throws.
+std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenSource& open);
+
+RecorderSettings settings_from(const RecordConfig& config);
+
+/// The cameras' geometry: from the rig that the configuration names, by id, or else a rig of
+/// cameras side by side that says of itself that it is not calibrated. Throws Error (bad input)
+/// where the rig lacks a camera or has another size than its source delivers.
+RigDocument rig_for(const RecordConfig& config, const std::filesystem::path& config_folder,
+                    const std::vector<RecorderCamera>& cameras);
+
+TakeDocument take_for(const RecordConfig& config, const std::vector<RecorderCamera>& cameras,
+                      const std::string& node, Nanoseconds epoch_utc,
+                      const std::string& created_by);
+
+}  // namespace raystage

@@ -1,0 +1,287 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/recorder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <thread>
+
+#include "ingest/record/record_setup.h"
+#include "ingest/sources/memory_source.h"
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+#include "store/jpeg/encode.h"
+#include "store/jpeg/test_images.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::HasSubstr;
+using Bytes = std::vector<std::byte>;
+
+constexpr int kWidth = 96, kHeight = 64;
+
+SourceFrame jpeg_frame(std::uint32_t seed, int width = kWidth) {
+  SourceFrame frame;
+  frame.jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, width, kHeight, seed),
+                           {80, JpegEncodeSettings::Chroma::k420, -1});
+  return frame;
+}
+
+SourceFrame raw_frame(std::uint32_t seed) {
+  const auto image = std::make_shared<RgbImage>(
+      test_images::make(test_images::Kind::kMixed, kWidth, kHeight, seed));
+  SourceFrame frame;
+  frame.raw.format = PixelFormat::kRgb;
+  frame.raw.width = kWidth;
+  frame.raw.height = kHeight;
+  frame.raw.planes[0] = {reinterpret_cast<const std::byte*>(image->pixels.data()),
+                         std::size_t{3} * kWidth};
+  frame.raw.owner = image;
+  return frame;
+}
+
+MemoryScript script(std::vector<SourceFrame> frames, double fps, std::uint64_t count) {
+  MemoryScript script;
+  script.frames = std::move(frames);
+  script.fps = fps;
+  script.count = count;
+  return script;
+}
+
+/// Records what scripts deliver and keeps what came of it.
+class Recording : public ::testing::Test {
+ protected:
+  RecordingDocument::Session record(const std::vector<MemoryScript>& scripts) {
+    RecordConfig config;
+    config.name = "test";
+    for (std::size_t i = 0; i < scripts.size(); ++i) {
+      config.cameras.push_back({"c" + std::to_string(i), RecordConfig::SimulatedSource{}});
+    }
+    const auto open = [&scripts](const RecordConfig::Camera& camera) {
+      return memory_source(scripts[static_cast<std::size_t>(std::stoi(camera.id.substr(1)))]);
+    };
+    auto cameras = open_cameras(config, open);
+    const Nanoseconds epoch = host_utc_now() - kNanosecondsPerSecond;
+    std::vector<std::string> ids;
+    for (const auto& camera : cameras) ids.push_back(camera.id);
+    RecordingTake take =
+        resume ? RecordingTake::resume(path(), ids, "node")
+               : RecordingTake::create(path(), take_for(config, cameras, "node", epoch, "test"),
+                                       rig_for(config, {}, cameras), "node");
+    Recorder recorder(settings, std::move(cameras), take, "test");
+    return recorder.run(stop.get_token(), status);
+  }
+  std::filesystem::path path() const { return folder_.path() / "take"; }
+
+  std::vector<Bytes> stored(int camera) const {
+    const Take take(path());
+    const ArchiveReader& archive = take.archive(camera);
+    std::vector<Bytes> frames;
+    for (int i = 0; i < static_cast<int>(archive.frames().size()); ++i) {
+      EXPECT_TRUE(archive.verify_frame(i));
+      frames.emplace_back(archive.jpeg(i).begin(), archive.jpeg(i).end());
+    }
+    return frames;
+  }
+  std::vector<FrameRecord> records(int camera) const {
+    const Take take(path());
+    const auto all = take.archive(camera).records();
+    return {all.begin(), all.end()};
+  }
+  static void expect_audit(const RecordingDocument::Session& session) {
+    ASSERT_TRUE(session.audit);
+    EXPECT_TRUE(session.audit->holds) << ::testing::PrintToString(session.audit->complaints);
+  }
+
+  RecorderSettings settings;
+  std::function<void(const RecorderStatus&)> status;
+  std::stop_source stop;
+  bool resume = false;
+
+ private:
+  TestFolder folder_;
+};
+
+TEST_F(Recording, JpegIsStoredByteForByteAndRawIsEncoded) {
+  settings.threads = 2;
+  const std::vector<SourceFrame> jpegs{jpeg_frame(1), jpeg_frame(2), jpeg_frame(3)};
+  const std::vector<SourceFrame> raws{raw_frame(4), raw_frame(5)};
+  const auto session = record({script(jpegs, 200, 40), script(raws, 200, 30)});
+  expect_audit(session);
+  EXPECT_EQ(session.why_stopped, "every source has ended");
+  const auto first = stored(0), second = stored(1);
+  ASSERT_EQ(first.size(), 40U);
+  ASSERT_EQ(second.size(), 30U);
+  for (std::size_t i = 0; i < first.size(); ++i) EXPECT_EQ(first[i], jpegs[i % 3].jpeg);
+  RawJpegEncoder encoder(settings.jpeg);
+  for (std::size_t i = 0; i < second.size(); ++i) {
+    Bytes expected;
+    encoder.encode(raws[i % 2].raw, expected);
+    EXPECT_EQ(second[i], expected);
+  }
+  Nanoseconds last = 0;
+  std::uint64_t sequence = 0;
+  for (const FrameRecord& record : records(0)) {
+    EXPECT_GT(record.time_ns, last);
+    EXPECT_NE(record.arrival_ns, kUnknownTime);
+    EXPECT_EQ(record.sequence, sequence++);
+    last = record.time_ns;
+  }
+  EXPECT_EQ(session.cameras[0].arrived, 40U);
+  EXPECT_EQ(session.cameras[0].stored, 40U);
+  const RecordingDocument kept = read_recording(path() / "recording" / "node.json");
+  ASSERT_EQ(kept.sessions.size(), 1U);
+  EXPECT_TRUE(kept.sessions[0].audit->holds);
+  EXPECT_FALSE(std::filesystem::exists(path() / ".reserve"));
+}
+
+TEST_F(Recording, FullMemoryDropsAndRecordsEveryDrop) {
+  settings.hold = true;
+  const std::vector<SourceFrame> frames{jpeg_frame(1), jpeg_frame(2)};
+  settings.memory_bytes = kWidth * kHeight / 2 * 5 + 30 * frames[0].jpeg.size();
+  for (const bool oldest : {false, true}) {
+    std::filesystem::remove_all(path());
+    settings.drop_oldest = oldest;
+    const auto session = record({script(frames, 0, 300)});
+    expect_audit(session);
+    EXPECT_LE(session.memory_peak_bytes, settings.memory_bytes);
+    EXPECT_EQ(session.cameras[0].arrived, 300U);
+    EXPECT_GT(session.cameras[0].stored, 10U);
+    EXPECT_EQ(session.cameras[0].stored + session.cameras[0].dropped.at("dropped, memory full"),
+              300U);
+    const auto all = records(0);
+    ASSERT_EQ(all.size(), 300U);
+    std::vector<std::uint64_t> kept;
+    for (const FrameRecord& record : all) {
+      if (record.status == FrameStatus::kStored) kept.push_back(record.sequence);
+    }
+    // The first frame stays in either case: it is the writer's.
+    EXPECT_EQ(kept[0], 0U);
+    if (oldest) {
+      EXPECT_EQ(kept.back(), 299U);
+    } else {
+      EXPECT_EQ(kept[5], 5U);
+    }
+  }
+}
+
+TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
+  settings.lost_after = std::chrono::milliseconds(150);
+  MemoryScript gap = script({jpeg_frame(1)}, 100, 60);
+  gap.events.push_back({20, MemoryScript::Gap{7}});
+  MemoryScript torn = script({jpeg_frame(2)}, 100, 60);
+  torn.events.push_back({10, MemoryScript::Tear{}});
+  torn.events.push_back({11, MemoryScript::Tear{}});
+  MemoryScript changed = script({jpeg_frame(3)}, 100, 60);
+  changed.events.push_back({30, MemoryScript::Change{{jpeg_frame(3, kWidth + 16)}}});
+  MemoryScript dies = script({jpeg_frame(4)}, 100, 60);
+  dies.events.push_back({15, MemoryScript::Death{"cable pulled"}});
+  MemoryScript stalls = script({jpeg_frame(5)}, 100, 60);
+  stalls.events.push_back({10, MemoryScript::Stall{0.4}});
+  const auto session = record({script({jpeg_frame(6)}, 100, 60), gap, torn, changed, dies, stalls});
+  expect_audit(session);
+  EXPECT_EQ(session.cameras[0].stored, 60U);
+  EXPECT_TRUE(session.cameras[0].events.empty());
+  EXPECT_EQ(session.cameras[1].skipped_by_source, 7U);
+  EXPECT_EQ(session.cameras[2].dropped.at("torn"), 2U);
+  EXPECT_EQ(session.cameras[2].stored, 58U);
+  EXPECT_EQ(session.cameras[3].stored, 30U);
+  EXPECT_EQ(session.cameras[3].arrived, 60U);
+  ASSERT_FALSE(session.cameras[3].events.empty());
+  EXPECT_THAT(session.cameras[3].events[0].what, HasSubstr("another size"));
+  EXPECT_EQ(session.cameras[4].stored, 15U);
+  ASSERT_EQ(session.cameras[4].events.size(), 1U);
+  EXPECT_THAT(session.cameras[4].events[0].what, HasSubstr("cable pulled"));
+  ASSERT_EQ(session.cameras[5].events.size(), 2U);
+  EXPECT_THAT(session.cameras[5].events[0].what, HasSubstr("no frame for"));
+  EXPECT_THAT(session.cameras[5].events[1].what, HasSubstr("frames again"));
+  // The seven that the counter skipped stand where they are missing.
+  const auto all = records(1);
+  for (std::size_t i = 20; i < 27; ++i) {
+    EXPECT_EQ(all[i].status, FrameStatus::kDroppedBySource);
+    EXPECT_EQ(all[i].sequence, i);
+  }
+}
+
+TEST_F(Recording, ALostCameraMayStopAllOrComeBack) {
+  MemoryScript dies = script({jpeg_frame(1)}, 100, 1000);
+  dies.events.push_back({10, MemoryScript::Death{"gone"}});
+  settings.when_lost = CameraIntake::WhenLost::kStop;
+  const auto stopped = record({dies, script({jpeg_frame(2)}, 100, 1000)});
+  EXPECT_EQ(stopped.why_stopped, "a camera was lost");
+  expect_audit(stopped);
+
+  std::filesystem::remove_all(path());
+  settings.when_lost = CameraIntake::WhenLost::kReconnect;
+  settings.duration_s = 0.6;
+  const auto again = record({dies});
+  expect_audit(again);
+  EXPECT_GT(again.cameras[0].stored, 15U);
+  EXPECT_THAT(again.cameras[0].events.at(1).what, HasSubstr("connected again"));
+}
+
+// No file may grow beyond a limit, as on a full disk.
+TEST_F(Recording, AFullDiskLosesNothingSilently) {
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  settings.disk_patience_s = 0.2;
+  settings.flush_every_s = 0.05;
+  std::string trouble;
+  status = [&](const RecorderStatus& now) { trouble += now.trouble; };
+  const SourceFrame frame = jpeg_frame(1);
+  const rlimit limit{20 * frame.jpeg.size(), before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const auto session = record({script({frame}, 80, 100)});
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, old_handler);
+  EXPECT_EQ(session.cameras[0].arrived, 100U);
+  EXPECT_GT(session.cameras[0].stored, 10U);
+  EXPECT_LT(session.cameras[0].stored, 25U);
+  EXPECT_EQ(
+      session.cameras[0].stored + session.cameras[0].dropped.at("dropped, could not be written"),
+      100U);
+  EXPECT_THAT(trouble, HasSubstr("too large"));
+  // The index could not be written; the audit says so, and the frames are there all the same.
+  EXPECT_EQ(stored(0).size(), session.cameras[0].stored);
+}
+
+TEST_F(Recording, ResumesAndCountsTheNewSessionAlone) {
+  expect_audit(record({script({jpeg_frame(1)}, 0, 20)}));
+  resume = true;
+  const auto session = record({script({jpeg_frame(2)}, 0, 15)});
+  expect_audit(session);
+  EXPECT_EQ(session.cameras[0].stored, 15U);
+  EXPECT_EQ(stored(0).size(), 35U);
+  EXPECT_EQ(read_recording(path() / "recording" / "node.json").sessions.size(), 2U);
+}
+
+TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
+  settings.start_utc = host_utc_now() + 200'000'000;
+  settings.duration_s = 0.3;
+  const auto session = record({script({jpeg_frame(1)}, 100, 100000)});
+  expect_audit(session);
+  EXPECT_EQ(session.why_stopped, "the duration is over");
+  EXPECT_NEAR(static_cast<double>(session.cameras[0].stored), 30, 12);
+  EXPECT_GE(records(0).front().arrival_ns + Take(path()).document().epoch_utc, *settings.start_utc);
+  stop.request_stop();
+  std::filesystem::remove_all(path());
+  settings.start_utc.reset();
+  EXPECT_EQ(record({script({jpeg_frame(1)}, 100, 100000)}).why_stopped, "asked to");
+}
+
+TEST_F(Recording, RefusesTooLittleMemoryAndWhatIsThere) {
+  settings.memory_bytes = 1000;
+  EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);
+  settings.memory_bytes = 1 << 30;
+  EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);  // the folder is there
+  resume = true;
+  EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 2), script({jpeg_frame(1)}, 0, 2)}), Error);
+}
+
+}  // namespace
+}  // namespace raystage

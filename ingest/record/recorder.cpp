@@ -20,7 +20,6 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kLook = 20ms;
-constexpr double kStatusEvery = 1.0;  // seconds
 constexpr std::size_t kLeastFrames = 4;
 
 double seconds_since(Clock::time_point start) {
@@ -216,9 +215,12 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
                               : seconds_since(s.start);
       return done >= *s.settings.duration_s ? "the duration is over" : "";
     };
+    const auto look = std::min<std::chrono::duration<double>>(
+        kLook, std::chrono::duration<double>(s.settings.status_every_s));
     while ((session.why_stopped = why_over()).empty()) {
-      std::this_thread::sleep_for(kLook);
-      if (status && seconds_since(s.last_status) >= kStatusEvery) status(s.status(flow));
+      std::this_thread::sleep_for(look);
+      if (status && seconds_since(s.last_status) >= s.settings.status_every_s)
+        status(s.status(flow));
     }
     camera_stop.request_stop();
   }  // joins the cameras' threads

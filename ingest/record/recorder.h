@@ -27,8 +27,9 @@ struct RecorderSettings {
   int threads = 1;                       ///< frames encoded at once
   std::optional<Nanoseconds> start_utc;  ///< frames that arrive before do not count
   std::optional<double> duration_s;      ///< from there, or from the first second on
-  double flush_every_s = 1;              ///< safe against power loss that often; 0: never
-  double disk_patience_s = 3;            ///< how long a full disk is tried at the end
+  double status_every_s = 1;
+  double flush_every_s = 1;    ///< safe against power loss that often; 0: never
+  double disk_patience_s = 3;  ///< how long a full disk is tried at the end
 };
 
 struct RecorderCamera {
@@ -66,7 +67,7 @@ class Recorder {
   Recorder& operator=(const Recorder&) = delete;
 
   /// Until stopped, the duration is over, or every source has ended. Returns the account, which is
-  /// in the take too. `status` is called about once a second, `writing` with the part done while
+  /// in the take too. `status` is called that often, `writing` with the part done while
   /// what is left in memory goes to disk.
   RecordingDocument::Session run(const std::stop_token& stop,
                                  const std::function<void(const RecorderStatus&)>& status = {},

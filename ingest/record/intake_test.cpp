@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// The recorder's parts, each alone.
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <thread>
+
+#include "ingest/record/clock_state.h"
+#include "ingest/record/encoders.h"
+#include "ingest/record/frame_clock.h"
+#include "ingest/record/frame_queue.h"
+#include "ingest/record/memory_budget.h"
+#include "ingest/record/picture_check.h"
+#include "store/jpeg/encode.h"
+#include "store/jpeg/test_images.h"
+
+namespace raystage {
+namespace {
+
+using Bytes = std::vector<std::byte>;
+
+TEST(MemoryBudget, NeverGivesMoreThanItHas) {
+  MemoryBudget budget(1000);
+  auto a = budget.try_take(600);
+  EXPECT_TRUE(a);
+  EXPECT_FALSE(budget.try_take(401));
+  auto b = budget.try_take(400);
+  EXPECT_TRUE(b);
+  a.resize_down(100);
+  EXPECT_EQ(budget.used(), 500U);
+  auto moved = std::move(b);
+  b = {};
+  EXPECT_EQ(budget.used(), 500U);
+  moved = {};
+  EXPECT_EQ(budget.used(), 100U);
+  EXPECT_EQ(budget.peak(), 1000U);
+  EXPECT_FALSE(budget.try_take(std::size_t(-1)));
+}
+
+TEST(MemoryBudget, HoldsUnderManyThreads) {
+  MemoryBudget budget(10000);
+  std::vector<std::jthread> threads;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&budget, t] {
+      for (int i = 0; i < 20000; ++i) {
+        auto share = budget.try_take(static_cast<std::size_t>(1 + (i * 7 + t) % 5000));
+        share.resize_down(10);
+      }
+    });
+  }
+  threads.clear();
+  EXPECT_EQ(budget.used(), 0U);
+  EXPECT_LE(budget.peak(), 10000U);
+}
+
+TEST(CheckJpeg, KnowsWholeTornAndForeign) {
+  const Bytes jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, 64, 48), {});
+  EXPECT_EQ(check_jpeg(jpeg, 64, 48), FrameStatus::kStored);
+  EXPECT_EQ(check_jpeg(jpeg, 48, 64), FrameStatus::kUnreadable);
+  Bytes filled = jpeg;
+  filled.resize(jpeg.size() + 100);
+  EXPECT_EQ(check_jpeg(filled, 64, 48), FrameStatus::kStored);
+  for (std::size_t size = 0; size < jpeg.size(); size += size < 700 ? 1 : 97) {
+    EXPECT_EQ(check_jpeg(std::span(jpeg).first(size), 64, 48), FrameStatus::kTorn) << size;
+  }
+  const Bytes text(1000, std::byte{'x'});
+  EXPECT_EQ(check_jpeg(text, 64, 48), FrameStatus::kTorn);
+}
+
+SourceFrame arrival(Nanoseconds utc, std::optional<Nanoseconds> device = {},
+                    std::optional<std::uint64_t> sequence = {}) {
+  SourceFrame frame;
+  frame.arrival_utc = utc;
+  frame.device_time = device;
+  frame.sequence = sequence;
+  return frame;
+}
+
+TEST(FrameClock, TakesTheDevicesClockWithItsFirstOffset) {
+  FrameClock clock(1000);
+  EXPECT_EQ(clock.stamp(arrival(1500, 77)).time_ns, 500);
+  const auto second = clock.stamp(arrival(1720, 277));  // arrived 20 late
+  EXPECT_EQ(second.time_ns, 700);
+  EXPECT_EQ(second.arrival_ns, 720);
+  clock.forget_device();
+  EXPECT_EQ(clock.stamp(arrival(2000, 5)).time_ns, 1000);
+}
+
+TEST(FrameClock, TimesAlwaysIncreaseAndGapsHaveRoom) {
+  EXPECT_TRUE(rc::check([] {
+    FrameClock clock(0);
+    Nanoseconds last = -1;
+    const auto frames = *rc::gen::inRange(1, 50);
+    for (int i = 0; i < frames; ++i) {
+      const auto stamp = clock.stamp(arrival(*rc::gen::inRange<Nanoseconds>(-1000, 100000),
+                                             *rc::gen::inRange<Nanoseconds>(-1000, 100000),
+                                             static_cast<std::uint64_t>(*rc::gen::inRange(0, 30))));
+      RC_ASSERT(stamp.time_ns > last);
+      Nanoseconds before = last;
+      for (std::uint64_t k = 0; k < stamp.skipped; ++k) {
+        const Nanoseconds missing = FrameClock::time_between(last, stamp.time_ns, k, stamp.skipped);
+        RC_ASSERT(missing > before);
+        RC_ASSERT(missing < stamp.time_ns);
+        before = missing;
+      }
+      last = stamp.time_ns;
+    }
+  }));
+}
+
+TEST(FrameClock, CountsWhatTheSourceSkipped) {
+  FrameClock clock(0);
+  EXPECT_EQ(clock.stamp(arrival(100, {}, 7)).skipped, 0U);  // nobody knows where it begins
+  EXPECT_EQ(clock.stamp(arrival(200, {}, 8)).skipped, 0U);
+  const auto gap = clock.stamp(arrival(300, {}, 12));
+  EXPECT_EQ(gap.skipped, 3U);
+  EXPECT_EQ(gap.sequence, 12U);
+  EXPECT_EQ(clock.stamp(arrival(400, {}, 3)).skipped, 0U);  // set anew
+  EXPECT_EQ(clock.stamp(arrival(500, {}, std::uint64_t{1} << 60)).skipped, 0U);
+}
+
+FrameQueue::Frame queued(Nanoseconds time, QueuedFrame::Stage stage) {
+  auto frame = std::make_shared<QueuedFrame>();
+  frame->time_ns = time;
+  frame->stage = stage;
+  return frame;
+}
+
+TEST(FrameQueue, WaitsForTheFrontAndKeepsTheOrder) {
+  FrameQueue queue;
+  queue.push(queued(1, QueuedFrame::Stage::kToEncode));
+  queue.push(queued(2, QueuedFrame::Stage::kToEncode));
+  queue.push(queued(3, QueuedFrame::Stage::kReady));
+  const auto first = queue.start_encoding(), second = queue.start_encoding();
+  EXPECT_EQ(queue.start_encoding(), nullptr);
+  queue.finish_encoding(second, Bytes(5));
+  EXPECT_EQ(queue.front_ready(), nullptr);
+  queue.finish_encoding(first, std::nullopt);
+  EXPECT_EQ(queue.front_ready()->status, FrameStatus::kDroppedEncoder);
+  EXPECT_EQ(queue.encoder_failures(), 1U);
+  queue.pop_front();
+  EXPECT_EQ(queue.front_ready()->time_ns, 2);
+  queue.pop_front();
+  EXPECT_EQ(queue.front_ready()->time_ns, 3);
+}
+
+TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
+  FrameQueue queue;
+  queue.push(queued(1, QueuedFrame::Stage::kReady));  // the writer's
+  queue.push(queued(2, QueuedFrame::Stage::kToEncode));
+  queue.push(queued(3, QueuedFrame::Stage::kReady));
+  queue.push(queued(4, QueuedFrame::Stage::kToEncode));
+  const auto encoding = queue.start_encoding();
+  EXPECT_EQ(encoding->time_ns, 2);
+  EXPECT_TRUE(queue.give_up(true, FrameStatus::kDroppedRamFull));   // 3
+  EXPECT_TRUE(queue.give_up(false, FrameStatus::kDroppedRamFull));  // 4
+  EXPECT_FALSE(queue.give_up(true, FrameStatus::kDroppedRamFull));
+  EXPECT_FALSE(queue.give_up(false, FrameStatus::kDroppedRamFull));
+  EXPECT_EQ(queue.start_encoding(), nullptr);  // 4 was given up meanwhile
+  queue.finish_encoding(encoding, Bytes(5));
+  std::vector<FrameStatus> statuses;
+  while (const auto front = queue.front_ready()) {
+    statuses.push_back(front->status);
+    queue.pop_front();
+  }
+  EXPECT_EQ(statuses, (std::vector{FrameStatus::kStored, FrameStatus::kStored,
+                                   FrameStatus::kDroppedRamFull, FrameStatus::kDroppedRamFull}));
+}
+
+TEST(Encoders, WhatCannotBeEncodedIsMissing) {
+  FrameQueue queue;
+  std::atomic<int> done = 0;
+  Encoders encoders({}, 2, [&] { ++done; });
+  for (int i = 0; i < 20; ++i) {
+    auto frame = queued(i + 1, QueuedFrame::Stage::kToEncode);
+    frame->raw.width = i % 2 == 0 ? 70000 : 8;  // more than a JPEG holds
+    frame->raw.height = 8;
+    frame->raw.format = PixelFormat::kGray;
+    auto pixels = std::make_shared<Bytes>(64);
+    frame->raw.planes[0] = {pixels->data(), i % 2 == 0 ? std::size_t{70000} : 8};
+    frame->raw.owner = pixels;
+    queue.push(std::move(frame));
+    encoders.encode_one_of(queue);
+  }
+  encoders.wait();
+  EXPECT_EQ(done, 20);
+  EXPECT_EQ(queue.encoder_failures(), 10U);
+  for (int i = 0; i < 20; ++i) {
+    ASSERT_NE(queue.front_ready(), nullptr);
+    EXPECT_EQ(queue.front_ready()->status,
+              i % 2 == 0 ? FrameStatus::kDroppedEncoder : FrameStatus::kStored);
+    queue.pop_front();
+  }
+}
+
+TEST(ClockState, ReadsChronysAnswer) {
+  const auto clock = clock_from_chrony(
+      "C0A80101,192.168.1.1,3,1763710000.123,-0.000012345,0.000001,0.00001,-12.3,0.001,0.05,0.0004,"
+      "0.0003,64.2,Normal\n");
+  EXPECT_EQ(clock.source, "chrony");
+  EXPECT_DOUBLE_EQ(*clock.offset_s, -0.000012345);
+  EXPECT_DOUBLE_EQ(*clock.max_error_s, 0.000012345 + 0.0002 + 0.0003);
+  for (const char* answer :
+       {"", "506 Cannot talk to daemon\n",
+        "00000000,,0,0.0,0.0,0.0,0.0,0.0,0.0,0.0,1.0,1.0,0.0,Not synchronised"}) {
+    EXPECT_EQ(clock_from_chrony(answer).source, "unknown") << answer;
+  }
+  const auto here = read_clock_state();
+  EXPECT_TRUE(here.source == "unknown" || here.max_error_s || here.source == "ptp");
+}
+
+}  // namespace
+}  // namespace raystage

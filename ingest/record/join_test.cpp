@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "ingest/record/join_takes.h"
+#include "schemas/error.h"
+#include "schemas/recording_document.h"
+#include "schemas/test_folder.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::vector<std::byte> picture(const std::string& text) {
+  const auto bytes = std::as_bytes(std::span(text));
+  return {bytes.begin(), bytes.end()};
+}
+
+void write_part(const std::filesystem::path& folder, const std::string& id, Nanoseconds epoch,
+                const std::string& node) {
+  TakeDocument take;
+  take.name = "part";
+  take.epoch_utc = epoch;
+  take.nominal_fps = 15;
+  take.color_space = "srgb_texture";
+  take.cameras.push_back({id, {}, {}, {}});
+  RigDocument rig;
+  CameraGeometry camera;
+  camera.id = id;
+  camera.width = 64;
+  camera.height = 48;
+  camera.intrinsics.fx = camera.intrinsics.fy = 64;
+  camera.intrinsics.cx = 32;
+  camera.intrinsics.cy = 24;
+  camera.world_from_camera = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  rig.cameras.push_back({camera, {}});
+  TakeWriter writer(folder, take, rig);
+  writer.archive(0).append(picture(id + "0"), 100, {105, 7});
+  writer.archive(0).append_missing(FrameStatus::kDroppedRamFull, 150, {155, 8});
+  writer.archive(0).append(picture(id + "1"), 200);
+  RecordingDocument account;
+  account.node = node;
+  std::filesystem::create_directory(writer.working_folder() / "recording");
+  write_recording(account, writer.working_folder() / "recording" / (node + ".json"));
+  writer.commit();
+}
+
+class Join : public ::testing::Test {
+ protected:
+  std::filesystem::path part(const std::string& name) const { return folder_.path() / name; }
+  JoinReport join(const std::vector<std::filesystem::path>& parts) const {
+    return join_takes(parts, part("joined"), "test", {}, {});
+  }
+
+ private:
+  TestFolder folder_;
+};
+
+TEST_F(Join, KeepsEveryRecordAtItsInstant) {
+  constexpr Nanoseconds kEpoch = 1'767'225'600'000'000'000;
+  write_part(part("a"), "left", kEpoch + 5000, "one");
+  write_part(part("b"), "right", kEpoch, "two");
+  const JoinReport report = join({part("a"), part("b")});
+  EXPECT_EQ(report.cameras, 2);
+  EXPECT_EQ(report.frames, 4U);
+  EXPECT_EQ(report.missing, 2U);
+  const Take take(part("joined"));
+  EXPECT_EQ(take.document().epoch_utc, kEpoch);
+  EXPECT_EQ(take.document().cameras[0].node, "one");
+  EXPECT_EQ(take.document().cameras[1].node, "two");
+  const auto left = take.archive(0).records(), right = take.archive(1).records();
+  ASSERT_EQ(left.size(), 3U);
+  EXPECT_EQ(left[0].time_ns, 5100);
+  EXPECT_EQ(left[0].arrival_ns, 5105);
+  EXPECT_EQ(left[0].sequence, 7U);
+  EXPECT_EQ(left[1].status, FrameStatus::kDroppedRamFull);
+  EXPECT_EQ(left[1].arrival_ns, 5155);
+  EXPECT_EQ(left[2].arrival_ns, kUnknownTime);
+  EXPECT_EQ(right[0].time_ns, 100);
+  EXPECT_TRUE(std::ranges::equal(take.archive(1).jpeg(1), picture("right1")));
+  EXPECT_EQ(read_recording(part("joined") / "recording" / "one.json").node, "one");
+  EXPECT_EQ(read_recording(part("joined") / "recording" / "two.json").node, "two");
+}
+
+TEST_F(Join, RefusesCamerasOfOneNameAndDamage) {
+  write_part(part("a"), "left", 0, "one");
+  write_part(part("b"), "left", 0, "two");
+  EXPECT_THROW(join({part("a"), part("b")}), Error);
+  write_part(part("c"), "right", 0, "two");
+  const auto file = part("c") / "archive" / "right.mkv";
+  std::string bytes;
+  {
+    std::ifstream in(file, std::ios::binary);
+    bytes.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  bytes[bytes.find("right1") + 2] ^= 1;
+  std::ofstream(file, std::ios::binary) << bytes;
+  try {
+    join({part("a"), part("c")});
+    FAIL() << "joined";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("frame 1 of camera \"right\" is damaged"));
+  }
+  EXPECT_FALSE(std::filesystem::exists(part("joined")));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -26,6 +26,8 @@ constexpr Command kCommands[] = {
     {"simulate", "make a take of a simulated scene, with its truth"},
     {"sync", "align the free-running cameras of a take in time"},
     {"info", "say what a take holds and what it lacks"},
+    {"verify", "is a take still what was recorded? exit code 1 if not"},
+    {"repair", "close what a crash left open, save what can be saved of a damaged take"},
     {"render", "render a shot as an EXR sequence"},
     {"evaluate", "render views whose truth is known; measure error and time"},
     {"preview", "turn an EXR sequence into a movie and a contact sheet"},

@@ -123,19 +123,6 @@ void drop_unwritten_tail(Bytes archive, ArchiveIndex& index) {
 
 }  // namespace
 
-void merge_records(Bytes archive, std::size_t first_cluster, std::span<const FrameRecord> records,
-                   ArchiveIndex& index) {
-  Merger merger(archive, first_cluster, index);
-  for (const FrameRecord& record : records) merger.add(record);
-  merger.finish();
-  if (!index.closed) drop_unwritten_tail(archive, index);
-
-  index.frames.reserve(index.records.size());
-  for (const FrameRecord& record : index.records) {
-    if (record.status == FrameStatus::kStored) index.frames.push_back(record);
-  }
-}
-
 ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
                            std::string_view archive_name, std::string_view journal_name) {
   ArchiveIndex index;
@@ -157,7 +144,15 @@ ArchiveIndex index_archive(Bytes archive, std::optional<Bytes> journal,
   }
   // With a damaged header the clusters may be whole all the same; with a cut one there are none,
   // but the journal still says what there was.
-  merge_records(archive, preamble.first_cluster.value_or(0), contents.records, index);
+  Merger merger(archive, preamble.first_cluster.value_or(0), index);
+  for (const FrameRecord& record : contents.records) merger.add(record);
+  merger.finish();
+  if (!index.closed) drop_unwritten_tail(archive, index);
+
+  index.frames.reserve(index.records.size());
+  for (const FrameRecord& record : index.records) {
+    if (record.status == FrameStatus::kStored) index.frames.push_back(record);
+  }
   return index;
 }
 

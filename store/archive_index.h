@@ -30,9 +30,4 @@ ArchiveIndex index_archive(std::span<const std::byte> archive,
                            std::optional<std::span<const std::byte>> journal,
                            std::string_view archive_name, std::string_view journal_name);
 
-/// The part of it that needs neither header: clusters from `first_cluster` on, and the records of a
-/// journal. Fills in everything of `index` but description and `closed`, which it heeds.
-void merge_records(std::span<const std::byte> archive, std::size_t first_cluster,
-                   std::span<const FrameRecord> records, ArchiveIndex& index);
-
 }  // namespace raystage

@@ -16,25 +16,9 @@ namespace {
 using Bytes = std::span<const std::byte>;
 using Description = ArchiveWriter::Description;
 
-// Whether the file begins with this header, but for what close() fills in; a file cut within it
-// does too.
-bool begins_with(Bytes file, const matroska::Header& header) {
-  const std::size_t size = std::min(file.size(), header.bytes.size());
-  std::vector<std::byte> found(file.begin(), file.begin() + static_cast<std::ptrdiff_t>(size));
-  const auto blank = [&](std::size_t offset, std::size_t count) {
-    for (std::size_t i = offset; i < std::min(offset + count, size); ++i) {
-      found[i] = header.bytes[i];
-    }
-  };
-  blank(header.segment_size_offset, header.segment_data_offset - header.segment_size_offset);
-  blank(header.seek_head_offset, matroska::kSeekHeadBytes);
-  blank(header.duration_offset, matroska::kDurationBytes);
-  return std::ranges::equal(found, Bytes(header.bytes).first(size));
-}
-
 void check_header(Bytes file, const matroska::Header& header, const Description& wanted,
                   const Description& found, const std::filesystem::path& path) {
-  if (begins_with(file, header)) return;
+  if (matroska::begins_with(file, header)) return;
   if (!found.camera_id.empty() &&
       (found.camera_id != wanted.camera_id || found.width != wanted.width ||
        found.height != wanted.height || found.epoch_utc != wanted.epoch_utc)) {

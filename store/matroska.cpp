@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <cstring>
 #include <limits>
 
 #include "schemas/error.h"
@@ -170,6 +171,22 @@ Header make_header(const ArchiveWriter::Description& description) {
   return header;
 }
 
+bool begins_with(Bytes file, const Header& header) {
+  const std::size_t size = std::min(file.size(), header.bytes.size());
+  const auto filled_in = [&](std::size_t at) {
+    const auto within = [at](std::size_t offset, std::size_t count) {
+      return at >= offset && at < offset + count;
+    };
+    return within(header.segment_size_offset, ebml::kSizeBytes) ||
+           within(header.seek_head_offset, kSeekHeadBytes) ||
+           within(header.duration_offset, kDurationBytes);
+  };
+  for (std::size_t i = 0; i < size; ++i) {
+    if (file[i] != header.bytes[i] && !filled_in(i)) return false;
+  }
+  return true;
+}
+
 std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size) {
   ebml::Writer writer;
   constexpr std::size_t kClusterOwnHeader = 4 + ebml::kSizeBytes;
@@ -282,6 +299,29 @@ Preamble read_preamble(Bytes file, std::string_view name) {
     element = ebml::read_element(file, element->end());
   }
   return preamble;
+}
+
+std::optional<FoundFrame> cluster_at(Bytes file, std::size_t offset) {
+  std::size_t end = 0;
+  const auto frame = read_cluster(file, offset, end);
+  if (!frame || !std::ranges::equal(make_cluster_header(frame->time, frame->size),
+                                    file.subspan(offset, frame->offset - offset))) {
+    return std::nullopt;
+  }
+  return frame;
+}
+
+std::vector<FoundFrame> find_clusters(Bytes file, std::size_t begin) {
+  std::vector<FoundFrame> frames;
+  while (begin < file.size()) {
+    const void* next = std::memchr(file.data() + begin, std::to_integer<int>(kClusterIdBytes[0]),
+                                   file.size() - begin);
+    if (next == nullptr) break;
+    begin = static_cast<std::size_t>(static_cast<const std::byte*>(next) - file.data());
+    if (const auto frame = cluster_at(file, begin)) frames.push_back(*frame);
+    ++begin;
+  }
+  return frames;
 }
 
 std::vector<FoundFrame> scan_clusters(Bytes file, std::size_t begin, std::size_t end) {

@@ -18,6 +18,10 @@ inline constexpr std::size_t kClusterHeaderBytes = 35;
 /// FFmpeg reads larger times through double and loses nanoseconds: 2^53 ns, 104 days.
 inline constexpr Nanoseconds kMaxTime = Nanoseconds{1} << 53;
 
+/// What Cues begin with.
+inline constexpr std::array kCuesIdBytes{std::byte{0x1C}, std::byte{0x53}, std::byte{0xBB},
+                                         std::byte{0x6B}};
+
 /// The beginning of a file and where its parts are that close() fills in.
 struct Header {
   std::vector<std::byte> bytes;
@@ -32,6 +36,10 @@ inline constexpr std::size_t kDurationBytes = 11;
 
 /// EBML header, Segment of unknown size, room for the SeekHead, Info, Tracks.
 Header make_header(const ArchiveWriter::Description& description);
+
+/// Whether a file begins with this header, whatever stands where close() fills in; a file cut
+/// within its header may.
+bool begins_with(std::span<const std::byte> file, const Header& header);
 
 /// What stands before a JPEG of `size` bytes: Cluster, Timestamp, SimpleBlock.
 std::array<std::byte, kClusterHeaderBytes> make_cluster_header(Nanoseconds time, std::size_t size);
@@ -70,6 +78,13 @@ struct FoundFrame {
   Nanoseconds time = 0;
   std::size_t offset = 0, size = 0;  ///< of the JPEG
 };
+/// The cluster at `offset`, if it is whole and just as our writer makes it.
+std::optional<FoundFrame> cluster_at(std::span<const std::byte> file, std::size_t offset);
+
+/// Every such cluster that starts at or behind `begin`, also those that overlap: where bytes were
+/// lost, a cluster reaches into the next one.
+std::vector<FoundFrame> find_clusters(std::span<const std::byte> file, std::size_t begin);
+
 /// Walks the clusters that start in [begin, end) and returns the whole ones. Where the structure is
 /// damaged it goes on at the next cluster that makes sense; linear in the number of bytes.
 std::vector<FoundFrame> scan_clusters(std::span<const std::byte> file, std::size_t begin,

@@ -107,6 +107,16 @@ MappedFile::~MappedFile() {
   if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
 }
 
+bool MappedFile::can_read(std::span<const std::byte> part) const {
+  if (part.empty()) return true;
+  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const auto first = reinterpret_cast<std::uintptr_t>(part.data()) / page * page;
+  const auto last = reinterpret_cast<std::uintptr_t>(part.data() + part.size());
+  // Older kernels do not know the request: then the part is believed to be readable.
+  return madvise(reinterpret_cast<void*>(first), last - first, MADV_POPULATE_READ) == 0 ||
+         (errno != EFAULT && errno != EIO && errno != EHWPOISON);
+}
+
 void sync_folder(const std::filesystem::path& folder) {
   const int descriptor =
       open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);

@@ -14,6 +14,7 @@ HOUSE = ["tests", "cli", "farm", "replay", "compose", "render", "ingest", "image
          "schemas"]
 # Folders in folders: their own little house, bottom last.
 ROOMS = {
+    "store/fixity": ["store", "store/jpeg"],
     "store/frames": ["store", "store/jpeg"],
     "store/jpeg": [],
     "store": ["store/jpeg"],

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage verify and raystage repair as an archivist runs them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "schemas/atomic_file.h"
+#include "schemas/test_folder.h"
+#include "store/take_test_data.h"
+
+namespace raystage {
+namespace {
+
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+struct CommandResult {
+  int exit_code = -1;
+  std::string output;
+};
+
+struct FixityCommands : testing::Test {
+  FixityCommands() {
+    std::vector<std::vector<Nanoseconds>> times(3);
+    for (auto& column : times) {
+      for (int i = 0; i < 10; ++i) column.push_back(i * 50'000'000);
+    }
+    test::write_take(take, times, 20);
+  }
+
+  static CommandResult run(const std::string& arguments) {
+    CommandResult result;
+    const std::string command =
+        std::string("'") + RAYSTAGE_BIN_DIR + "/raystage' " + arguments + " 2>&1";
+    std::FILE* pipe = popen(command.c_str(), "r");
+    if (pipe == nullptr) return result;
+    std::array<char, 4096> buffer{};
+    std::size_t count = 0;
+    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
+      result.output.append(buffer.data(), count);
+    }
+    const int status = pclose(pipe);
+    result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return result;
+  }
+  void flip(const std::string& name, std::size_t byte) const {
+    auto bytes = test::bytes_of(take / "archive" / name);
+    bytes.at(byte) ^= std::byte{1};
+    test::overwrite(take / "archive" / name, bytes);
+  }
+  std::size_t frame_offset(int camera, std::size_t frame) const {
+    return static_cast<std::size_t>(Take(take).archive(camera).frames()[frame].offset);
+  }
+
+  TestFolder folder;
+  std::filesystem::path take = folder.path() / "a take";
+  std::string quoted = "'" + take.string() + "'";
+};
+
+TEST_F(FixityCommands, AWholeTake) {
+  for (const char* depth : {"", "--depth sizes ", "--depth journal ", "--depth hashes -j 1 "}) {
+    const CommandResult verify = run("verify -q " + std::string(depth) + quoted);
+    EXPECT_EQ(verify.exit_code, 0) << verify.output;
+    EXPECT_THAT(verify.output, HasSubstr("3 cameras: 3 whole, 0 not closed, 0 damaged"));
+  }
+  EXPECT_THAT(run("verify " + quoted).output, HasSubstr("Progress: 100%"));
+  const CommandResult repair = run("repair -q " + quoted);
+  EXPECT_EQ(repair.exit_code, 0) << repair.output;
+  EXPECT_THAT(repair.output, HasSubstr("3 of 3 cameras were whole"));
+}
+
+TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
+  const std::size_t at = frame_offset(1, 4);
+  flip("c1.mkv", at + 3);
+  EXPECT_EQ(run("verify -q --depth journal " + quoted).exit_code, 0);
+  const auto json_file = folder.path() / "result.json";
+  const CommandResult verify = run("verify -q --json '" + json_file.string() + "' " + quoted);
+  EXPECT_EQ(verify.exit_code, 1) << verify.output;
+  EXPECT_THAT(verify.output, HasSubstr("archive/c1.mkv @" + std::to_string(at)));
+  EXPECT_THAT(verify.output, HasSubstr("[frame 4 at 0.200000 s]"));
+  const auto json = nlohmann::json::parse(read_file(json_file));
+  EXPECT_EQ(json["whole"], false);
+  EXPECT_EQ(json["cameras"][1]["problems"][0]["offset"], at);
+  EXPECT_EQ(json["cameras"][1]["problems"][0]["frames"][0]["time_ns"], 200'000'000);
+  EXPECT_THAT(json["cameras"][2]["problems"], IsEmpty());
+  EXPECT_EQ(nlohmann::json::parse(run("verify -q --json - " + quoted).output)["depth"], "hashes");
+
+  const auto before = test::bytes_of(take / "archive/c1.mkv");
+  const CommandResult dry = run("repair -q --dry-run " + quoted);
+  EXPECT_EQ(dry.exit_code, 3) << dry.output;
+  EXPECT_THAT(dry.output, HasSubstr("c1: would be written anew, 9 frames"));
+  EXPECT_EQ(test::bytes_of(take / "archive/c1.mkv"), before);
+
+  const CommandResult repair = run("repair -q " + quoted);
+  EXPECT_EQ(repair.exit_code, 3) << repair.output;
+  EXPECT_THAT(repair.output, HasSubstr("1 frames lost: rotten"));
+  EXPECT_THAT(repair.output, HasSubstr("at 0.200000000 s a frame is rotten"));
+  EXPECT_THAT(repair.output, HasSubstr("kept as c1.mkv.damaged"));
+  EXPECT_EQ(test::bytes_of(take / "archive/c1.mkv.damaged"), before);
+  EXPECT_EQ(run("verify -q " + quoted).exit_code, 0);
+  EXPECT_THAT(run("info " + quoted).output, HasSubstr("1 torn"));
+}
+
+TEST_F(FixityCommands, BadUsageAndInputExitWithTwo) {
+  for (const char* command : {"verify", "repair"}) {
+    const std::string name(command);
+    EXPECT_EQ(run(name).exit_code, 2);
+    EXPECT_EQ(run(name + " --nonsense " + quoted).exit_code, 2);
+    EXPECT_EQ(run(name + " '" + folder.path().string() + "'").exit_code, 2);
+    const CommandResult help = run(name + " --help");
+    EXPECT_EQ(help.exit_code, 0);
+    EXPECT_THAT(help.output, HasSubstr("default"));
+  }
+  EXPECT_EQ(run("verify --depth deep " + quoted).exit_code, 2);
+  test::overwrite(take / "take.json", std::as_bytes(std::span("{}")));
+  EXPECT_EQ(run("verify -q " + quoted).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage repair: what can be saved of a damaged take.
+#include "store/fixity/repair.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <string>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+
+namespace raystage {
+namespace {
+
+struct Options {
+  std::string take;
+  bool dry_run = false, quiet = false;
+};
+
+void print_camera(const RepairReport::Camera& camera, bool dry_run) {
+  if (!camera.error.empty()) {
+    fmt::print("{}: cannot be repaired: {}\n", camera.id, camera.error);
+    return;
+  }
+  const Salvage& s = camera.salvage;
+  fmt::print("{}: {}, {} frames\n", camera.id, dry_run ? "would be written anew" : "written anew",
+             s.frames);
+  const auto count = [](std::int64_t number, std::string_view what) {
+    if (number > 0) fmt::print("  {} {}\n", number, what);
+  };
+  count(s.mended_records, "records of the journal with one flipped bit, flipped back");
+  count(s.relisted_frames - s.unproven_frames, "frames put back into the journal, proven whole");
+  count(s.unproven_frames, "frames put back into the journal, without proof that they are whole");
+  count(s.rotten_frames, "frames lost: rotten");
+  count(s.cut_off_frames, "frames lost: cut off");
+  constexpr std::size_t kMost = 100;
+  for (std::size_t i = 0; i < std::min(kMost, s.losses.size()); ++i) {
+    const Salvage::Loss& loss = s.losses[i];
+    const std::string when = loss.time_ns == kUnknownTime
+                                 ? ""
+                                 : fmt::format("at {:.9f} s ", static_cast<double>(loss.time_ns) /
+                                                                   kNanosecondsPerSecond);
+    fmt::print("  lost or in doubt: {}{}\n", when, loss.what);
+  }
+  if (s.losses.size() > kMost) fmt::print("  and {} more\n", s.losses.size() - kMost);
+  for (const std::string& name : camera.kept) fmt::print("  the original is kept as {}\n", name);
+}
+
+ExitCode repair(const Options& options, const std::stop_token& stop) {
+  Progress progress(!options.quiet);
+  RepairOptions how;
+  how.dry_run = options.dry_run;
+  how.progress = [&](double share) { progress.report(share); };
+  how.stop = stop;
+  const RepairReport report = repair_take(options.take, how);
+  long whole = 0;
+  for (const auto& camera : report.cameras) {
+    whole += camera.was_whole ? 1 : 0;
+    if (!camera.was_whole && !camera.id.empty()) print_camera(camera, options.dry_run);
+  }
+  fmt::print("{} of {} cameras were whole and stay as they are\n", whole, report.cameras.size());
+  if (!report.old_timeline.empty()) {
+    fmt::print("The timeline does not fit and is kept as {}: run `raystage sync`\n",
+               report.old_timeline);
+  }
+  if (report.failed() || report.stopped) return ExitCode::kFailed;
+  return report.lost_anything() ? ExitCode::kSomeFramesFailed : ExitCode::kSuccess;
+}
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app(
+      "Repair a take: close what a crash left open, write damaged archives and journals anew from\n"
+      "what can be saved, and say what cannot. Originals of which anything was lost stay beside "
+      "the\n"
+      "new files as CAMERA.mkv.damaged and CAMERA.journal.damaged. Exit code 0: the take is whole "
+      "and\n"
+      "nothing was lost, 3: it is whole again, but something was lost, 1: something could not be\n"
+      "repaired, 2: no take.",
+      "raystage repair");
+  Options options;
+  app.add_option("TAKE", options.take, "Folder of the take")->required();
+  app.add_flag(
+      "-n,--dry-run", options.dry_run,
+      "Say what would be done, with the same exit code, and change nothing (default: off)");
+  app.add_flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
+  return parse_and_run(app, argc, argv, "repair",
+                       [&](std::stop_token stop) { return repair(options, stop); });
+}

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage verify: whether a take is still what was recorded.
+#include "store/fixity/verify.h"
+
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+#include <tbb/info.h>
+
+#include <algorithm>
+#include <map>
+#include <nlohmann/json.hpp>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr double kBytesPerMb = 1e6;
+const std::map<std::string, VerifyDepth> kDepths{{"sizes", VerifyDepth::kSizes},
+                                                 {"journal", VerifyDepth::kJournal},
+                                                 {"hashes", VerifyDepth::kHashes}};
+
+struct Options {
+  std::string take, json, depth = "hashes";
+  bool decode = false, quiet = false;
+  int threads = 0;
+};
+
+std::string frames_text(const std::vector<AffectedFrame>& frames) {
+  constexpr std::size_t kMost = 4;
+  std::string text;
+  for (std::size_t i = 0; i < std::min(frames.size(), kMost); ++i) {
+    text += fmt::format("{}frame {} at {:.6f} s", i == 0 ? "" : ", ", frames[i].number,
+                        static_cast<double>(frames[i].time_ns) / kNanosecondsPerSecond);
+  }
+  if (frames.size() > kMost) text += fmt::format(" and {} more", frames.size() - kMost);
+  return text.empty() ? "" : " [" + text + "]";
+}
+
+void print_problem(const Problem& problem) {
+  fmt::print("  {} @{}: {}{}\n", problem.file, problem.offset, problem.what,
+             frames_text(problem.frames));
+}
+
+void print_text(const Options& options, const TakeReport& report) {
+  long whole = 0, damaged = 0;
+  for (const auto& camera : report.cameras) {
+    const bool only_open = std::ranges::all_of(camera.report.problems, &Problem::not_closed);
+    whole += camera.error.empty() && camera.report.whole() ? 1 : 0;
+    damaged += !camera.error.empty() || !only_open ? 1 : 0;
+  }
+  const auto cameras = static_cast<long>(report.cameras.size());
+  fmt::print("{} cameras: {} whole, {} not closed, {} damaged (depth: {}{})\n", cameras, whole,
+             cameras - whole - damaged, damaged, options.depth,
+             options.decode ? ", every frame decoded" : "");
+  for (const Problem& problem : report.problems) print_problem(problem);
+  for (const auto& camera : report.cameras) {
+    if (!camera.error.empty()) fmt::print("  {}\n", camera.error);
+    for (const Problem& problem : camera.report.problems) print_problem(problem);
+    if (camera.report.more_problems > 0) {
+      fmt::print("  {}: {} problems more\n", camera.id, camera.report.more_problems);
+    }
+  }
+  const double megabytes = static_cast<double>(report.bytes()) / kBytesPerMb;
+  fmt::print("{:.1f} MB in {:.3f} s, {:.0f} MB/s\n", megabytes, report.seconds,
+             megabytes / std::max(report.seconds, 1e-9));
+  if (!report.whole()) {
+    fmt::print("`raystage repair {}` saves what can be saved\n", options.take);
+  }
+}
+
+Json json_of(const Problem& problem) {
+  Json frames = Json::array();
+  for (const AffectedFrame& frame : problem.frames) {
+    frames.push_back({{"frame", frame.number}, {"time_ns", frame.time_ns}});
+  }
+  return {{"file", problem.file},
+          {"offset", problem.offset},
+          {"what", problem.what},
+          {"not_closed", problem.not_closed},
+          {"frames", frames}};
+}
+
+Json json_of(const std::vector<Problem>& problems) {
+  Json json = Json::array();
+  for (const Problem& problem : problems) json.push_back(json_of(problem));
+  return json;
+}
+
+Json json_of(const Options& options, const TakeReport& report) {
+  Json cameras = Json::array();
+  for (const auto& camera : report.cameras) {
+    Json json{{"id", camera.id},
+              {"whole", camera.error.empty() && camera.report.whole()},
+              {"bytes", camera.bytes}};
+    if (options.depth != "sizes") json["frames"] = camera.report.frames;
+    json["problems"] = json_of(camera.report.problems);
+    if (camera.report.more_problems > 0) json["more_problems"] = camera.report.more_problems;
+    if (!camera.error.empty()) json["error"] = camera.error;
+    cameras.push_back(std::move(json));
+  }
+  return {{"take", options.take},
+          {"depth", options.depth},
+          {"decoded", options.decode},
+          {"whole", report.whole()},
+          {"bytes", report.bytes()},
+          {"seconds", report.seconds},
+          {"problems", json_of(report.problems)},
+          {"cameras", cameras}};
+}
+
+ExitCode verify(const Options& options, const std::stop_token& stop) {
+  const tbb::global_control threads(
+      tbb::global_control::max_allowed_parallelism,
+      static_cast<std::size_t>(options.threads > 0 ? options.threads
+                                                   : tbb::info::default_concurrency()));
+  Progress progress(!options.quiet);
+  TakeVerifyOptions deep;
+  deep.depth = kDepths.at(options.depth);
+  deep.decode = options.decode;
+  deep.progress = [&](double share) { progress.report(share); };
+  deep.stop = stop;
+  const TakeReport report = verify_take(options.take, deep);
+  if (report.stopped) return ExitCode::kFailed;
+  if (!options.json.empty()) {
+    const std::string text = json_of(options, report).dump(2) + "\n";
+    if (options.json == "-") {
+      fmt::print("{}", text);
+    } else {
+      write_file_atomically(options.json, text);
+    }
+  }
+  if (options.json != "-") print_text(options, report);
+  if (!report.readable()) return ExitCode::kBadInput;
+  return report.whole() ? ExitCode::kSuccess : ExitCode::kFailed;
+}
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app(
+      "Verify a take: is it still what was recorded? Reads only. Exit code 0: whole, 1: damaged "
+      "or\n"
+      "not closed, 2: cannot be read at all.",
+      "raystage verify");
+  Options options;
+  app.add_option("TAKE", options.take, "Folder of the take")->required();
+  app.add_option("--depth", options.depth,
+                 "How closely to look: sizes (files are there and as long as they say), journal "
+                 "(every byte but the frames' own), hashes (every byte)")
+      ->check(CLI::IsMember({"sizes", "journal", "hashes"}))
+      ->capture_default_str();
+  app.add_flag("--decode", options.decode,
+               "Also decode every JPEG and look at its size (default: off)");
+  app.add_option("--json", options.json,
+                 "Write the result to this file as JSON; -: to stdout, and nothing else there "
+                 "(default: none)");
+  app.add_option("-j,--threads", options.threads,
+                 "Cameras looked at at the same time (default: 0, one per processor)")
+      ->check(CLI::Range(0, 1024).description(""));
+  app.add_flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
+  return parse_and_run(app, argc, argv, "verify",
+                       [&](std::stop_token stop) { return verify(options, stop); });
+}

@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/repair.h"
+
+#include <algorithm>
+#include <optional>
+#include <system_error>
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "store/fixity/verify.h"
+#include "store/posix_file.h"
+#include "store/timeline.h"
+#include "store/timeline_file.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+// "r0c0.mkv.damaged"; after earlier repairs "r0c0.mkv.damaged-2" and so on.
+fs::path damaged_name(const fs::path& file) {
+  fs::path name = file;
+  name += ".damaged";
+  for (int i = 2; fs::exists(fs::symlink_status(name)); ++i) {
+    name = file;
+    name += ".damaged-" + std::to_string(i);
+  }
+  return name;
+}
+
+// A second name for the file: the first is never without one.
+std::string keep(const fs::path& file) {
+  const fs::path name = damaged_name(file);
+  std::error_code error;
+  fs::create_hard_link(file, name, error);
+  if (error) fs::rename(file, name, error);  // a file system without links
+  if (error) {
+    throw Error::failed("the damaged file cannot be set aside: " + error.message(), file.string(),
+                        "Check the folder and its permissions");
+  }
+  return name.filename().string();
+}
+
+// The proof before the originals lose their names.
+void check_new_pair(ArchivePair pair, const Salvage& salvaged, const fs::path& archive,
+                    const fs::path& journal) {
+  const MappedFile archive_file(archive), journal_file(journal);
+  pair.archive = archive_file.bytes();
+  pair.journal = journal_file.bytes();
+  const ArchiveReport report = verify_archive(pair, {});
+  if (report.whole() && report.frames == salvaged.frames) return;
+  throw Error::failed("what was written for " + pair.archive_name + " does not read back right" +
+                          (report.whole() ? "" : ": " + report.problems.front().what),
+                      archive.string(), "Check the disk; the damaged files are still there");
+}
+
+class CameraRepair {
+ public:
+  CameraRepair(const Take& take, int camera, const RepairOptions& options)
+      : options_(options),
+        pair_(describe_pair(take, camera)),
+        archive_path_(take.folder() / pair_.archive_name),
+        journal_path_(take.folder() / pair_.journal_name) {}
+
+  void run(RepairReport::Camera& result) {
+    if (!fs::exists(archive_path_)) {
+      throw Error::bad_input("the archive is missing", archive_path_.string(),
+                             "Restore it from a copy");
+    }
+    // Nobody may be recording; and nobody can begin to while this is open.
+    std::optional<OutputFile> lock;
+    if (!options_.dry_run) lock.emplace(archive_path_, OutputFile::Open::kExisting);
+    const MappedFile archive(archive_path_);
+    std::optional<MappedFile> journal;
+    if (fs::exists(journal_path_)) pair_.journal = journal.emplace(journal_path_).bytes();
+    pair_.archive = archive.bytes();
+    if (!archive.can_read(archive.bytes())) {
+      throw Error::failed("the disk cannot read all of the archive", archive_path_.string(),
+                          "Copy the take to a sound disk with a tool that fills in what cannot be "
+                          "read (ddrescue), and repair the copy");
+    }
+    if (verify_archive(pair_, {}).whole()) {
+      result.was_whole = true;
+      return;
+    }
+    result.salvage = salvage(pair_);
+    if (options_.dry_run) return;
+    replace(result);
+    result.repaired = true;
+  }
+
+ private:
+  void replace(RepairReport::Camera& result) {
+    TemporaryFile new_archive(archive_path_), new_journal(journal_path_);
+    write_salvaged(pair_, result.salvage, new_archive.path(), new_journal.path());
+    check_new_pair(pair_, result.salvage, new_archive.path(), new_journal.path());
+    if (!result.salvage.losses.empty()) {
+      result.kept.push_back(keep(archive_path_));
+      if (pair_.journal) result.kept.push_back(keep(journal_path_));
+    }
+    new_journal.commit();
+    new_archive.commit();
+  }
+
+  const RepairOptions& options_;
+  ArchivePair pair_;
+  fs::path archive_path_, journal_path_;
+};
+
+// A timeline stands on the table of frames; one that no longer does would be refused by everyone.
+std::string set_aside_timeline(const fs::path& folder) {
+  const fs::path file = folder / kTimelineFile;
+  if (!fs::exists(file)) return "";
+  try {
+    read_timeline(Take(folder));
+    return "";
+  } catch (const Error&) {
+    const std::string name = keep(file);
+    std::error_code gone_already;
+    fs::remove(file, gone_already);
+    return name;
+  }
+}
+
+}  // namespace
+
+bool RepairReport::lost_anything() const {
+  return std::ranges::any_of(cameras, [](const Camera& c) { return !c.salvage.losses.empty(); });
+}
+
+bool RepairReport::failed() const {
+  return std::ranges::any_of(cameras, [](const Camera& c) { return !c.error.empty(); });
+}
+
+void write_salvaged(const ArchivePair& pair, const Salvage& salvaged, const fs::path& archive,
+                    const fs::path& journal) {
+  ArchiveWriter out(archive, journal, pair.description);
+  for (const FrameRecord& record : salvaged.records) {
+    const FrameOrigin origin{record.arrival_ns, record.sequence};
+    if (record.status == FrameStatus::kStored) {
+      out.append(pair.archive.subspan(static_cast<std::size_t>(record.offset), record.size),
+                 record.time_ns, origin);
+    } else {
+      out.append_missing(record.status, record.time_ns, origin);
+    }
+  }
+  out.close();
+}
+
+RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
+  RepairReport report;
+  const Take take(folder);
+  report.cameras.resize(static_cast<std::size_t>(take.camera_count()));
+  for (int i = 0; i < take.camera_count(); ++i) {
+    if (options.stop.stop_requested()) {
+      report.stopped = true;
+      break;
+    }
+    RepairReport::Camera& camera = report.cameras[static_cast<std::size_t>(i)];
+    camera.id = take.document().cameras[static_cast<std::size_t>(i)].id;
+    // One camera after the other: a second archive's room on the disk, no more.
+    try {
+      CameraRepair(take, i, options).run(camera);
+    } catch (const Error& error) {
+      camera.error = error.what();
+    }
+    if (options.progress) options.progress((i + 1.0) / take.camera_count());
+  }
+  if (!options.dry_run && !report.stopped && !report.failed()) {
+    report.old_timeline = set_aside_timeline(folder);
+  }
+  return report;
+}
+
+}  // namespace raystage

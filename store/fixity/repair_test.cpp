@@ -1,0 +1,360 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/repair.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <random>
+#include <set>
+
+#include "schemas/error.h"
+#include "store/fixity/fixity_test_data.h"
+#include "store/fixity/verify.h"
+#include "store/matroska.h"
+#include "store/take_test_data.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+using test::make_pair;
+using test::PairBytes;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+using Random = std::mt19937_64;
+
+constexpr unsigned kFrames = 20;
+
+PairBytes repaired(const PairBytes& damaged, const Salvage& saved) {
+  const TestFolder folder;
+  const auto archive = folder.path() / "a.mkv", journal = folder.path() / "a.journal";
+  write_salvaged(damaged.pair(), saved, archive, journal);
+  return {test::bytes_of(archive), test::bytes_of(journal), true};
+}
+
+// A pair that is damaged at random, and which of the original's bytes are still in place or, in an
+// archive that lost or gained some, at least there and in one piece.
+struct Damaged {
+  PairBytes bytes;
+  std::vector<bool> archive_touched, journal_touched;
+  bool moved = false;  // bytes of the archive are not where they were
+
+  Damaged(const PairBytes& whole, Random& random)
+      : bytes(whole), archive_touched(whole.archive.size()), journal_touched(whole.journal.size()) {
+    for (auto kinds = 1 + random() % 3; kinds > 0; --kinds) hurt(random);
+  }
+
+  void hurt(Random& random) {
+    const auto kind = random() % 9;
+    auto& file = kind % 2 == 0 ? bytes.archive : bytes.journal;
+    auto& touched = kind % 2 == 0 ? archive_touched : journal_touched;
+    if (file.empty()) return;
+    const std::size_t at = random() % file.size();
+    const std::size_t length = std::min<std::size_t>(1 + random() % 150, file.size() - at);
+    const auto first = file.begin() + static_cast<std::ptrdiff_t>(at);
+    const auto touch = [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < std::min(end, touched.size()); ++i) touched[i] = true;
+    };
+    if (kind <= 3 || (moved && kind % 2 == 0)) {
+      if (moved && kind % 2 == 0) return;  // where the bytes came from is no longer told
+      test::flip(file, 8 * at + random() % 8);
+      touch(at, at + 1);
+    } else if (kind == 4 || kind == 5) {
+      std::fill_n(first, length, std::byte{0});
+      touch(at, at + length);
+    } else if (kind == 6) {
+      file.erase(first, first + static_cast<std::ptrdiff_t>(length));
+      touch(at, at + length);
+      moved = true;
+    } else if (kind == 7) {
+      file.resize(at);
+      touch(at, touched.size());
+    } else {
+      const std::vector<std::byte> garbage(length, std::byte{0x55});
+      file.insert(first, garbage.begin(), garbage.end());
+      if (at > 0) touch(at - 1, at + 1);  // a frame around it is torn apart
+      moved = true;
+    }
+  }
+
+  static bool any(const std::vector<bool>& touched, std::size_t begin, std::size_t end) {
+    return std::find(touched.begin() + static_cast<std::ptrdiff_t>(begin),
+                     touched.begin() + static_cast<std::ptrdiff_t>(end),
+                     true) != touched.begin() + static_cast<std::ptrdiff_t>(end);
+  }
+};
+
+TEST(Salvage, SavesEveryUndamagedFrameByteForByte) {
+  Random random(20051);
+  long saved_frames = 0, whole_frames = 0, mended = 0, relisted = 0;
+  for (int round = 0; round < 3000; ++round) {
+    const PairBytes whole = make_pair(kFrames, round % 2 == 0);
+    const auto original = journal::decode(whole.journal, "journal").records;
+    const Damaged damaged(whole, random);
+    const Salvage saved = salvage(damaged.bytes.pair());
+    const PairBytes now = repaired(damaged.bytes, saved);
+    const ArchiveReport report = verify_archive(now.pair(), {});
+    ASSERT_TRUE(report.whole()) << round << ": " << report.problems[0].what;
+    ASSERT_EQ(report.frames, saved.frames);
+
+    std::map<Nanoseconds, FrameRecord> stored, missing;
+    for (const FrameRecord& record : journal::decode(now.journal, "journal").records) {
+      (record.status == FrameStatus::kStored ? stored : missing)[record.time_ns] = record;
+    }
+    const auto same_bytes = [&](const FrameRecord& a, const FrameRecord& b) {
+      return a.size == b.size &&
+             std::equal(now.archive.begin() + static_cast<long>(a.offset),
+                        now.archive.begin() + static_cast<long>(a.offset + a.size),
+                        whole.archive.begin() + static_cast<long>(b.offset));
+    };
+    std::int64_t changed = 0;
+    std::set<Nanoseconds> known;
+    for (std::size_t i = 0; i < original.size(); ++i) {
+      const FrameRecord& record = original[i];
+      const std::size_t line = journal::kHeaderBytes + i * journal::kRecordBytes;
+      const bool record_good =
+          !Damaged::any(damaged.journal_touched, line, line + journal::kRecordBytes);
+      if (record.status != FrameStatus::kStored) {
+        if (!record_good) continue;
+        ASSERT_TRUE(missing.contains(record.time_ns)) << round << " " << i;
+        EXPECT_EQ(missing[record.time_ns], record);
+        continue;
+      }
+      known.insert(record.time_ns);
+      const bool jpeg_good =
+          !Damaged::any(damaged.archive_touched, record.offset, record.offset + record.size);
+      const bool cluster_good =
+          !Damaged::any(damaged.archive_touched, record.offset - 35, record.offset);
+      const bool there = stored.contains(record.time_ns);
+      if (there && !same_bytes(stored[record.time_ns], record)) ++changed;
+      if (!jpeg_good || !(cluster_good || (record_good && !damaged.moved))) continue;
+      ++whole_frames;
+      ASSERT_TRUE(there) << round << ": frame " << i << " is lost";
+      ASSERT_TRUE(same_bytes(stored[record.time_ns], record)) << round << ": frame " << i;
+      ++saved_frames;
+      if (!record_good) continue;
+      EXPECT_EQ(stored[record.time_ns].arrival_ns, record.arrival_ns);
+      EXPECT_EQ(stored[record.time_ns].sequence, record.sequence);
+    }
+    // Frames that are not what was recorded are said to be in doubt, but for one that looks like a
+    // crash's.
+    for (const auto& [time, record] : stored) changed += known.contains(time) ? 0 : 1;
+    ASSERT_LE(changed, std::max<std::int64_t>(saved.unproven_frames, round % 2)) << round;
+    mended += saved.mended_records;
+    relisted += saved.relisted_frames;
+  }
+  EXPECT_EQ(saved_frames, whole_frames);
+  EXPECT_GT(saved_frames, 20'000);
+  EXPECT_GT(mended, 500);
+  EXPECT_GT(relisted, 500);
+}
+
+TEST(Salvage, OneFlippedBitInTheJournalCostsNothing) {
+  const PairBytes whole = make_pair(4, true);
+  const auto records = journal::decode(whole.journal, "journal").records;
+  PairBytes damaged = whole;
+  for (std::size_t bit = 0; bit < 8 * whole.journal.size(); ++bit) {
+    test::flip(damaged.journal, bit);
+    const Salvage saved = salvage(damaged.pair());
+    ASSERT_THAT(saved.losses, IsEmpty()) << bit << " " << saved.losses[0].what;
+    ASSERT_EQ(saved.records, records) << bit;
+    test::flip(damaged.journal, bit);
+  }
+}
+
+TEST(Salvage, OneFlippedBitInTheArchiveCostsOneFrameAtMost) {
+  const PairBytes whole = make_pair(4, true);
+  const auto records = journal::decode(whole.journal, "journal").records;
+  PairBytes damaged = whole;
+  for (std::size_t bit = 0; bit < 8 * whole.archive.size(); ++bit) {
+    test::flip(damaged.archive, bit);
+    const Salvage saved = salvage(damaged.pair());
+    const bool in_a_frame = std::ranges::any_of(records, [&](const FrameRecord& record) {
+      return bit / 8 >= record.offset && bit / 8 < record.offset + record.size;
+    });
+    if (in_a_frame) {
+      ASSERT_EQ(saved.rotten_frames, 1) << bit;
+      ASSERT_EQ(saved.frames, 3);
+    } else {
+      // In the headers and the Cues: they are made again.
+      ASSERT_EQ(saved.records, records) << bit;
+    }
+    test::flip(damaged.archive, bit);
+  }
+  const PairBytes now = repaired(damaged, salvage(damaged.pair()));
+  EXPECT_EQ(now.archive, whole.archive);
+  EXPECT_EQ(now.journal, whole.journal);
+}
+
+TEST(Salvage, AJournalOfVersionOneBecomesVersionTwo) {
+  const PairBytes old = test::with_journal_v1(make_pair(5, true));
+  PairBytes damaged = old;
+  test::flip(damaged.archive, 8 * (damaged.archive.size() - 5));
+  const Salvage saved = salvage(damaged.pair());
+  EXPECT_THAT(saved.losses, IsEmpty());
+  const PairBytes now = repaired(damaged, saved);
+  EXPECT_EQ(now.archive, old.archive);
+  EXPECT_EQ(journal::decode_header(now.journal, "journal")->version, 2u);
+}
+
+TEST(Salvage, RefusesTheFilesOfAnotherCamera) {
+  PairBytes pair = make_pair(3, true);
+  ArchivePair foreign = pair.pair();
+  foreign.description.camera_id = "r9c9";
+  EXPECT_THROW(salvage(foreign), Error);
+  foreign.journal.reset();
+  EXPECT_THROW(salvage(foreign), Error);
+}
+
+struct RepairTake : testing::Test {
+  RepairTake() {
+    std::vector<std::vector<Nanoseconds>> times(3);
+    for (auto& column : times) {
+      for (int i = 0; i < 10; ++i) column.push_back(i * 50'000'000);
+    }
+    test::write_take(take, times, 20);
+    write_timeline(build_timeline(Take(take), 0, 0), take);
+  }
+  std::filesystem::path archive(int camera) const {
+    return take / ("archive/c" + std::to_string(camera) + ".mkv");
+  }
+  std::filesystem::path journal(int camera) const {
+    return take / ("archive/c" + std::to_string(camera) + ".journal");
+  }
+  // What a crash leaves: no Cues, no size.
+  void leave_open(int camera) const {
+    const Take whole(take);
+    const FrameRecord last = whole.archive(camera).frames().back();
+    auto bytes = test::bytes_of(archive(camera));
+    const auto header =
+        matroska::make_header({"c" + std::to_string(camera), 320, 240, whole.document().epoch_utc});
+    std::ranges::copy(header.bytes, bytes.begin());
+    bytes.resize(static_cast<std::size_t>(last.offset) + last.size);
+    test::overwrite(archive(camera), bytes);
+  }
+  std::set<std::string> names() const {
+    std::set<std::string> found;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(take)) {
+      if (entry.is_regular_file()) found.insert(entry.path().filename().string());
+    }
+    return found;
+  }
+  bool whole() const { return verify_take(take, {}).whole(); }
+
+  TestFolder folder;
+  std::filesystem::path take = folder.path() / "take";
+};
+
+TEST_F(RepairTake, AWholeTakeIsNotTouched) {
+  const auto before = std::filesystem::last_write_time(archive(0));
+  const RepairReport report = repair_take(take, {});
+  for (const auto& camera : report.cameras) {
+    EXPECT_TRUE(camera.was_whole);
+    EXPECT_FALSE(camera.repaired);
+  }
+  EXPECT_EQ(std::filesystem::last_write_time(archive(0)), before);
+}
+
+TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
+  const auto before = names();
+  const auto original = test::bytes_of(archive(1));
+  leave_open(1);
+  ASSERT_FALSE(whole());
+  const RepairReport report = repair_take(take, {});
+  EXPECT_TRUE(report.cameras[0].was_whole);
+  EXPECT_TRUE(report.cameras[1].repaired);
+  EXPECT_FALSE(report.lost_anything());
+  EXPECT_EQ(test::bytes_of(archive(1)), original);
+  EXPECT_EQ(names(), before);
+  EXPECT_TRUE(whole());
+}
+
+TEST_F(RepairTake, TheOriginalsOfALossStay) {
+  const FrameRecord frame = Take(take).archive(2).frames()[5];
+  auto bytes = test::bytes_of(archive(2));
+  bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
+  test::overwrite(archive(2), bytes);
+  const auto lines = test::bytes_of(journal(2));
+  const auto before = names();
+
+  RepairOptions dry;
+  dry.dry_run = true;
+  RepairReport report = repair_take(take, dry);
+  EXPECT_EQ(names(), before);
+  EXPECT_EQ(test::bytes_of(archive(2)), bytes);
+  EXPECT_EQ(report.cameras[2].salvage.rotten_frames, 1);
+
+  report = repair_take(take, {});
+  EXPECT_TRUE(report.lost_anything());
+  EXPECT_THAT(report.cameras[2].kept, ElementsAre("c2.mkv.damaged", "c2.journal.damaged"));
+  ASSERT_EQ(report.cameras[2].salvage.losses.size(), 1u);
+  EXPECT_EQ(report.cameras[2].salvage.losses[0].time_ns, frame.time_ns);
+  EXPECT_EQ(test::bytes_of(take / "archive/c2.mkv.damaged"), bytes);
+  EXPECT_EQ(test::bytes_of(take / "archive/c2.journal.damaged"), lines);
+  // The timeline counts frames: with one fewer it is another.
+  EXPECT_EQ(report.old_timeline, "timeline.zst.damaged");
+  EXPECT_TRUE(whole());
+  const Take now(take);
+  ASSERT_EQ(now.archive(2).frames().size(), 9u);
+  EXPECT_EQ(now.archive(2).records()[5].status, FrameStatus::kTorn);
+  EXPECT_EQ(now.archive(2).records()[5].time_ns, frame.time_ns);
+
+  // A second loss does not overwrite what the first left.
+  auto again = test::bytes_of(archive(2));
+  again[static_cast<std::size_t>(now.archive(2).frames()[0].offset)] ^= std::byte{1};
+  test::overwrite(archive(2), again);
+  report = repair_take(take, {});
+  EXPECT_THAT(report.cameras[2].kept, ElementsAre("c2.mkv.damaged-2", "c2.journal.damaged-2"));
+  EXPECT_TRUE(whole());
+}
+
+TEST_F(RepairTake, ALostJournalIsMadeAgain) {
+  const auto original = test::bytes_of(archive(0));
+  const auto lines = test::bytes_of(journal(0));
+  std::filesystem::remove(journal(0));
+  const RepairReport report = repair_take(take, {});
+  EXPECT_EQ(report.cameras[0].salvage.relisted_frames, 10);
+  EXPECT_TRUE(report.lost_anything());
+  EXPECT_EQ(test::bytes_of(archive(0)), original);
+  EXPECT_EQ(test::bytes_of(journal(0)), lines);
+  EXPECT_TRUE(whole());
+}
+
+TEST_F(RepairTake, WhatCannotBeRepairedIsSaidAndTheRestGoesOn) {
+  leave_open(0);
+  std::filesystem::remove(archive(1));
+  leave_open(2);
+  ArchiveWriter recording = ArchiveWriter::resume(
+      archive(2), journal(2), {"c2", 320, 240, Take(take).document().epoch_utc});
+  const RepairReport report = repair_take(take, {});
+  EXPECT_TRUE(report.failed());
+  EXPECT_TRUE(report.cameras[0].repaired);
+  EXPECT_THAT(report.cameras[1].error, HasSubstr("archive is missing"));
+  EXPECT_THAT(report.cameras[2].error, HasSubstr("another program is writing"));
+  recording.append(test::fake_jpeg(1), 900'000'000);
+}
+
+TEST_F(RepairTake, RandomDamageThenRepairThenVerify) {
+  Random random(7);
+  for (int round = 0; round < 25; ++round) {
+    for (auto hits = 1 + random() % 4; hits > 0; --hits) {
+      const int camera = static_cast<int>(random() % 3);
+      const auto file = random() % 2 == 0 ? archive(camera) : journal(camera);
+      auto bytes = test::bytes_of(file);
+      if (random() % 4 == 0) bytes.resize(bytes.size() - random() % (bytes.size() / 4));
+      test::flip(bytes, random() % (8 * bytes.size()));
+      test::overwrite(file, bytes);
+    }
+    ASSERT_FALSE(whole());
+    const RepairReport report = repair_take(take, {});
+    ASSERT_FALSE(report.failed());
+    ASSERT_TRUE(whole()) << round;
+  }
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/salvage.h"
+
+#include <fmt/format.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <array>
+#include <set>
+#include <utility>
+
+#include "schemas/error.h"
+#include "store/journal.h"
+#include "store/little_endian.h"
+#include "store/matroska.h"
+
+namespace raystage {
+namespace {
+
+using Bytes = std::span<const std::byte>;
+constexpr std::size_t kHashAt = 24;  // in a record, docs/formats/journal.md
+
+std::uint64_t hash_of(Bytes archive, const FrameRecord& record) {
+  return XXH3_64bits(archive.data() + record.offset, record.size);
+}
+
+// The record with the one flipped bit that makes its check hold; nullopt where there is none. The
+// check of version 2 leaves no second candidate.
+std::optional<FrameRecord> mend(Bytes slot, std::uint32_t version) {
+  std::array<std::byte, journal::kRecordBytes> bytes{};
+  std::ranges::copy(slot, bytes.begin());
+  const auto own = std::span(bytes).first(slot.size());
+  for (std::size_t bit = 0; bit < 8 * own.size(); ++bit) {
+    const auto mask = static_cast<std::byte>(1u << (bit % 8));
+    own[bit / 8] ^= mask;
+    if (const auto record = journal::decode_record(own, version)) return record;
+    own[bit / 8] ^= mask;
+  }
+  return std::nullopt;
+}
+
+struct Journal {
+  std::vector<FrameRecord> records;
+  std::set<std::uint64_t> stray_hashes;  ///< what stands for a hash in records that are lost
+  std::int64_t mended = 0, lost = 0;
+};
+
+// A record with more than one flipped bit may by bad luck mend into another one. That must not cost
+// its neighbours: it has to fit between their times.
+Journal read_journal(Bytes file, std::uint32_t version) {
+  const std::size_t step = journal::record_bytes(version);
+  struct Slot {
+    FrameRecord record;
+    Bytes bytes;
+    bool sound = false, mended = false;
+  };
+  std::vector<Slot> slots;
+  for (Bytes rest = file.subspan(std::min(file.size(), journal::kHeaderBytes)); rest.size() >= step;
+       rest = rest.subspan(step)) {
+    Slot slot;
+    slot.bytes = rest.first(step);
+    auto record = journal::decode_record(slot.bytes, version);
+    slot.sound = record.has_value();
+    if (!record) {
+      record = mend(slot.bytes, version);
+      slot.mended = record.has_value();
+    }
+    if (record) slot.record = *record;
+    slots.push_back(slot);
+  }
+  Nanoseconds next = matroska::kMaxTime;
+  for (auto slot = slots.rbegin(); slot != slots.rend(); ++slot) {
+    if (slot->sound) next = slot->record.time_ns;
+    if (slot->mended && slot->record.time_ns > next) slot->mended = false;
+  }
+  Journal journal;
+  Nanoseconds last = 0;
+  for (const Slot& slot : slots) {
+    if (slot.sound || (slot.mended && slot.record.time_ns >= last)) {
+      last = slot.record.time_ns;
+      journal.records.push_back(slot.record);
+      journal.mended += slot.mended ? 1 : 0;
+    } else {
+      ++journal.lost;
+      journal.stray_hashes.insert(load_little_endian<std::uint64_t>(slot.bytes, kHashAt));
+    }
+  }
+  return journal;
+}
+
+void refuse_another_camera(const ArchivePair& pair) {
+  const auto refuse = [&](const std::string& file, const std::string& what) {
+    return Error::bad_input(what, file,
+                            "Put the files of camera \"" + pair.description.camera_id +
+                                "\" there, or correct take.json");
+  };
+  if (pair.journal) {
+    const auto header = journal::decode_header(*pair.journal, pair.journal_name);
+    if (header && (header->epoch_utc != pair.description.epoch_utc ||
+                   header->camera_hash != journal::hash_of_camera(pair.description.camera_id))) {
+      throw refuse(pair.journal_name, "this is the journal of another camera or take");
+    }
+  }
+  ArchiveWriter::Description found;
+  try {
+    found = matroska::read_preamble(pair.archive, pair.archive_name).description;
+  } catch (const Error&) {
+    return;  // damaged, then: the header is made again
+  }
+  // One flipped bit in a name makes no other camera: the header also holds the name's hash.
+  if (!found.camera_id.empty() && found.camera_id != pair.description.camera_id &&
+      matroska::begins_with(pair.archive, matroska::make_header(found))) {
+    throw refuse(pair.archive_name, "this is the archive of camera \"" + found.camera_id + "\"");
+  }
+}
+
+bool was_closed(const ArchivePair& pair, const matroska::Header& header) {
+  const std::size_t begin = header.segment_size_offset, end = header.segment_data_offset;
+  return pair.archive.size() >= end &&
+         !std::ranges::equal(pair.archive.subspan(begin, end - begin),
+                             Bytes(header.bytes).subspan(begin, end - begin));
+}
+
+class Salvager {
+ public:
+  explicit Salvager(const ArchivePair& pair)
+      : pair_(pair),
+        archive_(pair.archive),
+        header_(matroska::make_header(pair.description)),
+        found_(matroska::find_clusters(archive_, 0)) {
+    std::ranges::stable_sort(found_, {}, &matroska::FoundFrame::time);
+    if (pair.journal) {
+      journal_ = read_journal(*pair.journal, journal_version(*pair.journal, pair.journal_name));
+    } else {
+      lose(kUnknownTime,
+           "the journal: when frames arrived and which were missing is not known now");
+    }
+    result_.mended_records = journal_.mended;
+  }
+
+  Salvage run() {
+    for (const FrameRecord& record : journal_.records) take_record(record);
+    std::ranges::sort(places_, {}, &Place::begin);
+    take_unlisted();
+    for (const auto& [offset, size] : rotten_) occupy(static_cast<std::size_t>(offset), size);
+    std::ranges::sort(places_, {}, &Place::begin);
+    put_in_order();
+    count_losses();
+    return std::move(result_);
+  }
+
+ private:
+  struct Place {
+    std::size_t begin, end;  // of a cluster, in the archive
+  };
+
+  void lose(Nanoseconds time, std::string what) {
+    result_.losses.push_back({time, std::move(what)});
+  }
+  bool lies_within(const FrameRecord& record) const {
+    return record.size > 0 && record.offset >= matroska::kClusterHeaderBytes &&
+           record.offset <= archive_.size() && record.size <= archive_.size() - record.offset;
+  }
+  bool has_its_hash(const FrameRecord& record) const {
+    return lies_within(record) && hash_of(archive_, record) == record.xxh3;
+  }
+  void occupy(std::size_t offset, std::size_t size) {
+    places_.push_back({offset - matroska::kClusterHeaderBytes, offset + size});
+  }
+
+  // Where the journal says, or, where bytes were lost or came in before it, wherever a cluster of
+  // this time and these bytes is.
+  bool locate(FrameRecord& record) const {
+    if (has_its_hash(record)) return true;
+    for (const auto& frame :
+         std::ranges::equal_range(found_, record.time_ns, {}, &matroska::FoundFrame::time)) {
+      FrameRecord moved = record;
+      moved.offset = frame.offset;
+      if (frame.size != record.size || !has_its_hash(moved)) continue;
+      record = moved;
+      return true;
+    }
+    return false;
+  }
+
+  void take_record(FrameRecord record) {
+    if (record.time_ns < 0 || record.time_ns > matroska::kMaxTime) {
+      ++journal_.lost;
+      return;
+    }
+    if (record.status == FrameStatus::kStored) {
+      listed_times_.insert(record.time_ns);
+      last_listed_ = std::max(last_listed_, record.offset);
+      if (locate(record)) {
+        occupy(static_cast<std::size_t>(record.offset), record.size);
+      } else {
+        const bool rotten = lies_within(record);
+        ++(rotten ? result_.rotten_frames : result_.cut_off_frames);
+        lose(record.time_ns, rotten ? "a frame is rotten: its XXH3 differs"
+                                    : "a frame lies beyond the archive's end");
+        if (rotten) rotten_.emplace(record.offset, record.size);
+        record.status = FrameStatus::kTorn;
+      }
+    }
+    if (record.status != FrameStatus::kStored) record.offset = record.size = record.xxh3 = 0;
+    result_.records.push_back(record);
+  }
+
+  // By a record: its time, its place, or the place where its hash says that it is.
+  bool is_taken(const matroska::FoundFrame& frame) const {
+    if (listed_times_.contains(frame.time)) return true;
+    if (rotten_.contains({frame.offset, static_cast<std::uint32_t>(frame.size)})) return true;
+    const auto after =
+        std::ranges::lower_bound(places_, frame.offset + frame.size, {}, &Place::begin);
+    return after != places_.begin() && std::prev(after)->end > frame.offset;
+  }
+
+  // Frames that no record speaks of.
+  void take_unlisted() {
+    std::erase_if(found_, [&](const matroska::FoundFrame& frame) { return is_taken(frame); });
+    // A crash between a frame and its record leaves one such frame, whole, at the end.
+    const bool by_a_crash = found_.size() == 1 && found_[0].offset > last_listed_ &&
+                            pair_.journal && journal_.lost == 0 && !was_closed(pair_, header_);
+    for (const auto& frame : found_) {
+      FrameRecord record{frame.time, frame.offset, static_cast<std::uint32_t>(frame.size)};
+      record.xxh3 = hash_of(archive_, record);
+      ++result_.relisted_frames;
+      if (journal_.stray_hashes.contains(record.xxh3)) {
+        --journal_.lost;
+      } else if (!by_a_crash) {
+        ++result_.unproven_frames;
+        lose(frame.time, "a frame's record is lost: nothing proves that the frame is unchanged");
+      }
+      occupy(frame.offset, frame.size);
+      result_.records.push_back(record);
+    }
+  }
+
+  void put_in_order() {
+    std::ranges::stable_sort(result_.records, {}, &FrameRecord::time_ns);
+    Nanoseconds last = -1;
+    std::erase_if(result_.records, [&](const FrameRecord& record) {
+      if (record.status != FrameStatus::kStored) return false;
+      if (record.time_ns == last) {
+        lose(last, "of two frames at one time the second");
+        return true;
+      }
+      last = record.time_ns;
+      ++result_.frames;
+      return false;
+    });
+  }
+
+  void count_losses() {
+    result_.lost_records = std::max<std::int64_t>(0, journal_.lost);
+    if (result_.lost_records > 0) {
+      lose(kUnknownTime,
+           fmt::format("{} records of the journal; missing frames that they told of are forgotten",
+                       result_.lost_records));
+    }
+    std::size_t cursor = std::min(header_.bytes.size(), archive_.size());
+    const auto skip_to = [&](std::size_t end) {
+      if (end <= cursor) return;
+      result_.lost_bytes += end - cursor;
+      lose(kUnknownTime,
+           fmt::format("{} bytes at {} of the archive are no whole frame", end - cursor, cursor));
+    };
+    for (const Place& place : places_) {
+      skip_to(place.begin);
+      cursor = std::max(cursor, place.end);
+    }
+    const Bytes tail = archive_.subspan(cursor);
+    const Bytes cues = Bytes(matroska::kCuesIdBytes).first(std::min<std::size_t>(tail.size(), 4));
+    if (!std::ranges::equal(tail.first(cues.size()), cues)) skip_to(archive_.size());
+  }
+
+  const ArchivePair& pair_;
+  Bytes archive_;
+  matroska::Header header_;
+  std::vector<matroska::FoundFrame> found_;  // by time
+  Journal journal_;
+  std::set<Nanoseconds> listed_times_;
+  std::uint64_t last_listed_ = 0;  // offset of the last frame in the journal
+  std::vector<Place> places_;      // of frames that are saved, in the end also of rotten ones
+  std::set<std::pair<std::uint64_t, std::uint32_t>> rotten_;  // offset and size
+  Salvage result_;
+};
+
+}  // namespace
+
+Salvage salvage(const ArchivePair& pair) {
+  refuse_another_camera(pair);
+  return Salvager(pair).run();
+}
+
+}  // namespace raystage

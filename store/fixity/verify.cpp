@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/verify.h"
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <optional>
+#include <system_error>
+
+#include "schemas/error.h"
+#include "schemas/parallel.h"
+#include "store/posix_file.h"
+#include "store/timeline.h"
+#include "store/timeline_file.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::uint64_t size_of(const fs::path& file) {
+  std::error_code error;
+  const auto size = fs::file_size(file, error);
+  return error ? 0 : size;
+}
+
+// Files grow and shrink under nobody's hands but a recorder's: what was counted ahead may be short.
+class Share {
+ public:
+  Share(std::uint64_t total, const std::function<void(double)>& report)
+      : total_(std::max<std::uint64_t>(total, 1)), report_(report) {}
+  void advance(std::uint64_t bytes) {
+    if (!report_) return;
+    const auto done = done_.fetch_add(bytes, std::memory_order_relaxed) + bytes;
+    report_(std::min(1.0, static_cast<double>(done) / static_cast<double>(total_)));
+  }
+
+ private:
+  std::uint64_t total_;
+  const std::function<void(double)>& report_;
+  std::atomic<std::uint64_t> done_ = 0;
+};
+
+void verify_camera(const Take& take, int camera, const TakeVerifyOptions& options, Share& share,
+                   TakeReport::Camera& result) {
+  ArchivePair pair = describe_pair(take, camera);
+  const fs::path archive_path = take.folder() / pair.archive_name;
+  const fs::path journal_path = take.folder() / pair.journal_name;
+  if (!fs::exists(archive_path)) {
+    result.report.problems.push_back(
+        {pair.archive_name, 0, "the archive is missing: all its frames are lost", {}, false});
+    return;
+  }
+  try {
+    const MappedFile archive(archive_path);
+    std::optional<MappedFile> journal;
+    if (fs::exists(journal_path)) pair.journal = journal.emplace(journal_path).bytes();
+    pair.archive = archive.bytes();
+    VerifyOptions single;
+    single.depth = options.depth;
+    single.decode = options.decode;
+    single.stop = options.stop;
+    single.progress = [&](std::uint64_t bytes) { share.advance(bytes); };
+    single.can_read = [&](std::span<const std::byte> part) { return archive.can_read(part); };
+    result.report = verify_archive(pair, single);
+  } catch (const Error& error) {
+    result.error = error.what();
+  }
+}
+
+void verify_timeline(const Take& take, TakeReport& report) {
+  if (!fs::exists(take.folder() / kTimelineFile)) return;
+  try {
+    read_timeline(take);
+  } catch (const Error& error) {
+    report.problems.push_back({std::string(kTimelineFile),
+                               0,
+                               error.what_happened() + "; it can be made again: `raystage sync`",
+                               {},
+                               false});
+  }
+}
+
+}  // namespace
+
+std::uint64_t TakeReport::bytes() const {
+  std::uint64_t sum = 0;
+  for (const Camera& camera : cameras) sum += camera.bytes;
+  return sum;
+}
+
+bool TakeReport::whole() const {
+  return problems.empty() && readable() && !stopped &&
+         std::ranges::all_of(cameras, [](const Camera& c) { return c.report.whole(); });
+}
+
+bool TakeReport::readable() const {
+  return std::ranges::all_of(cameras, [](const Camera& c) { return c.error.empty(); });
+}
+
+ArchivePair describe_pair(const Take& take, int camera) {
+  const auto index = static_cast<std::size_t>(camera);
+  const auto& entry = take.document().cameras[index];
+  const auto& model = take.rig().cameras[index].model;
+  ArchivePair pair;
+  pair.archive_name = entry.archive;
+  pair.journal_name = entry.journal;
+  pair.description = {entry.id, model.width(), model.height(), take.document().epoch_utc};
+  return pair;
+}
+
+TakeReport verify_take(const fs::path& folder, const TakeVerifyOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  const Take take(folder);
+  TakeReport report;
+  const auto cameras = static_cast<std::size_t>(take.camera_count());
+  report.cameras.resize(cameras);
+  for (std::size_t i = 0; i < cameras; ++i) {
+    const auto& entry = take.document().cameras[i];
+    report.cameras[i].id = entry.id;
+    report.cameras[i].bytes =
+        size_of(take.folder() / entry.archive) + size_of(take.folder() / entry.journal);
+  }
+  Share share(report.bytes(), options.progress);
+  // One camera a thread, in order, so that a disk reads its files from end to end.
+  const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  for_each_in_flight(
+      cameras, threads, [&] { return options.stop.stop_requested(); },
+      [&](std::size_t i) {
+        verify_camera(take, static_cast<int>(i), options, share, report.cameras[i]);
+      });
+  report.stopped = options.stop.stop_requested();
+  // The timeline stands on the frame tables: it can be judged only where these are right.
+  if (!report.stopped && options.depth != VerifyDepth::kSizes && report.whole()) {
+    verify_timeline(take, report);
+  }
+  if (options.progress && !report.stopped) options.progress(1);
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return report;
+}
+
+}  // namespace raystage

@@ -1,0 +1,403 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/verify_archive.h"
+
+#include <fmt/format.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "schemas/error.h"
+#include "store/journal.h"
+#include "store/jpeg/decode.h"
+#include "store/matroska.h"
+
+namespace raystage {
+namespace {
+
+using Bytes = std::span<const std::byte>;
+
+// Index of the first byte that differs; the shorter length where one is the beginning of the other.
+std::size_t first_difference(Bytes a, Bytes b) {
+  return static_cast<std::size_t>(std::ranges::mismatch(a, b).in1 - a.begin());
+}
+
+class Verifier {
+ public:
+  Verifier(const ArchivePair& pair, const VerifyOptions& options)
+      : pair_(pair),
+        options_(options),
+        archive_(pair.archive),
+        header_(matroska::make_header(pair.description)) {
+    const Bytes expected(header_.bytes);
+    const auto field = [&](Bytes bytes) {
+      return bytes.subspan(header_.segment_size_offset,
+                           header_.segment_data_offset - header_.segment_size_offset);
+    };
+    claims_closed_ = archive_.size() >= header_.segment_data_offset &&
+                     !std::ranges::equal(field(archive_), field(expected));
+  }
+
+  ArchiveReport run() {
+    if (!check_journal_header()) return std::move(report_);
+    if (!can_read(archive_.first(std::min(archive_.size(), header_.bytes.size())))) {
+      add(pair_.archive_name, 0, "the disk cannot read the header");
+      return std::move(report_);
+    }
+    if (options_.depth == VerifyDepth::kSizes) {
+      check_sizes();
+    } else {
+      check_everything();
+    }
+    return std::move(report_);
+  }
+
+ private:
+  Problem* add(const std::string& file, std::uint64_t offset, std::string what,
+               std::vector<AffectedFrame> frames = {}) {
+    if (report_.problems.size() >= kMostProblems) {
+      ++report_.more_problems;
+      return nullptr;
+    }
+    return &report_.problems.emplace_back(
+        Problem{file, offset, std::move(what), std::move(frames), false});
+  }
+
+  bool can_read(Bytes part) const { return !options_.can_read || options_.can_read(part); }
+  void advance(std::uint64_t bytes) const {
+    if (options_.progress) options_.progress(bytes);
+  }
+
+  // False where it makes no sense to go on.
+  bool check_journal_header() {
+    if (!pair_.journal) {
+      add(pair_.journal_name, 0, "the journal is missing: no frame has its hash");
+      return true;
+    }
+    const Bytes journal = *pair_.journal;
+    if (!can_read(journal)) {
+      add(pair_.journal_name, 0, "the disk cannot read the journal");
+      return false;
+    }
+    version_ = journal_version(journal, pair_.journal_name);
+    const auto expected = journal::encode_header(pair_.description, version_);
+    const Bytes found = journal.first(std::min(journal.size(), expected.size()));
+    if (std::ranges::equal(found, expected)) return true;
+    if (journal::decode_header(journal, pair_.journal_name)) {
+      add(pair_.journal_name, first_difference(found, expected),
+          "this is the journal of another camera or take");
+      return false;
+    }
+    add(pair_.journal_name, first_difference(found, expected),
+        found.size() < expected.size() ? "the journal ends within its header"
+                                       : "the journal's header is damaged");
+    return true;
+  }
+
+  void check_sizes();
+  void check_everything();
+  void check_slot(std::uint64_t at, Bytes slot);
+  void check_stored(std::uint64_t at, const FrameRecord& record);
+  void check_gap(std::size_t end);
+  void check_frame(const FrameRecord& record);
+  void check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected);
+  void check_end();
+  void check_header(const matroska::Closing& closing);
+  void take_frame(Nanoseconds time, std::size_t cluster, std::size_t end);
+  void report_cut_off();
+  void report_not_closed(std::string what);
+
+  const ArchivePair& pair_;
+  const VerifyOptions& options_;
+  Bytes archive_;
+  matroska::Header header_;
+  bool claims_closed_ = false;
+  std::uint32_t version_ = journal::kVersion;
+
+  std::size_t cursor_ = 0;  // one past the last cluster so far
+  std::vector<matroska::CuePoint> cues_;
+  Nanoseconds last_time_ = 0, last_stored_time_ = -1;
+  std::vector<std::size_t> damaged_records_;  // since the last stored frame; into report_.problems
+  std::vector<AffectedFrame> cut_off_;
+  std::size_t torn_journal_bytes_ = 0;
+  JpegDecoder decoder_;
+  ArchiveReport report_;
+};
+
+void Verifier::report_not_closed(std::string what) {
+  Problem* problem = add(pair_.archive_name, cursor_, std::move(what));
+  if (problem != nullptr) problem->not_closed = true;
+}
+
+void Verifier::check_sizes() {
+  std::uint64_t end = header_.bytes.size();
+  if (pair_.journal && pair_.journal->size() >= journal::kHeaderBytes) {
+    const Bytes records = pair_.journal->subspan(journal::kHeaderBytes);
+    const std::size_t step = journal::record_bytes(version_);
+    const std::size_t torn = records.size() % step;
+    if (torn > 0 && claims_closed_) {
+      add(pair_.journal_name, pair_.journal->size() - torn, "the journal ends within a record");
+    }
+    for (std::size_t i = records.size() / step; i-- > 0;) {
+      const auto record = journal::decode_record(records.subspan(i * step, step), version_);
+      if (!record || record->status != FrameStatus::kStored) continue;
+      end = record->offset + record->size;
+      break;
+    }
+  }
+  if (archive_.size() < end) {
+    add(pair_.archive_name, archive_.size(),
+        fmt::format("the archive ends here, its last frame should at {}", end));
+  }
+  if (!claims_closed_) {
+    cursor_ = static_cast<std::size_t>(std::min<std::uint64_t>(end, archive_.size()));
+    report_not_closed("the recording was not closed");
+    return;
+  }
+  const auto said = matroska::make_segment_size(archive_.size() - header_.segment_data_offset);
+  if (!std::ranges::equal(said, archive_.subspan(header_.segment_size_offset, said.size()))) {
+    add(pair_.archive_name, header_.segment_size_offset,
+        "the archive does not have the size that its header says");
+  }
+}
+
+void Verifier::check_everything() {
+  cursor_ = header_.bytes.size();
+  if (pair_.journal && pair_.journal->size() > journal::kHeaderBytes) {
+    const std::size_t step = journal::record_bytes(version_);
+    const Bytes journal = *pair_.journal;
+    std::size_t at = journal::kHeaderBytes;
+    for (; journal.size() - at >= step && !options_.stop.stop_requested(); at += step) {
+      check_slot(at, journal.subspan(at, step));
+      advance(step);
+    }
+    if (options_.stop.stop_requested()) return;
+    torn_journal_bytes_ = journal.size() - at;
+  }
+  report_cut_off();
+  check_end();
+}
+
+void Verifier::check_slot(std::uint64_t at, Bytes slot) {
+  const auto record = journal::decode_record(slot, version_);
+  const auto complain = [&](std::string what) {
+    if (add(pair_.journal_name, at, std::move(what)) != nullptr) {
+      damaged_records_.push_back(report_.problems.size() - 1);
+    }
+  };
+  if (!record) {
+    complain("the record fails its check: what it says of its frame is not to be trusted");
+  } else if (record->time_ns < last_time_ || record->time_ns > matroska::kMaxTime) {
+    complain("the record's time does not follow the one before it");
+  } else if (record->status == FrameStatus::kStored) {
+    check_stored(at, *record);
+  } else {
+    last_time_ = record->time_ns;
+    if (record->offset != 0 || record->size != 0 || record->xxh3 != 0) {
+      complain("the record of a missing frame names bytes in the archive");
+    }
+  }
+}
+
+void Verifier::check_stored(std::uint64_t at, const FrameRecord& record) {
+  constexpr std::size_t kHeader = matroska::kClusterHeaderBytes;
+  if (record.time_ns <= last_stored_time_ || record.size == 0 ||
+      record.offset < cursor_ + kHeader) {
+    add(pair_.journal_name, at, "the record names bytes of another frame, or none");
+    return;
+  }
+  last_time_ = record.time_ns;
+  if (record.offset > archive_.size() || record.size > archive_.size() - record.offset) {
+    cut_off_.push_back(
+        {report_.frames + static_cast<std::int64_t>(cut_off_.size()), record.time_ns});
+    return;
+  }
+  const auto cluster = static_cast<std::size_t>(record.offset) - kHeader;
+  if (cluster > cursor_) check_gap(cluster);
+  damaged_records_.clear();
+  check_frame(record);
+  take_frame(record.time_ns, cluster, cluster + kHeader + record.size);
+}
+
+void Verifier::take_frame(Nanoseconds time, std::size_t cluster, std::size_t end) {
+  cues_.push_back({time, cluster});
+  last_stored_time_ = time;
+  cursor_ = end;
+  ++report_.frames;
+}
+
+// Bytes that no good record speaks of: the frames of damaged ones, or damage.
+void Verifier::check_gap(std::size_t end) {
+  std::vector<AffectedFrame> found;
+  while (cursor_ < end) {
+    const auto frame = matroska::cluster_at(archive_.first(end), cursor_);
+    if (!frame) break;
+    found.push_back({report_.frames, frame->time});
+    take_frame(frame->time, cursor_, frame->offset + frame->size);
+  }
+  if (cursor_ < end) {
+    add(pair_.archive_name, cursor_,
+        fmt::format("{} bytes that are no whole frame, where the journal has no good record",
+                    end - cursor_));
+    for (const auto& frame : matroska::scan_clusters(archive_, cursor_, end)) {
+      found.push_back({report_.frames, frame.time});
+      take_frame(frame.time, frame.offset - matroska::kClusterHeaderBytes,
+                 frame.offset + frame.size);
+    }
+  }
+  for (const std::size_t problem : damaged_records_) report_.problems[problem].frames = found;
+  if (damaged_records_.empty() && !found.empty()) {
+    add(pair_.journal_name, 0, "frames in the archive are not in the journal", std::move(found));
+  }
+}
+
+void Verifier::check_frame(const FrameRecord& record) {
+  const auto offset = static_cast<std::size_t>(record.offset);
+  const AffectedFrame affected{report_.frames, record.time_ns};
+  const auto expected = matroska::make_cluster_header(record.time_ns, record.size);
+  const Bytes found = archive_.subspan(offset - expected.size(), expected.size());
+  const Bytes jpeg = archive_.subspan(offset, record.size);
+  const bool deep = options_.depth == VerifyDepth::kHashes || options_.decode;
+  if (!can_read(deep ? Bytes(found.data(), found.size() + jpeg.size()) : found)) {
+    add(pair_.archive_name, offset, "the disk cannot read the frame", {affected});
+    return;
+  }
+  if (!std::ranges::equal(found, expected)) {
+    add(pair_.archive_name, offset - expected.size() + first_difference(found, expected),
+        "the Matroska header of a frame is damaged; other programs may lose the frame or its time",
+        {affected});
+  }
+  if (options_.depth == VerifyDepth::kHashes &&
+      XXH3_64bits(jpeg.data(), jpeg.size()) != record.xxh3) {
+    add(pair_.archive_name, offset,
+        fmt::format("the {} bytes of a frame are not the recorded ones: its XXH3 differs",
+                    jpeg.size()),
+        {affected});
+  }
+  if (options_.decode) check_decoded(jpeg, record, affected);
+  if (deep) advance(jpeg.size());
+}
+
+void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const AffectedFrame& affected) {
+  try {
+    const RgbImage image = decoder_.decode(jpeg, pair_.archive_name);
+    if (image.width == pair_.description.width && image.height == pair_.description.height) return;
+    add(pair_.archive_name, record.offset,
+        fmt::format("a frame has {} x {} pixels where the camera has {} x {}", image.width,
+                    image.height, pair_.description.width, pair_.description.height),
+        {affected});
+  } catch (const Error& error) {
+    add(pair_.archive_name, record.offset, "a frame cannot be decoded: " + error.what_happened(),
+        {affected});
+  }
+}
+
+void Verifier::report_cut_off() {
+  if (cut_off_.empty()) return;
+  add(pair_.archive_name, archive_.size(),
+      fmt::format("the archive ends here; {} frames that the journal lists are lost",
+                  cut_off_.size()),
+      std::exchange(cut_off_, {}));
+}
+
+// What lies behind the last frame that the journal speaks of.
+void Verifier::check_end() {
+  const Bytes cues_and_more = archive_.subspan(std::min(cursor_, archive_.size()));
+  if (!can_read(cues_and_more)) {
+    add(pair_.archive_name, cursor_, "the disk cannot read what follows the frames");
+    return;
+  }
+  std::vector<AffectedFrame> unlisted;
+  while (const auto frame = matroska::cluster_at(archive_, cursor_)) {
+    unlisted.push_back({report_.frames, frame->time});
+    take_frame(frame->time, cursor_, frame->offset + frame->size);
+  }
+  for (const std::size_t problem : damaged_records_) report_.problems[problem].frames = unlisted;
+  // A crash between a frame and its record leaves one; more are damage.
+  const bool as_a_crash = !claims_closed_ && damaged_records_.empty() && pair_.journal;
+  if (!unlisted.empty() && !as_a_crash && damaged_records_.empty()) {
+    add(pair_.journal_name, pair_.journal ? pair_.journal->size() : 0,
+        "frames in the archive are not in the journal", unlisted);
+  }
+  if (torn_journal_bytes_ > 0 && claims_closed_) {
+    add(pair_.journal_name, pair_.journal->size() - torn_journal_bytes_,
+        "the journal ends within a record");
+  }
+
+  const auto closing = matroska::make_closing(cues_, header_, cursor_);
+  check_header(closing);
+  const Bytes tail = archive_.subspan(std::min(cursor_, archive_.size()));
+  if (!claims_closed_) {
+    std::string what = "the recording was not closed";
+    if (as_a_crash && !unlisted.empty()) {
+      what += fmt::format("; frames that the journal lacks: {}", unlisted.size());
+    }
+    if (torn_journal_bytes_ > 0) what += "; its last record is torn";
+    if (!tail.empty()) what += fmt::format("; {} bytes follow the last whole frame", tail.size());
+    report_not_closed(std::move(what));
+    return;
+  }
+  if (std::ranges::equal(tail, closing.cues)) return;
+  const std::size_t at = first_difference(tail, closing.cues);
+  std::string what = at == closing.cues.size()
+                         ? fmt::format("{} bytes too many behind the Cues", tail.size() - at)
+                     : at == tail.size() ? std::string("the archive ends within its Cues")
+                                         : std::string("the Cues are damaged");
+  add(pair_.archive_name, cursor_ + at,
+      what + "; other programs may seek wrongly, no frame is hit");
+}
+
+void Verifier::check_header(const matroska::Closing& closing) {
+  if (archive_.size() < header_.bytes.size()) {
+    if (!matroska::begins_with(archive_, header_) || claims_closed_) {
+      add(pair_.archive_name, 0, "the archive's header is damaged, and cut");
+    }
+    return;
+  }
+  const auto compare = [&](std::size_t begin, std::size_t end, Bytes closed_form,
+                           std::string_view part) {
+    const Bytes found = archive_.subspan(begin, end - begin);
+    const Bytes open_form = Bytes(header_.bytes).subspan(begin, end - begin);
+    const bool filled_in = !closed_form.empty();
+    // While a file is being closed its parts are filled in one after the other.
+    if (filled_in && std::ranges::equal(found, closed_form)) return;
+    if (!(filled_in && claims_closed_) && std::ranges::equal(found, open_form)) return;
+    const Bytes wanted = filled_in && claims_closed_ ? closed_form : open_form;
+    add(pair_.archive_name, begin + first_difference(found, wanted),
+        fmt::format("the header's {} differs from what the journal, take.json and rig.json say",
+                    part));
+  };
+  compare(0, header_.segment_size_offset, {}, "beginning");
+  if (claims_closed_) {
+    compare(header_.segment_size_offset, header_.segment_data_offset, closing.segment_size,
+            "size of the whole");
+  }
+  compare(header_.seek_head_offset, header_.info_offset, closing.seek_head, "SeekHead");
+  compare(header_.info_offset, header_.duration_offset, {}, "Info");
+  compare(header_.duration_offset, header_.duration_offset + matroska::kDurationBytes,
+          closing.duration, "Duration");
+  compare(header_.duration_offset + matroska::kDurationBytes, header_.bytes.size(), {}, "Tracks");
+}
+
+}  // namespace
+
+std::uint32_t journal_version(Bytes journal, std::string_view name) {
+  if (const auto header = journal::decode_header(journal, name)) return header->version;
+  if (journal.size() <= journal::kHeaderBytes) return journal::kVersion;
+  const auto good = [&](std::uint32_t version) {
+    const std::size_t step = journal::record_bytes(version);
+    std::size_t count = 0;
+    for (Bytes rest = journal.subspan(journal::kHeaderBytes); rest.size() >= step;
+         rest = rest.subspan(step)) {
+      count += journal::decode_record(rest.first(step), version) ? 1 : 0;
+    }
+    return count;
+  };
+  return good(1) > good(2) ? 1 : 2;
+}
+
+ArchiveReport verify_archive(const ArchivePair& pair, const VerifyOptions& options) {
+  return Verifier(pair, options).run();
+}
+
+}  // namespace raystage

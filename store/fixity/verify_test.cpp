@@ -1,0 +1,319 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/fixity/verify.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <mutex>
+#include <random>
+
+#include "schemas/error.h"
+#include "store/fixity/fixity_test_data.h"
+#include "store/jpeg/encode.h"
+#include "store/matroska.h"
+#include "store/take_test_data.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+using test::make_pair;
+using test::PairBytes;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+ArchiveReport verify(const PairBytes& bytes, VerifyDepth depth = VerifyDepth::kHashes) {
+  VerifyOptions options;
+  options.depth = depth;
+  return verify_archive(bytes.pair(), options);
+}
+
+bool is_damaged(const ArchiveReport& report) {
+  return std::ranges::count(report.problems, false, &Problem::not_closed) > 0;
+}
+
+constexpr VerifyDepth kDepths[] = {VerifyDepth::kSizes, VerifyDepth::kJournal,
+                                   VerifyDepth::kHashes};
+
+TEST(VerifyArchive, NothingIsWrongWithWholeOnes) {
+  for (const unsigned frames : {0u, 1u, 2u, 7u, 30u}) {
+    for (const VerifyDepth depth : kDepths) {
+      const PairBytes pair = make_pair(frames, true);
+      const ArchiveReport report = verify(pair, depth);
+      EXPECT_TRUE(report.whole()) << frames << ": " << report.problems[0].what;
+      EXPECT_EQ(report.frames, depth == VerifyDepth::kSizes ? 0 : frames);
+      EXPECT_TRUE(verify(test::with_journal_v1(pair), depth).whole());
+    }
+  }
+}
+
+TEST(VerifyArchive, AfterACrashItIsNotClosedAndNothingElse) {
+  for (const unsigned frames : {0u, 1u, 7u}) {
+    const PairBytes whole = make_pair(frames, false);
+    // A frame that was being written; one whose record was; one whose record was not begun.
+    PairBytes torn_frame = whole, torn_record = whole, no_record = whole;
+    const auto cluster = matroska::make_cluster_header(900'000, 100);
+    for (PairBytes* pair : {&torn_frame, &torn_record, &no_record}) {
+      pair->archive.insert(pair->archive.end(), cluster.begin(), cluster.end());
+    }
+    torn_frame.archive.resize(torn_frame.archive.size() + 60);
+    torn_record.archive.resize(torn_record.archive.size() + 100);
+    torn_record.journal.resize(torn_record.journal.size() + 20);
+    no_record.archive.resize(no_record.archive.size() + 100);
+    for (const PairBytes& pair : {whole, torn_frame, torn_record, no_record}) {
+      for (const VerifyDepth depth : kDepths) {
+        const ArchiveReport report = verify(pair, depth);
+        ASSERT_EQ(report.problems.size(), 1u) << report.problems[0].what;
+        EXPECT_TRUE(report.problems[0].not_closed);
+        EXPECT_THAT(report.problems[0].what, HasSubstr("not closed"));
+      }
+    }
+    EXPECT_THAT(verify(torn_frame).problems[0].what, HasSubstr("95 bytes follow"));
+    EXPECT_THAT(verify(torn_record).problems[0].what, HasSubstr("last record is torn"));
+    EXPECT_THAT(verify(no_record).problems[0].what, HasSubstr("journal lacks: 1"));
+    // Cut while it was being closed.
+    const PairBytes closed = make_pair(frames, true);
+    for (std::size_t size = whole.archive.size(); size < closed.archive.size(); ++size) {
+      PairBytes pair = whole;
+      pair.archive.insert(pair.archive.end(),
+                          closed.archive.begin() + static_cast<std::ptrdiff_t>(pair.archive.size()),
+                          closed.archive.begin() + static_cast<std::ptrdiff_t>(size));
+      ASSERT_EQ(verify(pair).problems.size(), 1u);
+      ASSERT_FALSE(is_damaged(verify(pair)));
+    }
+  }
+}
+
+// Every bit of every byte: header, paddings, cluster headers, frames, Cues, records.
+TEST(VerifyArchive, FindsAnyFlippedBit) {
+  for (const PairBytes& whole :
+       {make_pair(7, true), make_pair(7, false), make_pair(0, true), make_pair(0, false),
+        make_pair(1, true), test::with_journal_v1(make_pair(7, true))}) {
+    PairBytes pair = whole;
+    for (auto* file : {&pair.archive, &pair.journal}) {
+      for (std::size_t bit = 0; bit < 8 * file->size(); ++bit) {
+        test::flip(*file, bit);
+        bool found = false;
+        try {
+          found = is_damaged(verify(pair));
+        } catch (const Error&) {
+          found = true;
+        }
+        ASSERT_TRUE(found) << (file == &pair.archive ? "archive" : "journal") << " bit " << bit;
+        test::flip(*file, bit);
+      }
+    }
+    ASSERT_FALSE(is_damaged(verify(pair)));
+  }
+}
+
+TEST(VerifyArchive, SaysWhereAndWhichFrame) {
+  const PairBytes whole = make_pair(7, true);
+  const auto contents = journal::decode(whole.journal, "journal");
+  const FrameRecord fourth = contents.records[4];  // the record of a missing one lies before it
+  ASSERT_EQ(fourth.time_ns, test::frame_time(3));
+  const AffectedFrame affected{3, fourth.time_ns};
+  const auto only_problem = [](const PairBytes& pair,
+                               VerifyDepth depth = VerifyDepth::kHashes) -> Problem {
+    const ArchiveReport report = verify(pair, depth);
+    EXPECT_EQ(report.problems.size(), 1u);
+    return report.problems.empty() ? Problem{} : report.problems[0];
+  };
+  {
+    PairBytes pair = whole;
+    pair.archive[fourth.offset + 11] ^= std::byte{4};
+    EXPECT_TRUE(verify(pair, VerifyDepth::kJournal).whole());
+    const Problem problem = only_problem(pair);
+    EXPECT_EQ(problem.file, "r0c0.mkv");
+    EXPECT_EQ(problem.offset, fourth.offset);
+    EXPECT_THAT(problem.what, HasSubstr("XXH3"));
+    EXPECT_THAT(problem.frames, ElementsAre(affected));
+  }
+  {
+    PairBytes pair = whole;
+    pair.archive[fourth.offset - 20] ^= std::byte{4};
+    EXPECT_TRUE(verify(pair, VerifyDepth::kSizes).whole());
+    const Problem problem = only_problem(pair, VerifyDepth::kJournal);
+    EXPECT_EQ(problem.offset, fourth.offset - 20);
+    EXPECT_THAT(problem.what, HasSubstr("Matroska header of a frame"));
+    EXPECT_THAT(problem.frames, ElementsAre(affected));
+  }
+  {
+    PairBytes pair = whole;
+    const std::size_t at = journal::kHeaderBytes + 4 * journal::kRecordBytes;
+    pair.journal[at + 40] ^= std::byte{4};
+    const Problem problem = only_problem(pair, VerifyDepth::kJournal);
+    EXPECT_EQ(problem.file, "r0c0.journal");
+    EXPECT_EQ(problem.offset, at);
+    EXPECT_THAT(problem.frames, ElementsAre(affected));
+  }
+  {
+    PairBytes pair = whole;  // the record of a missing one
+    pair.journal[journal::kHeaderBytes + 3 * journal::kRecordBytes + 40] ^= std::byte{4};
+    EXPECT_THAT(only_problem(pair).frames, testing::IsEmpty());
+  }
+  {
+    PairBytes pair = whole;
+    pair.archive[pair.archive.size() - 3] ^= std::byte{4};
+    const Problem problem = only_problem(pair, VerifyDepth::kJournal);
+    EXPECT_EQ(problem.offset, pair.archive.size() - 3);
+    EXPECT_THAT(problem.what, HasSubstr("Cues"));
+  }
+  {
+    PairBytes pair = whole;
+    pair.archive.resize(fourth.offset + 10);
+    EXPECT_FALSE(verify(pair, VerifyDepth::kSizes).whole());
+    const ArchiveReport report = verify(pair);
+    ASSERT_FALSE(report.problems.empty());
+    EXPECT_EQ(report.problems[0].offset, pair.archive.size());
+    EXPECT_EQ(report.problems[0].frames.size(), 4u);
+    EXPECT_EQ(report.problems[0].frames[0], affected);
+  }
+  {
+    PairBytes pair = whole;
+    pair.archive.push_back(std::byte{0});
+    EXPECT_FALSE(verify(pair, VerifyDepth::kSizes).whole());
+    EXPECT_FALSE(verify(pair, VerifyDepth::kJournal).whole());
+  }
+  {
+    PairBytes pair = whole;
+    pair.has_journal = false;
+    EXPECT_THAT(verify(pair).problems[0].what, HasSubstr("journal is missing"));
+  }
+  {
+    PairBytes pair = whole;
+    auto other = test::description();
+    other.camera_id = "r0c1";
+    std::ranges::copy(journal::encode_header(other), pair.journal.begin());
+    EXPECT_THAT(only_problem(pair).what, HasSubstr("journal of another camera"));
+  }
+}
+
+TEST(VerifyArchive, KeepsTheListShort) {
+  const PairBytes whole = make_pair(1500, true);
+  PairBytes pair = whole;
+  for (const FrameRecord& record : journal::decode(whole.journal, "journal").records) {
+    if (record.status == FrameStatus::kStored) pair.archive[record.offset] ^= std::byte{1};
+  }
+  const ArchiveReport report = verify(pair);
+  EXPECT_EQ(report.problems.size(), kMostProblems);
+  EXPECT_EQ(report.more_problems, 500u);
+}
+
+struct VerifyTake : testing::Test {
+  VerifyTake() {
+    std::vector<std::vector<Nanoseconds>> times(3);
+    for (auto& column : times) {
+      for (int i = 0; i < 10; ++i) column.push_back(i * 50'000'000);
+    }
+    test::write_take(take, times, 20);
+    write_timeline(build_timeline(Take(take), 0, 0), take);
+  }
+  TakeReport verify(VerifyDepth depth = VerifyDepth::kHashes) const {
+    TakeVerifyOptions options;
+    options.depth = depth;
+    return verify_take(take, options);
+  }
+  void damage(const std::string& file, std::size_t bit) const {
+    auto bytes = test::bytes_of(take / file);
+    test::flip(bytes, bit % (8 * bytes.size()));
+    test::overwrite(take / file, bytes);
+  }
+
+  TestFolder folder;
+  std::filesystem::path take = folder.path() / "take";
+};
+
+TEST_F(VerifyTake, NothingIsWrongWithAWholeOne) {
+  for (const VerifyDepth depth : kDepths) {
+    double done = 0;
+    TakeVerifyOptions options;
+    options.depth = depth;
+    std::mutex mutex;
+    options.progress = [&](double share) {
+      const std::scoped_lock lock(mutex);
+      done = std::max(done, share);
+    };
+    const TakeReport report = verify_take(take, options);
+    EXPECT_TRUE(report.whole());
+    EXPECT_EQ(report.cameras.size(), 3u);
+    EXPECT_EQ(done, 1);
+  }
+}
+
+TEST_F(VerifyTake, FindsAThousandRandomFlips) {
+  std::mt19937_64 random(20051);
+  const std::vector<std::string> files{"archive/c0.mkv",     "archive/c1.mkv",
+                                       "archive/c2.mkv",     "archive/c0.journal",
+                                       "archive/c1.journal", "archive/c2.journal"};
+  for (int i = 0; i < 1000; ++i) {
+    const std::string& file = files[random() % files.size()];
+    const std::size_t bit = random();
+    damage(file, bit);
+    const TakeReport report = verify();
+    ASSERT_FALSE(report.whole()) << file << " bit " << bit;
+    ASSERT_TRUE(report.readable());
+    for (const auto& camera : report.cameras) {
+      const bool hit = file.find(camera.id) != std::string::npos;
+      ASSERT_EQ(camera.report.whole(), !hit) << file << " bit " << bit;
+    }
+    damage(file, bit);  // back
+  }
+  EXPECT_TRUE(verify().whole());
+}
+
+TEST_F(VerifyTake, MissingFilesAndATimelineThatDoesNotFit) {
+  auto bytes = test::bytes_of(take / "timeline.zst");
+  bytes.pop_back();
+  test::overwrite(take / "timeline.zst", bytes);
+  EXPECT_TRUE(verify(VerifyDepth::kSizes).whole());
+  TakeReport report = verify(VerifyDepth::kJournal);
+  ASSERT_EQ(report.problems.size(), 1u);
+  EXPECT_EQ(report.problems[0].file, "timeline.zst");
+  std::filesystem::remove(take / "timeline.zst");
+  EXPECT_TRUE(verify().whole());
+  std::filesystem::remove(take / "archive/c1.mkv");
+  for (const VerifyDepth depth : kDepths) {
+    report = verify(depth);
+    ASSERT_EQ(report.cameras[1].report.problems.size(), 1u);
+    EXPECT_THAT(report.cameras[1].report.problems[0].what, HasSubstr("archive is missing"));
+  }
+  std::filesystem::remove(take / "rig.json");
+  EXPECT_THROW(verify(), Error);
+}
+
+TEST_F(VerifyTake, AFutureJournalCannotBeJudged) {
+  const TakeDocument document = test::take_document(3);
+  test::overwrite(take / "archive/c1.journal",
+                  journal::encode_header({"c1", 320, 240, document.epoch_utc}, 9));
+  const TakeReport report = verify();
+  EXPECT_FALSE(report.readable());
+  EXPECT_THAT(report.cameras[1].error, HasSubstr("version 9"));
+}
+
+TEST(VerifyDecode, LooksAtThePictures) {
+  const TestFolder folder;
+  const auto take = folder.path() / "take";
+  RgbImage image{320, 240, std::vector<std::uint8_t>(320 * 240 * 3, 100)};
+  RgbImage other{160, 240, std::vector<std::uint8_t>(160 * 240 * 3, 100)};
+  {
+    TakeWriter writer(take, test::take_document(1), test::rig_document(1));
+    writer.archive(0).append(encode_jpeg(image, {}), 0);
+    writer.archive(0).append(encode_jpeg(other, {}), 1);
+    writer.archive(0).append(test::fake_jpeg(1), 2);
+    writer.commit();
+  }
+  TakeVerifyOptions options;
+  EXPECT_TRUE(verify_take(take, options).whole());
+  options.decode = true;
+  const TakeReport report = verify_take(take, options);
+  const auto& problems = report.cameras[0].report.problems;
+  ASSERT_EQ(problems.size(), 2u);
+  EXPECT_THAT(problems[0].what, HasSubstr("160 x 240"));
+  EXPECT_THAT(problems[0].frames, ElementsAre(AffectedFrame{1, 1}));
+  EXPECT_THAT(problems[1].what, HasSubstr("cannot be decoded"));
+}
+
+}  // namespace
+}  // namespace raystage

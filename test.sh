@@ -73,7 +73,7 @@ case "$what" in
       name="$(basename "$target" _fuzz)"
       step "fuzz $name"
       mkdir -p "build/fuzz/corpus/$name"
-      "$target" -max_total_time="${2:-60}" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 \
+      "$target" -max_total_time="${2:-60}" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
         "build/fuzz/corpus/$name" "tests/fuzz/corpus/$name"
     done
     ;;

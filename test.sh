@@ -41,7 +41,7 @@ sanitizer_options() {
   export ASAN_OPTIONS="detect_leaks=1:strict_string_checks=1:detect_stack_use_after_return=1"
   export LSAN_OPTIONS="suppressions=$PWD/tests/lsan.supp:print_suppressions=0"
   export UBSAN_OPTIONS="print_stacktrace=1"
-  export TSAN_OPTIONS="suppressions=$PWD/tests/tsan.supp:halt_on_error=1:second_deadlock_stack=1"
+  export TSAN_OPTIONS="suppressions=$PWD/tests/tsan.supp:halt_on_error=1:history_size=7:second_deadlock_stack=1"
 }
 
 case "$what" in
@@ -73,7 +73,7 @@ case "$what" in
       name="$(basename "$target" _fuzz)"
       step "fuzz $name"
       mkdir -p "build/fuzz/corpus/$name"
-      "$target" -max_total_time="${2:-60}" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 \
+      "$target" -max_total_time="${2:-60}" -timeout=10 -rss_limit_mb=2048 -print_final_stats=0 -verbosity=0 \
         "build/fuzz/corpus/$name" "tests/fuzz/corpus/$name"
     done
     ;;

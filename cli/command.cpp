@@ -11,6 +11,7 @@
 #include <csignal>
 #include <cstdio>
 #include <new>
+#include <system_error>
 #include <thread>
 
 namespace raystage {
@@ -24,6 +25,9 @@ void on_signal(int number) {
   const auto byte = static_cast<unsigned char>(number);
   [[maybe_unused]] const ssize_t written = write(signal_pipe[1], &byte, 1);
 }
+
+// fmt's own print throws where it cannot write: no reason to end a render.
+void print_error(const std::string& text) { std::fputs(text.c_str(), stderr); }
 
 class SignalWatch {
  public:
@@ -69,7 +73,7 @@ class SignalWatch {
 
 int run_command(std::string_view name, const CommandBody& body, OnSignal on_signal) {
   const auto complain = [&](std::string_view text) {
-    fmt::print(stderr, "raystage {}: {}\n", name, text);
+    print_error(fmt::format("raystage {}: {}\n", name, text));
     std::fflush(stderr);
   };
   // Frames of tens of megabytes come and go: keep their pages instead of faulting them in again.
@@ -79,12 +83,18 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
   int code = static_cast<int>(ExitCode::kFailed);
   try {
     code = static_cast<int>(body(watch.token()));
+    if (std::fflush(stdout) != 0 || std::ferror(stdout) != 0) {
+      throw Error::from_errno("the result cannot be written", "standard output",
+                              "Check the room on the disk it goes to");
+    }
   } catch (const Error& error) {
     if (watch.signal() == 0 || on_signal == OnSignal::kEnd) complain(error.what());
     code = static_cast<int>(error.exit_code());
   } catch (const std::bad_alloc&) {
     complain("out of memory. Use fewer threads or a smaller --memory.");
-    code = 33;  // the farms' agreed code for "retry with more memory"
+    code = 33;                                // the farms' agreed code for "retry with more memory"
+  } catch (const std::system_error& error) {  // fmt's, where it cannot print
+    complain(fmt::format("{}. Check the room on the disk that the output goes to.", error.what()));
   } catch (const std::exception& error) {
     complain(fmt::format("unexpected: {}. Please report this.", error.what()));
   }
@@ -108,9 +118,9 @@ void Progress::report(double done) {
     draw_bar();
     if (percent == 100) std::fputc('\n', stderr);
   } else if (style_ == ProgressStyle::kOpenJd) {
-    fmt::print(stderr, "openjd_progress: {}\n", percent);
+    print_error(fmt::format("openjd_progress: {}\n", percent));
   } else {
-    fmt::print(stderr, "Progress: {}%\n", percent);
+    print_error(fmt::format("Progress: {}%\n", percent));
   }
   std::fflush(stderr);
 }
@@ -118,8 +128,8 @@ void Progress::report(double done) {
 void Progress::say(std::string_view line) {
   const std::scoped_lock lock(mutex_);
   const bool bar_open = bar_ && percent_ >= 0 && percent_ < 100;
-  if (bar_open) fmt::print(stderr, "\r{: <60}\r", "");
-  fmt::print(stderr, "{}\n", line);
+  if (bar_open) print_error(fmt::format("\r{: <60}\r", ""));
+  print_error(fmt::format("{}\n", line));
   if (bar_open) draw_bar();
   std::fflush(stderr);
 }
@@ -127,7 +137,7 @@ void Progress::say(std::string_view line) {
 void Progress::draw_bar() const {
   constexpr int kWidth = 40;
   const int filled = percent_ * kWidth / 100;
-  fmt::print(stderr, "\r[{:=<{}}{: <{}}] {:3}%", "", filled, "", kWidth - filled, percent_);
+  print_error(fmt::format("\r[{:=<{}}{: <{}}] {:3}%", "", filled, "", kWidth - filled, percent_));
 }
 
 }  // namespace raystage

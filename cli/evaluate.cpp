@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
-#include <tbb/global_control.h>
-#include <tbb/info.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -11,6 +9,7 @@
 
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/threads.h"
 #include "render/evaluation/evaluation.h"
 #include "schemas/atomic_file.h"
 #include "schemas/views.h"
@@ -52,13 +51,10 @@ void append_row(const std::filesystem::path& file, const Evaluation& evaluation,
 }
 
 ExitCode evaluate(const Options& options, std::stop_token stop) {
-  const tbb::global_control threads(
-      tbb::global_control::max_allowed_parallelism,
-      static_cast<std::size_t>(options.threads > 0 ? options.threads
-                                                   : tbb::info::default_concurrency()));
+  const ThreadLimit limit(options.threads);
   EvaluationSettings settings = options.settings;
   settings.focal_depth = depth_from(options.focal_depth);
-  settings.cache_bytes = static_cast<std::size_t>(options.memory_gb * (1 << 30));
+  settings.cache_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   const Take take(options.take);
   ViewsDocument views;
   if (!options.views.empty()) views = read_views(options.views);
@@ -114,10 +110,8 @@ int main(int argc, char** argv) {
   app.add_option("--table", options.table,
                  "Append the mean as a row to this Markdown table (made if missing)");
   app.add_option("--label", options.label, "First column of that row (default: the method)");
-  app.add_option("-j,--threads", options.threads, "Threads; 0: all cores")
-      ->capture_default_str()
-      ->check(CLI::Range(0, 1024));
-  app.add_option("--memory", options.memory_gb, "Memory for decoded source frames, GiB")
+  add_threads_option(app, options.threads);
+  app.add_option("--memory", options.memory_gb, "Memory for decoded source frames, GB = 10^9 bytes")
       ->capture_default_str()
       ->check(CLI::Range(0.001, 1e5));
   return parse_and_run(app, argc, argv, "evaluate",

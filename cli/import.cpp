@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // `raystage import`: images or movies with cameras become a take.
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 
-#include <algorithm>
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
-#include <thread>
 
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/threads.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
 #include "raystage_version.h"
@@ -39,7 +38,7 @@ constexpr const char* kDescription =
 struct Options {
   std::filesystem::path manifest, take;
   std::string images, epoch = "1970-01-01T00:00:00Z", chroma = "444";
-  int restart_markers = 0;
+  std::string restart_markers;  // empty, "default" or MCUs between two
   int quality = 95;
   double fps = 24;
   int threads = 0;
@@ -56,7 +55,7 @@ void declare(CLI::App& app, Options& options) {
                  "Folder of the images of a COLMAP or NeRF model (default: images/ near the model, "
                  "or the model's folder)")
       ->type_name("DIR");
-  app.add_flag("--restart-markers{-1}", options.restart_markers,
+  app.add_flag("--restart-markers{default}", options.restart_markers,
                "Rewrite JPEG input with restart markers, so that rectangles decode alone; "
                "--restart-markers=MCUS sets the MCUs between two (default: as many as make up to "
                "32 pixels). Pixels stay identical. Without it JPEG input is stored as it is")
@@ -76,10 +75,23 @@ void declare(CLI::App& app, Options& options) {
                  "Nominal frames per second for a COLMAP or NeRF model (default: 24)")
       ->check(CLI::Range(1e-3, 1e6))
       ->type_name("F");
-  app.add_option("-j,--threads", options.threads, "Threads (default: 0, one per processor)")
-      ->check(CLI::Range(0, 1024))
-      ->type_name("N");
+  raystage::add_threads_option(app, options.threads);
   app.add_flag("-q,--quiet", options.quiet, "No progress on stderr");
+}
+
+/// -1 for "default". As text, for CLI11 takes a flag's =0 for "not at all".
+int restart_interval_from(const std::string& text) {
+  constexpr int kDefault = -1, kMost = 65535;  // the DRI marker has 16 bits
+  if (text == "default") return kDefault;
+  int interval = 0;
+  const char* end = text.data() + text.size();
+  const auto [used, error] = std::from_chars(text.data(), end, interval);
+  if (error != std::errc() || used != end || interval < 1 || interval > kMost) {
+    throw raystage::Error::bad_input(
+        "found " + text + " MCUs between markers, allowed: 1 to " + std::to_string(kMost),
+        "--restart-markers", "Leave the number out for the default");
+  }
+  return interval;
 }
 
 raystage::ImportSettings settings_from(const Options& options) {
@@ -88,32 +100,23 @@ raystage::ImportSettings settings_from(const Options& options) {
   raystage::ImportSettings settings;
   settings.encode.quality = options.quality;
   settings.encode.chroma = kChroma.at(options.chroma);
-  if (options.restart_markers != 0) {
-    settings.restart_markers = options.restart_markers;
-    settings.encode.restart_interval = options.restart_markers;
+  if (!options.restart_markers.empty()) {
+    settings.restart_markers = restart_interval_from(options.restart_markers);
+    settings.encode.restart_interval = *settings.restart_markers;
   }
   settings.created_by = "raystage " RAYSTAGE_VERSION;
   return settings;
 }
 
 ExitCode run(const Options& options, std::stop_token stop) {
-  if (options.restart_markers < -1) {
-    throw raystage::Error::bad_input("found " + std::to_string(options.restart_markers) +
-                                         " MCUs between markers, allowed: 1 or more",
-                                     "--restart-markers", "Leave the number out for the default");
-  }
   raystage::ModelSettings model;
   if (!options.images.empty()) model.images = options.images;
   model.epoch_utc = raystage::parse_utc(options.epoch);
   model.nominal_fps = options.fps;
 
-  const unsigned processors = std::max(1U, std::thread::hardware_concurrency());
-  const tbb::global_control threads(
-      tbb::global_control::max_allowed_parallelism,
-      options.threads > 0 ? static_cast<std::size_t>(options.threads) : processors);
-
-  const auto source = raystage::open_import_source(options.manifest, model);
+  const raystage::ThreadLimit limit(options.threads);
   raystage::ImportSettings settings = settings_from(options);
+  const auto source = raystage::open_import_source(options.manifest, model);
   raystage::Progress progress(!options.quiet);
   settings.progress = [&](double done) { progress.report(done); };
   const auto summary =

@@ -3,11 +3,14 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <set>
+#include <vector>
 
 #include "cli/command.h"
 #include "cli/parse.h"
@@ -48,22 +51,45 @@ long count_of(const TakeSummary& summary, Keep keep) {
 
 void line(std::string_view name, const std::string& text) { fmt::print("{:<12}{}\n", name, text); }
 
+/// "3 dropped, 45 start_up"; empty where nothing is missing.
+std::string by_reason(const std::array<int, kFrameStatusCount>& by_status) {
+  std::string text;
+  for (std::size_t s = 1; s < by_status.size(); ++s) {
+    if (by_status[s] == 0) continue;
+    text += fmt::format("{}{} {}", text.empty() ? "" : ", ", by_status[s],
+                        name_of(static_cast<FrameStatus>(s)));
+  }
+  return text;
+}
+
+int missing_of(const Camera& camera) {
+  return std::reduce(camera.by_status.begin() + 1, camera.by_status.end());
+}
+
+/// In a large array only the cameras that miss most; --json has them all.
 void print_missing(const TakeSummary& summary) {
+  constexpr std::size_t kMost = 8;
   std::array<int, kFrameStatusCount> all{};
+  std::vector<const Camera*> lacking;
   for (const Camera& camera : summary.cameras) {
     for (std::size_t s = 1; s < all.size(); ++s) all[s] += camera.by_status[s];
+    if (missing_of(camera) > 0) lacking.push_back(&camera);
   }
-  const int total = std::reduce(all.begin(), all.end());
-  line("Missing",
-       total == 0 ? "nothing that was recorded as missing" : fmt::format("{} frames", total));
-  for (const Camera& camera : summary.cameras) {
-    std::string reasons;
-    for (std::size_t s = 1; s < all.size(); ++s) {
-      if (camera.by_status[s] == 0) continue;
-      reasons += fmt::format("{}{} {}", reasons.empty() ? "" : ", ", camera.by_status[s],
-                             name_of(static_cast<FrameStatus>(s)));
-    }
-    if (!reasons.empty()) fmt::print("  {:<10}{}\n", camera.id, reasons);
+  if (lacking.empty()) {
+    line("Missing", "nothing that was recorded as missing");
+    return;
+  }
+  line("Missing", fmt::format("{} frames in {} cameras: {}", std::reduce(all.begin(), all.end()),
+                              lacking.size(), by_reason(all)));
+  std::ranges::stable_sort(lacking, std::ranges::greater{},
+                           [](const Camera* camera) { return missing_of(*camera); });
+  const std::size_t shown = lacking.size() > kMost ? kMost / 2 : lacking.size();
+  for (std::size_t i = 0; i < shown; ++i) {
+    fmt::print("  {:<10}{}\n", lacking[i]->id, by_reason(lacking[i]->by_status));
+  }
+  if (shown < lacking.size()) {
+    fmt::print("  and {} cameras more, {} to {} frames each (--json lists them)\n",
+               lacking.size() - shown, missing_of(*lacking.back()), missing_of(*lacking[shown]));
   }
 }
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage render: a shot as an EXR sequence.
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 #include <unistd.h>
 
@@ -10,15 +9,15 @@
 
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/threads.h"
 #include "compose/frame_range.h"
-#include "compose/resources.h"
 #include "compose/sequence.h"
 #include "raystage_version.h"
 
 namespace raystage {
 namespace {
 
-constexpr double kBytesPerGb = 1e9;
+constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
 
 struct Options {
   std::string shot, output, frames;
@@ -69,10 +68,7 @@ void declare(CLI::App& app, Options& options) {
                              {"black", MissingFrames::kBlack}},
                             "frames before or after the take: error = refuse to start; hold = show "
                             "the nearest\ninstant; black = empty frames (default: error)");
-  app.add_option("--threads", options.threads,
-                 "threads (default: the CPUs that affinity and control group grant)")
-      ->check(CLI::Range(1, 1024))
-      ->type_name("N");
+  add_threads_option(app, options.threads);
   app.add_option("--frames-in-flight", options.frames_in_flight,
                  "frames worked on at once (default: one per thread, at most 16)")
       ->check(CLI::Range(1, 256))
@@ -81,7 +77,7 @@ void declare(CLI::App& app, Options& options) {
                  "memory for frames in flight and decoded source frames, GB = 10^9 bytes\n"
                  "(default: half of the machine's or control group's; at most 4 GiB of source "
                  "frames)")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))
       ->type_name("GB");
   app.add_flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");
@@ -105,7 +101,7 @@ std::string host_name() {
 
 ExitCode render(const Options& options, std::stop_token stop) {
   Progress progress(options.progress);
-  const int threads = options.threads > 0 ? options.threads : available_threads();
+  const int threads = thread_count(options.threads);
   progress.say(
       fmt::format("raystage render {} on {}: {} threads, SHOT {}, --existing {}, frames {}",
                   RAYSTAGE_VERSION, host_name(), threads, options.shot,
@@ -126,8 +122,7 @@ ExitCode render(const Options& options, std::stop_token stop) {
   sequence.progress = [&](double done) { progress.report(done); };
   sequence.say = [&](std::string_view line) { progress.say(line); };
 
-  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
-                                  static_cast<std::size_t>(threads));
+  const ThreadLimit limit(threads);
   tbb::task_arena arena(threads);
   const SequenceReport report =
       arena.execute([&] { return render_sequence(options.shot, sequence, stop); });

@@ -2,14 +2,13 @@
 #include "ingest/simulated/simulate.h"
 
 #include <fmt/format.h>
-#include <tbb/global_control.h>
-#include <tbb/info.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
 
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/threads.h"
 #include "ingest/simulated/scene.h"
 
 namespace {
@@ -25,28 +24,29 @@ struct Options {
 void add_array_options(CLI::App& app, Options& o) {
   raystage::SimulationSettings& s = o.settings;
   const char* group = "Array";
-  app.add_option("--rows", s.rows, "Rows of cameras")->group(group);
-  app.add_option("--columns", s.columns, "Columns of cameras")->group(group);
-  app.add_option("--spacing-mm", o.spacing_mm, "Distance between neighbours, millimetres")
+  app.add_option("--rows", s.rows, "Rows of cameras, 1-100")->group(group);
+  app.add_option("--columns", s.columns, "Columns of cameras, 1-100")->group(group);
+  app.add_option("--spacing-mm", o.spacing_mm, "Distance between neighbours, millimetres, 0-10000")
       ->group(group);
   app.add_option("--fov-deg", s.horizontal_fov_deg,
-                 "Horizontal field of view without distortion, full angle, degrees")
+                 "Horizontal field of view without distortion, full angle, degrees, 1-150")
       ->group(group);
-  app.add_option("--width", s.width, "Width of a frame, pixels")->group(group);
-  app.add_option("--height", s.height, "Height of a frame, pixels")->group(group);
-  app.add_option("--k1", s.k1, "Radial distortion, r^2")->group(group);
-  app.add_option("--k2", s.k2, "Radial distortion, r^4")->group(group);
+  app.add_option("--width", s.width, "Width of a frame, pixels, 1-16384")->group(group);
+  app.add_option("--height", s.height, "Height of a frame, pixels, 1-16384")->group(group);
+  app.add_option("--k1", s.k1, "Radial distortion, r^2, -10 to 10")->group(group);
+  app.add_option("--k2", s.k2, "Radial distortion, r^4, -10 to 10")->group(group);
   app.add_option("--lens-deviation", s.lens_deviation,
                  "How much lenses differ: 1 = focal length 0.3 %, principal point 0.6 % of the "
-                 "width, k1 and k2 0.01 (one sigma); 0 = not at all")
+                 "width, k1 and k2 0.01 (one sigma); 0 = not at all, at most 10")
       ->group(group);
-  app.add_option("--mounting-mm", o.mounting_mm, "Largest error of a camera's place, millimetres")
+  app.add_option("--mounting-mm", o.mounting_mm,
+                 "Largest error of a camera's place, millimetres, 0-1000")
       ->group(group);
   app.add_option("--mounting-deg", s.mounting_error_deg,
-                 "Largest error of a camera's direction, degrees")
+                 "Largest error of a camera's direction, degrees, 0-45")
       ->group(group);
   app.add_option("--photometric", s.photometric_deviation,
-                 "How much the cameras' contrast differs per channel, one sigma")
+                 "How much the cameras' contrast differs per channel, one sigma, 0-0.2")
       ->group(group);
   app.add_option("--calibration", o.calibration,
                  "What rig.json holds: the true calibration or the design (nominal)")
@@ -57,32 +57,37 @@ void add_array_options(CLI::App& app, Options& o) {
 void add_time_options(CLI::App& app, Options& o) {
   raystage::SimulationSettings& s = o.settings;
   const char* group = "Time";
-  app.add_option("--fps", s.fps, "Frames per second of each camera")->group(group);
-  app.add_option("--seconds", s.seconds, "Length of the take, seconds")->group(group);
-  app.add_option("--period-ppm", s.period_error_ppm,
-                 "Error of each camera's own rate, millionths, one sigma")
+  app.add_option("--fps", s.fps, "Frames per second of each camera, 0.1-1000")->group(group);
+  app.add_option("--seconds", s.seconds,
+                 "Length of the take, seconds, at least one frame, at most 36000")
       ->group(group);
-  app.add_option("--jitter-ms", o.jitter_ms, "Jitter of an exposure, milliseconds, one sigma")
+  app.add_option("--period-ppm", s.period_error_ppm,
+                 "Error of each camera's own rate, millionths, one sigma, 0-1000")
+      ->group(group);
+  app.add_option("--jitter-ms", o.jitter_ms,
+                 "Jitter of an exposure, milliseconds, one sigma, at most 5 % of a frame time")
       ->group(group);
   app.add_option("--clock-offset-ms", o.clock_offset_ms,
-                 "Largest error of a node's clock, milliseconds")
+                 "Largest error of a node's clock, milliseconds, 0-10000")
       ->group(group);
-  app.add_option("--cameras-per-node", s.cameras_per_node, "Cameras whose frames one clock stamps")
+  app.add_option("--cameras-per-node", s.cameras_per_node,
+                 "Cameras whose frames one clock stamps, 1-10000")
       ->group(group);
-  app.add_option("--startup-loss-seconds", s.start_up_loss, "Frames before this are lost, seconds")
+  app.add_option("--startup-loss-seconds", s.start_up_loss,
+                 "Frames before this are lost, seconds, at most the take")
       ->group(group);
-  app.add_option("--drop", s.drop_probability, "Probability that a later frame is lost")
+  app.add_option("--drop", s.drop_probability, "Probability that a later frame is lost, 0-0.99")
       ->group(group);
 }
 
 void add_picture_options(CLI::App& app, Options& o) {
   raystage::SimulationSettings& s = o.settings;
   const char* group = "Pictures and truth";
-  app.add_option(
-         "--noise", s.noise,
-         "Sensor noise at full scale, one sigma, full scale 1; falls with the root of the light")
+  app.add_option("--noise", s.noise,
+                 "Sensor noise at full scale, one sigma, full scale 1; falls with the root of the "
+                 "light; 0-1")
       ->group(group);
-  app.add_option("--edge-samples", s.edge_samples, "Samples of a pixel at edges: 1, 4, 9, ...")
+  app.add_option("--edge-samples", s.edge_samples, "Samples of a pixel at edges: 1, 4, 9, ... 256")
       ->group(group);
   app.add_option("--quality", s.jpeg.quality, "JPEG quality, 1-100")
       ->check(CLI::Range(1, 100))
@@ -93,15 +98,18 @@ void add_picture_options(CLI::App& app, Options& o) {
   app.add_flag("--no-restart-markers", o.no_restart_markers,
                "Write plain JPEG: whole frames must then be decoded")
       ->group(group);
-  app.add_option("--truth-views", s.truth_views, "Noise-free views along the virtual path")
+  app.add_option("--truth-views", s.truth_views, "Noise-free views along the virtual path, 0-10000")
       ->group(group);
-  app.add_option("--truth-width", s.truth_width, "Width of a view, pixels; 0 = as the cameras")
+  app.add_option("--truth-width", s.truth_width,
+                 "Width of a view, pixels, at most 16384; 0 = as the cameras")
       ->group(group);
-  app.add_option("--truth-height", s.truth_height, "Height of a view, pixels; 0 = as the cameras")
+  app.add_option("--truth-height", s.truth_height,
+                 "Height of a view, pixels, at most 16384; 0 = as the cameras")
       ->group(group);
-  app.add_option("--truth-samples", s.truth_samples, "Samples of a view's pixel: 1, 4, 9, 16, ...")
+  app.add_option("--truth-samples", s.truth_samples,
+                 "Samples of a view's pixel: 1, 4, 9, 16, ... 256")
       ->group(group);
-  app.add_option("--shot-frames", s.shot_frames, "Frames of shot.json")->group(group);
+  app.add_option("--shot-frames", s.shot_frames, "Frames of shot.json, 1-1000000")->group(group);
 }
 
 raystage::ExitCode run(Options& o, std::stop_token stop) {
@@ -116,9 +124,7 @@ raystage::ExitCode run(Options& o, std::stop_token stop) {
   s.jpeg.chroma = o.chroma == "420"   ? Chroma::k420
                   : o.chroma == "422" ? Chroma::k422
                                       : Chroma::k444;
-  const tbb::global_control threads(
-      tbb::global_control::max_allowed_parallelism,
-      static_cast<std::size_t>(o.threads > 0 ? o.threads : tbb::info::default_concurrency()));
+  const raystage::ThreadLimit limit(o.threads);
   raystage::Progress progress(!o.quiet);
   const raystage::SimulationReport report = raystage::simulate(
       s, o.output, "raystage " RAYSTAGE_VERSION, [&](double done) { progress.report(done); }, stop);
@@ -141,12 +147,12 @@ int main(int argc, char** argv) {
   scenes.pop_back();
   app.option_defaults()->always_capture_default();
   app.add_option("SCENE", o.settings.scene, scenes);
-  app.add_option("-o,--output", o.output, "Folder of the new take")
-      ->required()
-      ->option_text("TAKE");
-  app.add_option("--seed", o.settings.seed, "Same seed, same bytes");
-  app.add_option("-j,--threads", o.threads, "Threads; 0 = all the processor has")
-      ->check(CLI::Range(0, 1024));
+  app.add_option("-o,--output", o.output, "Folder of the new take")->required()->type_name("TAKE");
+  app.add_option("--seed", o.settings.seed, "Same seed, same bytes; 0 or more")
+      ->check([](const std::string& text) {
+        return text.starts_with("-") ? "found " + text + ", allowed: 0 or more" : std::string();
+      });
+  raystage::add_threads_option(app, o.threads);
   app.add_flag("-q,--quiet", o.quiet, "No progress on stderr");
   add_array_options(app, o);
   add_time_options(app, o);

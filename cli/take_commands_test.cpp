@@ -118,6 +118,31 @@ TEST_F(TakeCommands, InfoSaysWhichArchiveIsLost) {
   EXPECT_THAT(info.output, HasSubstr("29; 0 to 10 a camera"));
 }
 
+TEST_F(TakeCommands, AnAnswerThatCannotBeWrittenIsAFailure) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  // The complaint has nowhere to go either.
+  for (const std::string& command : {"info " + quoted, "info --json " + quoted, "sync " + quoted}) {
+    EXPECT_EQ(run(command + " 1>/dev/full").exit_code, 1) << command;
+  }
+}
+
+TEST_F(TakeCommands, InfoOfALargeArrayNamesTheCamerasThatMissMost) {
+  const std::filesystem::path large = folder.path() / "large";
+  std::vector<std::vector<Nanoseconds>> times(20);
+  for (std::size_t camera = 0; camera < times.size(); ++camera) {
+    for (int i = 0; i < 10; ++i) times[camera].push_back(i * 50'000'000);
+  }
+  test::write_take(large, times, 20);
+  for (int camera = 0; camera < 20; ++camera) {
+    const auto file = large / "archive" / ("c" + std::to_string(camera) + ".mkv");
+    std::filesystem::resize_file(file, std::filesystem::file_size(file) / (camera == 7 ? 4 : 2));
+  }
+  const CommandResult info = run("info '" + large.string() + "'");
+  EXPECT_THAT(info.output, HasSubstr("in 20 cameras"));
+  EXPECT_THAT(info.output, HasSubstr("\n  c7 "));
+  EXPECT_THAT(info.output, HasSubstr("and 16 cameras more"));
+}
+
 TEST_F(TakeCommands, InfoOfACutArchive) {
   const auto file = take / "archive" / "c3.mkv";
   std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);

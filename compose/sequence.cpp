@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <fstream>
 #include <limits>
@@ -14,10 +15,10 @@
 
 #include "compose/exr_file.h"
 #include "compose/frame_range.h"
-#include "compose/resources.h"
 #include "compose/sequence_name.h"
 #include "schemas/atomic_file.h"
 #include "schemas/parallel.h"
+#include "schemas/resources.h"
 
 namespace raystage {
 namespace {
@@ -89,11 +90,12 @@ void check_folder(const std::filesystem::path& folder) {
   create_folder(folder);
   // Asking the permissions is not enough: a disk may be mounted read-only or be full.
   const TemporaryFile probe(folder / "probe");
+  errno = 0;
   std::ofstream file(probe.path());
   file << "probe" << std::flush;
   if (!file) {
-    throw Error::failed("the output folder cannot be written to", folder.string(),
-                        "Check its permissions and the room on the disk");
+    throw Error::from_errno("the output folder cannot be written to", folder.string(),
+                            "Check its permissions and the room on the disk");
   }
 }
 

@@ -19,7 +19,8 @@ RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instan
 /// The same, ray by ray in double with whole frames and CameraModel: slow and obvious, and good for
 /// views with distortion too.
 RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
-                                          const Eigen::Vector4d& plane);
+                                          const Eigen::Vector4d& plane,
+                                          bool count_needed_pixels = false);
 
 /// An image of the view's size in which no camera saw a ray.
 RenderedView empty_view(const VirtualCamera& view);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -27,8 +28,13 @@ struct Sample {
   double seen = 0;              ///< 1 within the frame, falling to 0 at its border
 };
 
-/// Bilinear look-up; pixel centres at +0.5.
-Sample look_up(const DecodedFrame& frame, const Vector2d& pixel, double seen) {
+/// Which pixels of each camera's frame are read: 1 byte a pixel, empty where nobody asked.
+using ReadPixels = std::vector<std::vector<std::uint8_t>>;
+
+/// Bilinear look-up; pixel centres at +0.5. `read` may be empty. Rows that are read at the same
+/// time may set the same byte, to the same value: hence atomic_ref.
+Sample look_up(const DecodedFrame& frame, const Vector2d& pixel, double seen,
+               std::vector<std::uint8_t>& read) {
   const double left = std::clamp(pixel.x() - 0.5, 0.0, frame.width - 1.0);
   const double top = std::clamp(pixel.y() - 0.5, 0.0, frame.height - 1.0);
   const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
@@ -39,6 +45,16 @@ Sample look_up(const DecodedFrame& frame, const Vector2d& pixel, double seen) {
                            static_cast<std::size_t>(x);
     return frame.rgbx[at * 4 + c] / 65535.0;
   };
+  const auto mark = [&](int x, int y, double weight) {
+    if (read.empty() || weight == 0) return;
+    const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
+                           static_cast<std::size_t>(x);
+    std::atomic_ref(read[at]).store(1, std::memory_order_relaxed);
+  };
+  mark(x0, y0, (1 - fy) * (1 - fx));
+  mark(x1, y0, (1 - fy) * fx);
+  mark(x0, y1, fy * (1 - fx));
+  mark(x1, y1, fy * fx);
   Sample sample;
   sample.seen = seen;
   for (std::size_t c = 0; c < 3; ++c) {
@@ -95,10 +111,11 @@ class PlaneHit {
 }  // namespace
 
 RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
-                                          const Vector4d& plane) {
+                                          const Vector4d& plane, bool count_needed_pixels) {
   RenderedView image = empty_view(view);
   const auto start = std::chrono::steady_clock::now();
   std::vector<std::shared_ptr<const DecodedFrame>> frames(instant.rig->cameras.size());
+  ReadPixels read(frames.size());
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const int camera = static_cast<int>(i), frame = instant.frame_of_camera[i];
     if (frame < 0) continue;
@@ -107,6 +124,10 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
                                      McuMask(static_cast<std::size_t>(layout->mcu_count()), 1),
                                      image.statistics.pixels_decoded);
     ++image.statistics.cameras_used;
+    if (!count_needed_pixels) continue;
+    read[i].assign(
+        static_cast<std::size_t>(frames[i]->width) * static_cast<std::size_t>(frames[i]->height),
+        0);
   }
   const auto decoded = std::chrono::steady_clock::now();
 
@@ -142,7 +163,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
       Vector2d pixel;
       const double seen = visibility(source.model, towards, pixel);
       if (seen <= 0) continue;
-      const Sample sample = look_up(*frames[camera], pixel, seen);
+      const Sample sample = look_up(*frames[camera], pixel, seen, read[camera]);
       const double weight = crossing->weight[i] * sample.seen;
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * sample.rgb[c];
       sum[3] += weight;
@@ -176,6 +197,9 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
     }
   });
   const auto end = std::chrono::steady_clock::now();
+  for (const auto& pixels : read) {
+    image.statistics.pixels_needed += std::count(pixels.begin(), pixels.end(), 1);
+  }
   image.statistics.decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
   image.statistics.render_ms = std::chrono::duration<double, std::milli>(end - decoded).count();
   return image;

@@ -69,7 +69,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
 
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
   if (state_->settings.reference || distorted) {
-    return render_focal_plane_reference(view, instant, reconstruction.focal_plane);
+    return render_focal_plane_reference(view, instant, reconstruction.focal_plane,
+                                        state_->settings.count_needed_pixels);
   }
   return render_focal_plane(view, instant, reconstruction.focal_plane,
                             state_->settings.count_needed_pixels);

@@ -11,10 +11,10 @@ clang-format-14 --dry-run -Werror "${sources[@]}"
 echo "${#sources[@]} files are formatted as .clang-format says"
 
 # What passed once needs no second look: the stamp is a hash of the checks, the file, every header of
-# ours and the compiler's flags.
+# ours and how the build is described.
 stamps="$build/clang-tidy-passed"
 mkdir -p "$stamps"
-headers="$(git ls-files '*.h' '*.in' .clang-tidy | xargs cat | sha256sum | cut -d' ' -f1)"
+headers="$(git ls-files '*.h' '*.in' '*CMakeLists.txt' 'cmake/*' CMakePresets.json .clang-tidy | xargs cat | sha256sum | cut -d' ' -f1)"
 todo=()
 for source in $(git ls-files '*.cpp' ':!tests' ':!*_test.cpp'); do
   stamp="$stamps/$( (echo "$headers"; cat "$source") | sha256sum | cut -d' ' -f1)"
@@ -23,6 +23,10 @@ done
 echo "clang-tidy: ${#todo[@]} files to look at"
 [ ${#todo[@]} -eq 0 ] || printf '%s\n' "${todo[@]}" | xargs -P "$(nproc)" -I{} bash -c '
   pair="$1"; source="${pair%%=*}"; stamp="${pair#*=}"
-  if clang-tidy-14 --quiet --extra-arg=-Wno-unknown-warning-option -p "$2" "$source" 2>/dev/null; then touch "$stamp"; else exit 1; fi
+  if clang-tidy-14 --quiet --extra-arg=-Wno-unknown-warning-option -p "$2" "$source" 2>"$stamp.log"; then
+    rm -f "$stamp.log"; touch "$stamp"
+  else
+    cat "$stamp.log" >&2; rm -f "$stamp.log"; exit 1
+  fi
 ' _ {} "$build"
 echo "clang-tidy has no complaint"

@@ -41,7 +41,8 @@ class Take {
 /// commit() renames, so a take is there whole or not at all.
 class TakeWriter {
  public:
-  /// Throws Error (failed) where `folder` exists already or its parent cannot be written to.
+  /// Throws Error: bad input where `folder` exists already, failed where its parent cannot be
+  /// written to.
   /// camera.archive and camera.journal of the document are filled in here (archive/ID.mkv); ids
   /// that are no safe file names are refused (bad input).
   TakeWriter(const std::filesystem::path& folder, TakeDocument take, RigDocument rig);

@@ -3,13 +3,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <thread>
 
 #include "schemas/error.h"
 #include "schemas/test_folder.h"
+#include "schemas/test_user.h"
 #include "store/take_test_data.h"
 
 namespace raystage {
@@ -81,7 +81,7 @@ TEST_F(TakeFolder, NeverReplacesAnything) {
   EXPECT_EQ(error_of([&] {
               TakeWriter(path, test::take_document(1), test::rig_document(1));
             }).exit_code(),
-            ExitCode::kFailed);
+            ExitCode::kBadInput);
   std::filesystem::remove(path);
   TakeWriter writer(path, test::take_document(1), test::rig_document(1));
   std::filesystem::create_directory(path);  // comes up meanwhile
@@ -90,14 +90,24 @@ TEST_F(TakeFolder, NeverReplacesAnything) {
 }
 
 TEST_F(TakeFolder, FolderWithoutPermission) {
-  if (geteuid() == 0) GTEST_SKIP() << "root may write anywhere";
-  std::filesystem::permissions(
-      folder.path(), std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
-  EXPECT_EQ(error_of([&] {
-              TakeWriter(path, test::take_document(1), test::rig_document(1));
-            }).exit_code(),
-            ExitCode::kFailed);
-  std::filesystem::permissions(folder.path(), std::filesystem::perms::owner_all);
+  const auto outcome = [&]() -> std::string {
+    try {
+      const TakeWriter writer(path, test::take_document(1), test::rig_document(1));
+    } catch (const Error& error) {
+      return "exit code " + std::to_string(static_cast<int>(error.exit_code())) + ", " +
+             error.what();
+    }
+    return "accepted";
+  };
+  open_to_all(folder.path());
+  const std::string closed = closed_to_others(folder.path());
+  if (!closed.empty()) GTEST_SKIP() << closed;
+  EXPECT_EQ(without_root(outcome), "accepted");  // so that a refusal is the lock's
+  const LockedFolder locked(folder.path());
+  const std::string refused = without_root(outcome);
+  EXPECT_THAT(refused, HasSubstr("exit code 1, "));
+  EXPECT_THAT(refused, HasSubstr("ermission denied"));
+  EXPECT_EQ(entries(), 0u);
 }
 
 TEST_F(TakeFolder, ParentThatIsAFile) {

@@ -104,8 +104,8 @@ TakeWriter::TakeWriter(const fs::path& folder, TakeDocument take, RigDocument ri
   state_->take = std::move(take);
   state_->rig = std::move(rig);
   if (fs::exists(fs::symlink_status(state_->target))) {
-    throw Error::failed("there is something of this name already", state_->target.string(),
-                        "Choose a new name for the take, or remove what is there");
+    throw Error::bad_input("there is something of this name already", state_->target.string(),
+                           "Choose a new name for the take, or remove what is there");
   }
   try {
     create_folder(state_->working / "archive");

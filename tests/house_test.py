@@ -1,13 +1,17 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the sources to the house: arrows run down only, and no source is without its licence line.
+"""Holds the sources to the house: arrows run down only, no source is without its licence line, and
+no link in the documentation leads nowhere.
 
-Reads every #include "folder/..." of our own and the links in each folder's CMakeLists.txt.
+Reads every #include "folder/..." of our own, and in every Markdown file the links to files and
+headings of ours.
 """
 import pathlib
+import posixpath
 import re
 import subprocess
 import sys
+import urllib.parse
 
 # Top to bottom. A folder may include from itself and from what stands below it.
 HOUSE = ["tests", "cli", "farm", "replay", "compose", "render", "ingest", "images", "store", "rig",
@@ -41,15 +45,74 @@ def may_see(user: str, used: str) -> bool:
     return HOUSE.index(user_floor) < HOUSE.index(used_floor)
 
 
+def without_blocks(markdown: str) -> str:
+    """Fenced blocks hold no links and no headings; the lines stay as many."""
+    return re.sub(r"^ *(```+|~~~+).*?^ *\1[`~]* *$",
+                  lambda block: "\n" * block.group(0).count("\n"), markdown,
+                  flags=re.MULTILINE | re.DOTALL)
+
+
+INLINE_LINK = r"\]\(\s*<?([^)\s>]+)>?(?:\s+[\"'][^)]*)?\)"
+REFERENCE = r"^ {0,3}\[[^\]^][^\]]*\]:\s*<?([^\s>]+)"
+ELSEWHERE = r"[A-Za-z][A-Za-z0-9+.-]*:|//"
+
+
+def links_of(markdown: str) -> list[tuple[int, str]]:
+    """(line, target) of links, images and reference definitions, but not of those to elsewhere."""
+    prose = re.sub(r"(`+)(?!`)[^\n]*?(?<!`)\1(?!`)", "", without_blocks(markdown))  # no code spans
+    return [(prose.count("\n", 0, match.start()) + 1, match.group(1))
+            for pattern in (INLINE_LINK, REFERENCE)
+            for match in re.finditer(pattern, prose, flags=re.MULTILINE)
+            if not re.match(ELSEWHERE, match.group(1))]
+
+
+def anchors_of(markdown: str) -> set[str]:
+    """The names by which headings can be linked to, made as GitHub and its kin make them."""
+    text = without_blocks(markdown)
+    names = set(re.findall(r"<a (?:id|name)=\"([^\"]+)\"", text))
+    times: dict[str, int] = {}
+    for heading in re.findall(r"^ {0,3}#{1,6}\s+(.*?)\s*#*\s*$", text, flags=re.MULTILINE):
+        shown = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", heading)
+        name = re.sub(r"[^\w\- ]", "", shown.lower()).replace(" ", "-")
+        earlier = times.get(name, 0)
+        times[name] = earlier + 1
+        names.add(f"{name}-{earlier}" if earlier else name)
+    return names
+
+
+def broken_links(root: pathlib.Path, name: str, known: set[str]) -> tuple[int, list[str]]:
+    """How many links a page has, and what is wrong with them. `known`: our files and folders."""
+    links = links_of((root / name).read_text(encoding="utf-8"))
+    complaints = []
+    for line, link in links:
+        target, _, anchor = urllib.parse.unquote(link).partition("#")
+        # By name only: a link that leaves the checkout and comes back depends on where it lies.
+        beside = posixpath.join(posixpath.dirname(name), target)
+        where = posixpath.normpath(beside) if target else name
+        file = root / where
+        if where not in known:
+            complaints.append(f"{name}:{line}: link to '{link}', which is no file of the project")
+        elif anchor and (file.suffix != ".md" or
+                         anchor not in anchors_of(file.read_text(encoding="utf-8"))):
+            complaints.append(f"{name}:{line}: link to '{link}', whose heading is not there")
+    return len(links), complaints
+
+
 def main() -> int:
     root = pathlib.Path(__file__).resolve().parent.parent
     listed = subprocess.run(["git", "-C", root, "ls-files", "-co", "--exclude-standard"],
                             capture_output=True, text=True, check=True).stdout.split("\n")
+    known = {name for name in listed if name and (root / name).is_file()}
+    known |= {str(folder) for name in known for folder in pathlib.PurePosixPath(name).parents}
     complaints = []
-    arrows = 0
+    arrows = links = 0
     for name in listed:
         path = pathlib.PurePosixPath(name)
         file = root / name
+        if path.suffix == ".md" and file.is_file():
+            count, broken = broken_links(root, name, known)
+            links += count
+            complaints += broken
         if path.suffix not in {".cpp", ".h", ".sh", ".py"} or not file.is_file():
             continue
         text = file.read_text(encoding="utf-8")
@@ -72,7 +135,10 @@ def main() -> int:
                 complaints.append(f"{name}:{number}: {user}/ may not look up to {used}/")
     if arrows < 20:
         complaints.append(f"only {arrows} includes found: this check no longer sees the house")
-    print("\n".join(complaints) or f"{arrows} arrows, all running down")
+    if links < 20:
+        complaints.append(f"only {links} links found: this check no longer sees the documentation")
+    print("\n".join(complaints) or
+          f"{arrows} arrows, all running down; {links} links, all leading somewhere")
     return 1 if complaints else 0
 
 

@@ -88,7 +88,8 @@ double focal_depth_of(const Take& take, const EvaluationSettings& settings) {
 ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
   ViewEvaluation mean;
   mean.id = "mean";
-  double covering = 0;
+  mean.decoded_per_needed = 0;
+  double covering = 0, counted = 0;
   for (const ViewEvaluation& view : views) {
     mean.quality.covered += view.quality.covered / static_cast<double>(views.size());
     mean.decode_ms += view.decode_ms / static_cast<double>(views.size());
@@ -97,11 +98,14 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
     ++covering;
     mean.quality.psnr_db += view.quality.psnr_db;
     mean.quality.ssim += view.quality.ssim;
-    mean.decoded_per_needed += view.decoded_per_needed;
+    if (!std::isnan(view.decoded_per_needed)) {
+      mean.decoded_per_needed += view.decoded_per_needed;
+      ++counted;
+    }
   }
   mean.quality.psnr_db /= covering;  // not-a-number when no view covers anything
   mean.quality.ssim /= covering;
-  mean.decoded_per_needed /= covering;
+  mean.decoded_per_needed /= counted;
   return mean;
 }
 

@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <stop_token>
 #include <string>
@@ -34,7 +35,8 @@ struct ViewEvaluation {
   std::string id;
   ImageQuality quality;
   double decode_ms = 0, render_ms = 0;  ///< wall clock, nothing cached before
-  double decoded_per_needed = 0;  ///< source pixels entropy-decoded per distinct pixel sampled
+  /// Source pixels entropy-decoded per distinct pixel sampled; not-a-number where none was.
+  double decoded_per_needed = std::numeric_limits<double>::quiet_NaN();
 };
 
 struct Evaluation {

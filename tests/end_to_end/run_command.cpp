@@ -1,59 +1,111 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tests/end_to_end/run_command.h"
 
+#include <fcntl.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
+#include <chrono>
 #include <cstdlib>
 #include <fstream>
 #include <iterator>
+#include <stdexcept>
 #include <thread>
 
-#include "schemas/test_folder.h"
+#include "schemas/test_user.h"
 
 namespace raystage::testing {
 namespace {
 
-pid_t start(const std::string& command, const std::filesystem::path& folder) {
-  const std::string whole = "export PATH='" RAYSTAGE_BIN_DIR ":'\"$PATH\"; exec >'" +
-                            (folder / "out").string() + "' 2>'" + (folder / "err").string() +
-                            "'; " + command;
-  const pid_t child = fork();
-  if (child == 0) {
+/// What a command writes to one of its streams, read while it runs. Through a pipe: a limit on the
+/// size of files would hold for a file too.
+class Stream {
+ public:
+  Stream() {
+    if (pipe2(ends_.data(), O_CLOEXEC) != 0) throw std::runtime_error("no pipe");
+  }
+  /// In the child: becomes its stream of this number.
+  void connect(int number) const { dup2(ends_[1], number); }
+  /// In the parent.
+  void start_reading() {
+    close(ends_[1]);
+    reader_ = std::thread([this] {
+      std::array<char, 4096> buffer{};
+      ssize_t count = 0;
+      while ((count = read(ends_[0], buffer.data(), buffer.size())) > 0) {
+        text_.append(buffer.data(), static_cast<std::size_t>(count));
+      }
+      close(ends_[0]);
+    });
+  }
+  std::string text() {
+    reader_.join();
+    return text_;
+  }
+
+ private:
+  std::array<int, 2> ends_{};
+  std::string text_;
+  std::thread reader_;
+};
+
+struct Running {
+  pid_t child = -1;
+  Stream out, err;
+};
+
+void start(Running& running, const std::string& command, const Lacks& lacks) {
+  const std::string whole = "export PATH='" RAYSTAGE_BIN_DIR ":'\"$PATH\"; " + command;
+  running.child = fork();
+  if (running.child == 0) {
     setpgid(0, 0);
+    running.out.connect(STDOUT_FILENO);
+    running.err.connect(STDERR_FILENO);
+    if (lacks.file_bytes) {
+      const rlimit limit{*lacks.file_bytes, *lacks.file_bytes};
+      if (setrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
+#ifdef __SANITIZE_THREAD__
+      signal(SIGXFSZ, SIG_IGN);  // its own writes raise it before the command can ignore it
+#endif
+    }
+    if (lacks.root && !give_up_root()) _exit(126);
     execl("/bin/bash", "bash", "-c", whole.c_str(), nullptr);
     _exit(127);
   }
-  return child;
+  running.out.start_reading();
+  running.err.start_reading();
 }
 
-CommandResult finish(pid_t child, const std::filesystem::path& folder) {
-  int status = 0;
-  waitpid(child, &status, 0);
+CommandResult finish(Running& running) {
   CommandResult result;
+  result.out = running.out.text();
+  result.err = running.err.text();
+  int status = 0;
+  waitpid(running.child, &status, 0);
   result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  result.out = text_of(folder / "out");
-  result.err = text_of(folder / "err");
   return result;
 }
 
 }  // namespace
 
-CommandResult run(const std::string& command) {
-  const TestFolder folder;
-  return finish(start(command, folder.path()), folder.path());
+CommandResult run(const std::string& command, const Lacks& lacks) {
+  Running running;
+  start(running, command, lacks);
+  return finish(running);
 }
 
 CommandResult run_and_signal(const std::string& command, int signal,
                              const std::filesystem::path& ready) {
-  const TestFolder folder;
-  const pid_t child = start("exec " + command, folder.path());
+  Running running;
+  start(running, "exec " + command, {});
   for (int waited = 0; waited < 12000 && !std::filesystem::exists(ready); ++waited) {
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
-  kill(child, signal);
-  return finish(child, folder.path());
+  kill(running.child, signal);
+  return finish(running);
 }
 
 std::optional<std::filesystem::path> captured_data(const std::string& set) {
@@ -75,6 +127,15 @@ std::vector<std::filesystem::path> files_with(const std::filesystem::path& folde
     }
   }
   return found;
+}
+
+std::map<std::string, std::string> contents_of(const std::filesystem::path& folder) {
+  std::map<std::string, std::string> contents;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+    contents[entry.path().lexically_relative(folder).string()] =
+        entry.is_directory() ? "folder" : text_of(entry.path());
+  }
+  return contents;
 }
 
 std::string text_of(const std::filesystem::path& file) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "compose/resources.h"
+#include "schemas/resources.h"
 
 #include <sched.h>
 #include <sys/resource.h>

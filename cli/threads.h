@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <tbb/global_control.h>
+
+#include <CLI/CLI.hpp>
+#include <cstddef>
+
+#include "schemas/resources.h"
+
+namespace raystage {
+
+/// -j, --threads N: the same in every command; 0, the default, takes what this process may use.
+inline void add_threads_option(CLI::App& app, int& threads) {
+  app.add_option("-j,--threads", threads,
+                 "Threads (default: 0, as many as CPU affinity and control group grant)")
+      ->check(CLI::Range(0, 1024))
+      ->type_name("N");
+}
+
+inline int thread_count(int threads_option) {
+  return threads_option > 0 ? threads_option : available_threads();
+}
+
+/// Holds TBB to that many threads while it lives.
+class ThreadLimit {
+ public:
+  explicit ThreadLimit(int threads_option)
+      : limit_(tbb::global_control::max_allowed_parallelism,
+               static_cast<std::size_t>(thread_count(threads_option))) {}
+
+ private:
+  tbb::global_control limit_;
+};
+
+}  // namespace raystage

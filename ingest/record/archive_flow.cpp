@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <condition_variable>
 #include <utility>
 
 #include "schemas/error.h"
@@ -14,8 +15,9 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kRetryAfter = 100ms;  // while the disk refuses
-constexpr auto kLookAfter = 50ms;    // though nobody called
-constexpr int kTurn = 16;            // frames of one camera before the next has its turn
+// The writer looks instead of being called: thousands of calls a second cost more than the writing.
+constexpr auto kLookAfter = 5ms;
+constexpr int kTurn = 16;  // frames of one camera before the next has its turn
 
 }  // namespace
 
@@ -30,23 +32,10 @@ ArchiveFlow::ArchiveFlow(std::vector<Camera> cameras, Settings settings)
 
 ArchiveFlow::~ArchiveFlow() = default;
 
-void ArchiveFlow::wake() {
-  {
-    const std::scoped_lock lock(mutex_);
-    if (woken_) return;
-    woken_ = true;
-  }
-  something_.notify_one();
-}
-
 void ArchiveFlow::write_on(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
     if (write_some()) continue;
-    std::unique_lock lock(mutex_);
-    const bool refused = !trouble().empty();
-    something_.wait_for(lock, stop, refused ? kRetryAfter : kLookAfter,
-                        [&] { return woken_ && !refused; });
-    woken_ = false;
+    std::this_thread::sleep_for(trouble().empty() ? kLookAfter : kRetryAfter);
   }
 }
 

@@ -3,7 +3,6 @@
 
 #include <array>
 #include <atomic>
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <mutex>
@@ -42,8 +41,6 @@ class ArchiveFlow {
   ArchiveFlow(const ArchiveFlow&) = delete;
   ArchiveFlow& operator=(const ArchiveFlow&) = delete;
 
-  /// There may be something to write. Thread-safe, cheap.
-  void wake();
   /// Writes all that is left; intakes and encoders have finished. `progress` gets the part done.
   void drain(const std::function<void(double)>& progress);
 
@@ -69,9 +66,6 @@ class ArchiveFlow {
   const Settings settings_;
   std::vector<Tally> tallies_;
   std::atomic<std::uint64_t> bytes_written_ = 0;
-  std::mutex mutex_;
-  std::condition_variable_any something_;
-  bool woken_ = false;
   mutable std::mutex trouble_mutex_;
   std::string trouble_;
   std::jthread writer_, flusher_;  // last: they use all of the above

@@ -173,11 +173,7 @@ void CameraIntake::take(SourceFrame frame) {
   queued->jpeg = std::move(frame.jpeg);
   queued->memory = std::move(share);
   to_.queue.push(std::move(queued));
-  if (raw) {
-    to_.encoders.encode_one_of(to_.queue);
-  } else {
-    to_.arrived();
-  }
+  if (raw) to_.encoders.encode_one_of(to_.queue);
 }
 
 void CameraIntake::push_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin) {
@@ -197,7 +193,6 @@ void CameraIntake::push_missing(FrameStatus status, Nanoseconds time, FrameOrigi
   record->origin = origin;
   record->memory = std::move(share);
   to_.queue.push(std::move(record));
-  to_.arrived();
 }
 
 }  // namespace raystage

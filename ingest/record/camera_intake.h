@@ -63,7 +63,6 @@ class CameraIntake {
     MemoryBudget& memory;
     Encoders& encoders;
     CameraCounters& counters;
-    std::function<void()> arrived;   ///< wakes the writer
     std::function<void()> stop_all;  ///< for WhenLost::kStop
   };
   using Open = std::function<std::unique_ptr<FrameSource>()>;

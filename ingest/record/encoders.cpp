@@ -7,11 +7,10 @@
 
 namespace raystage {
 
-Encoders::Encoders(const JpegEncodeSettings& settings, int threads, std::function<void()> done)
+Encoders::Encoders(const JpegEncodeSettings& settings, int threads)
     // TBB counts the calling thread too, but sources never encode themselves: one worker more, and
     // no slot kept for callers.
     : settings_(settings),
-      done_(std::move(done)),
       parallelism_(tbb::global_control::max_allowed_parallelism,
                    static_cast<std::size_t>(threads) + 1),
       arena_(threads, 0) {}
@@ -54,7 +53,6 @@ void Encoders::work_on(FrameQueue& queue) {
     result.reset();
   }
   queue.finish_encoding(frame, std::move(result));
-  done_();
 }
 
 }  // namespace raystage

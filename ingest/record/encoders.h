@@ -5,7 +5,6 @@
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
-#include <functional>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -19,8 +18,8 @@ namespace raystage {
 /// queue holds a frame more, and goes on.
 class Encoders {
  public:
-  /// `threads`: as many frames at once. `done` is called after each frame, from any thread.
-  Encoders(const JpegEncodeSettings& settings, int threads, std::function<void()> done);
+  /// `threads`: as many frames at once.
+  Encoders(const JpegEncodeSettings& settings, int threads);
   ~Encoders();
   Encoders(const Encoders&) = delete;
   Encoders& operator=(const Encoders&) = delete;
@@ -35,7 +34,6 @@ class Encoders {
   std::unique_ptr<RawJpegEncoder> borrow();
 
   const JpegEncodeSettings settings_;
-  const std::function<void()> done_;
   std::mutex mutex_;
   std::vector<std::unique_ptr<RawJpegEncoder>> idle_;
   tbb::global_control parallelism_;

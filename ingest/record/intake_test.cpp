@@ -169,8 +169,7 @@ TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
 
 TEST(Encoders, WhatCannotBeEncodedIsMissing) {
   FrameQueue queue;
-  std::atomic<int> done = 0;
-  Encoders encoders({}, 2, [&] { ++done; });
+  Encoders encoders({}, 2);
   for (int i = 0; i < 20; ++i) {
     auto frame = queued(i + 1, QueuedFrame::Stage::kToEncode);
     frame->raw.width = i % 2 == 0 ? 70000 : 8;  // more than a JPEG holds
@@ -183,7 +182,6 @@ TEST(Encoders, WhatCannotBeEncodedIsMissing) {
     encoders.encode_one_of(queue);
   }
   encoders.wait();
-  EXPECT_EQ(done, 20);
   EXPECT_EQ(queue.encoder_failures(), 10U);
   for (int i = 0; i < 20; ++i) {
     ASSERT_NE(queue.front_ready(), nullptr);

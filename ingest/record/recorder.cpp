@@ -184,7 +184,7 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
                                       .release_reserve = [&] { s.take.release_room(); },
                                       .patience = s.settings.disk_patience_s,
                                       .flush_every = s.settings.flush_every_s});
-  Encoders encoders(s.settings.jpeg, s.settings.threads, [&] { flow.wake(); });
+  Encoders encoders(s.settings.jpeg, s.settings.threads);
 
   const Nanoseconds start_utc = s.settings.start_utc.value_or(0);
   std::stop_source camera_stop;
@@ -199,7 +199,6 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
            intake = std::make_unique<CameraIntake>(
                s.intake_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
                CameraIntake::Plumbing{s.queues[i], s.memory, encoders, s.counters[i],
-                                      [&flow] { flow.wake(); },
                                       [&a_camera_asks] { a_camera_asks = true; }})] {
             intake->run(camera_stop.get_token());
             --running;

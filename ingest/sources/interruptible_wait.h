@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <chrono>
+#include <condition_variable>
+#include <mutex>
+
+namespace raystage {
+
+/// A wait that another thread can cut short.
+class InterruptibleWait {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  /// Sleeps until `time`. False as soon as interrupt() was called, also before: an interruption
+  /// counts for one wait.
+  bool until(Clock::time_point time) {
+    std::unique_lock lock(mutex_);
+    const bool cut_short = changed_.wait_until(lock, time, [this] { return interrupted_; });
+    interrupted_ = false;
+    return !cut_short;
+  }
+
+  void interrupt() {
+    {
+      const std::scoped_lock lock(mutex_);
+      interrupted_ = true;
+    }
+    changed_.notify_all();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  bool interrupted_ = false;
+};
+
+}  // namespace raystage

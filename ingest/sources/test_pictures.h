@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+// For the tests of this folder.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "store/jpeg/encode.h"
+
+namespace raystage {
+
+/// A gradient whose brightness tells pictures apart. Its chroma varies slowly, so that subsampling
+/// costs next to nothing.
+inline RgbImage test_picture(int width, int height, int shade) {
+  RgbImage image{width, height, {}};
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) {
+      image.pixels.push_back(static_cast<std::uint8_t>(shade / 2 + 100 * x / width));
+      image.pixels.push_back(static_cast<std::uint8_t>(shade / 2 + 100 * y / height));
+      image.pixels.push_back(static_cast<std::uint8_t>(shade));
+    }
+  }
+  return image;
+}
+
+inline std::vector<std::byte> test_jpeg(int width, int height, int shade) {
+  return encode_jpeg(test_picture(width, height, shade), {});
+}
+
+}  // namespace raystage

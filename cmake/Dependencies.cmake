@@ -26,6 +26,9 @@ pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)               # Pkg
 pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)                     # PkgConfig::HWY
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET
                   libavformat libavcodec libavutil libswscale)             # PkgConfig::FFMPEG
+pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)               # PkgConfig::ARAVIS
+# Loaded at run time only, by the version that its header names.
+pkg_check_modules(AVDEVICE REQUIRED libavdevice)
 if(RAYSTAGE_TESTS)
   find_package(GTest REQUIRED)                     # GTest::gtest_main
   find_package(rapidcheck REQUIRED)                # rapidcheck

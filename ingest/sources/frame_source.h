@@ -13,7 +13,8 @@
 
 namespace raystage {
 
-/// What a source delivers: a JPEG as it arrived, or raw pixels.
+/// What a source delivers: a JPEG as it arrived, or raw pixels. A torn frame may have neither
+/// (`raw.width` is 0): something came that cannot be made out.
 struct SourceFrame {
   std::vector<std::byte> jpeg;  ///< empty where `raw` is the picture
   RawImage raw;

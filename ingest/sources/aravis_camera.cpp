@@ -1,0 +1,207 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/sources/aravis_camera.h"
+
+#include <fmt/format.h>
+
+#include <string_view>
+
+#include "ingest/sources/ffmpeg_handles.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+std::string text_or_empty(const char* text) { return text == nullptr ? "" : text; }
+
+/// "A, B, C" of a list that Aravis allocated.
+std::string list_of(const char** names, guint count) {
+  std::string list;
+  for (guint i = 0; i < count; ++i) {
+    if (i > 0) list += ", ";
+    list += names[i];
+  }
+  g_free(names);
+  return list;
+}
+
+std::string devices_found() {
+  std::string list;
+  for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
+    if (i > 0) list += ", ";
+    list += text_or_empty(arv_get_device_id(i));
+  }
+  return list.empty() ? "none" : list;
+}
+
+/// Aravis' id of the device with this serial number or id.
+std::string find_device(const std::string& device) {
+  for (unsigned i = 0; i < arv_get_n_devices(); ++i) {
+    for (const char* name : {arv_get_device_serial_nbr(i), arv_get_device_id(i),
+                             arv_get_device_address(i), arv_get_device_physical_id(i)}) {
+      if (device == text_or_empty(name)) return text_or_empty(arv_get_device_id(i));
+    }
+  }
+  return {};
+}
+
+/// Sets one number within what the device allows.
+class Settings {
+ public:
+  Settings(ArvCamera* camera, std::string where) : camera_(camera), where_(std::move(where)) {}
+
+  template <typename Bounds, typename Set>
+  void number(const char* name, double value, const Bounds& bounds, const Set& set) {
+    double low = 0, high = 0;
+    bounds(camera_, &low, &high, error_.fresh());
+    if (!error_ && !(value >= low && value <= high)) {
+      throw Error::bad_input(
+          fmt::format("{} is {}, the camera allows: {} to {}", name, value, low, high), where_,
+          "Give a value within that range");
+    }
+    set(camera_, value, error_.fresh());
+    check(name);
+  }
+
+  /// Refuses what the call before reported.
+  void check(const char* name, const std::string& allowed = {}) {
+    if (!error_) return;
+    throw Error::bad_input(
+        fmt::format("the camera does not take the {}: {}", name, error_.text()), where_,
+        allowed.empty() ? "Leave it out, or see the camera's manual" : "It knows: " + allowed);
+  }
+  GErrorHolder& error() { return error_; }
+
+ private:
+  ArvCamera* camera_;
+  std::string where_;
+  GErrorHolder error_;
+};
+
+std::string pixel_formats_of(ArvCamera* camera) {
+  guint count = 0;
+  GErrorHolder error;
+  const char** names =
+      arv_camera_dup_available_pixel_formats_as_strings(camera, &count, error.fresh());
+  return list_of(names, count);
+}
+
+void set_pixel_format(ArvCamera* camera, const std::string& wanted, const std::string& where,
+                      Settings& settings) {
+  if (!wanted.empty()) {
+    arv_camera_set_pixel_format_from_string(camera, wanted.c_str(), settings.error().fresh());
+    if (settings.error()) settings.check("pixel format", pixel_formats_of(camera));
+  }
+  const ArvPixelFormat format = arv_camera_get_pixel_format(camera, settings.error().fresh());
+  settings.check("question for its pixel format");
+  if (av_format_of(format) >= 0) return;
+  throw Error::bad_input(
+      fmt::format("the camera's pixel format {} is none that raystage takes",
+                  text_or_empty(arv_camera_get_pixel_format_as_string(camera, nullptr))),
+      where,
+      fmt::format("Set \"pixel_format\" to Mono8, a Bayer format of 8 bits, RGB8 or YUV422_8; the "
+                  "camera has: {}",
+                  pixel_formats_of(camera)));
+}
+
+void set_trigger(ArvCamera* camera, const std::string& trigger, Settings& settings) {
+  if (trigger.empty()) {
+    // Cameras without triggers object, and run freely all the same.
+    arv_camera_clear_triggers(camera, settings.error().fresh());
+    return;
+  }
+  guint count = 0;
+  GErrorHolder ignored;
+  const char** names = arv_camera_dup_available_trigger_sources(camera, &count, ignored.fresh());
+  const std::string allowed = list_of(names, count);
+  arv_camera_set_trigger(camera, trigger.c_str(), settings.error().fresh());
+  settings.check("trigger", allowed);
+}
+
+}  // namespace
+
+GOwned<ArvCamera> open_aravis_camera(const std::string& device) {
+  GErrorHolder error;
+  const char* name = device.empty() ? nullptr : device.c_str();
+  // Names and addresses are asked directly, which takes milliseconds; looking around takes a
+  // second.
+  GOwned<ArvCamera> camera(arv_camera_new(name, error.fresh()));
+  if (camera) return camera;
+  const std::string reason = error.text();
+  arv_update_device_list();
+  const std::string id = device.empty() ? "" : find_device(device);
+  if (!id.empty()) camera.reset(arv_camera_new(id.c_str(), error.fresh()));
+  if (camera) return camera;
+  throw Error::failed(
+      fmt::format("the camera cannot be opened: {}; found: {}", error ? error.text() : reason,
+                  devices_found()),
+      device.empty() ? "aravis" : device,
+      "Check its power and cable, that its network is reached from here, and that no other program "
+      "controls it");
+}
+
+void set_up_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource& source) {
+  const std::string where = text_or_empty(arv_camera_get_device_id(camera, nullptr));
+  Settings settings(camera, where);
+  set_pixel_format(camera, source.pixel_format, where, settings);
+  if (source.exposure_us) {
+    // Those that have no automatic exposure object to its being switched off.
+    arv_camera_set_exposure_time_auto(camera, ARV_AUTO_OFF, settings.error().fresh());
+    settings.number("exposure_us", *source.exposure_us, arv_camera_get_exposure_time_bounds,
+                    arv_camera_set_exposure_time);
+  }
+  if (source.gain) {
+    arv_camera_set_gain_auto(camera, ARV_AUTO_OFF, settings.error().fresh());
+    settings.number("gain", *source.gain, arv_camera_get_gain_bounds, arv_camera_set_gain);
+  }
+  if (source.fps) {
+    settings.number("fps", *source.fps, arv_camera_get_frame_rate_bounds,
+                    arv_camera_set_frame_rate);
+  }
+  set_trigger(camera, source.trigger, settings);
+  arv_camera_set_acquisition_mode(camera, ARV_ACQUISITION_MODE_CONTINUOUS,
+                                  settings.error().fresh());
+  if (arv_camera_is_gv_device(camera) == FALSE) return;
+  if (source.packet_size) {
+    arv_camera_gv_set_packet_size(camera, *source.packet_size, settings.error().fresh());
+    settings.check("packet size");
+    arv_camera_gv_set_packet_size_adjustment(camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+  }
+  if (!source.packet_socket) {
+    arv_camera_gv_set_stream_options(camera, ARV_GV_STREAM_OPTION_PACKET_SOCKET_DISABLED);
+  }
+}
+
+int av_format_of(ArvPixelFormat format) {
+  switch (format) {
+    case ARV_PIXEL_FORMAT_MONO_8:
+      return AV_PIX_FMT_GRAY8;
+    case ARV_PIXEL_FORMAT_MONO_10:
+      return AV_PIX_FMT_GRAY10LE;
+    case ARV_PIXEL_FORMAT_MONO_12:
+      return AV_PIX_FMT_GRAY12LE;
+    case ARV_PIXEL_FORMAT_MONO_14:
+      return AV_PIX_FMT_GRAY14LE;
+    case ARV_PIXEL_FORMAT_MONO_16:
+      return AV_PIX_FMT_GRAY16LE;
+    case ARV_PIXEL_FORMAT_RGB_8_PACKED:
+      return AV_PIX_FMT_RGB24;
+    case ARV_PIXEL_FORMAT_BGR_8_PACKED:
+      return AV_PIX_FMT_BGR24;
+    case ARV_PIXEL_FORMAT_BAYER_RG_8:
+      return AV_PIX_FMT_BAYER_RGGB8;
+    case ARV_PIXEL_FORMAT_BAYER_BG_8:
+      return AV_PIX_FMT_BAYER_BGGR8;
+    case ARV_PIXEL_FORMAT_BAYER_GR_8:
+      return AV_PIX_FMT_BAYER_GRBG8;
+    case ARV_PIXEL_FORMAT_BAYER_GB_8:
+      return AV_PIX_FMT_BAYER_GBRG8;
+    case ARV_PIXEL_FORMAT_YUV_422_PACKED:
+      return AV_PIX_FMT_UYVY422;
+    case ARV_PIXEL_FORMAT_YUV_422_YUYV_PACKED:
+      return AV_PIX_FMT_YUYV422;
+    default:
+      return -1;
+  }
+}
+
+}  // namespace raystage

@@ -1,0 +1,273 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/sources/aravis_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstring>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "ingest/sources/aravis_camera.h"
+#include "ingest/sources/pixel_conversion.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+/// Host time at which a buffer was filled, noted by the receiving thread. One per buffer, freed
+/// with it.
+using Arrival = std::atomic<Nanoseconds>;
+
+void note_arrival(void* /*unused*/, ArvStreamCallbackType type, ArvBuffer* buffer) {
+  if (type != ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) return;
+  // Ours, and not constant; GLib's signature says so.
+  auto* arrival = static_cast<Arrival*>(const_cast<void*>(arv_buffer_get_user_data(buffer)));
+  if (arrival != nullptr) *arrival = host_utc_now();
+}
+
+/// The stream and its buffers.
+class Stream {
+ public:
+  explicit Stream(ArvStream* stream) : stream_(stream) {}
+
+  void add_buffer(std::size_t bytes) {
+    ArvBuffer* buffer = arv_buffer_new_full(bytes, nullptr, new Arrival(0), [](void* arrival) {
+      delete static_cast<Arrival*>(arrival);
+    });
+    // What a torn frame lacks must not be what lay in memory before.
+    size_t ignored = 0;
+    void* data = const_cast<void*>(arv_buffer_get_data(buffer, &ignored));
+    if (data != nullptr) std::memset(data, 0, bytes);
+    push(buffer);
+  }
+  void push(ArvBuffer* buffer) { arv_stream_push_buffer(stream_.get(), buffer); }
+  ArvBuffer* pop(std::chrono::microseconds patience) {
+    return arv_stream_timeout_pop_buffer(stream_.get(), static_cast<guint64>(patience.count()));
+  }
+
+  /// Lends a buffer until the result is let go. It may outlive the stream, which holds on to the
+  /// camera and must not be kept from letting go of it.
+  static std::shared_ptr<const void> lend(const std::shared_ptr<Stream>& stream,
+                                          ArvBuffer* buffer) {
+    ++stream->lent_;
+    return {buffer, [home = std::weak_ptr<Stream>(stream)](ArvBuffer* returned) {
+              if (const auto there = home.lock(); there) {
+                --there->lent_;
+                there->push(returned);
+              } else {
+                g_object_unref(returned);
+              }
+            }};
+  }
+  int lent() const { return lent_; }
+
+ private:
+  GOwned<ArvStream> stream_;
+  std::atomic<int> lent_ = 0;
+};
+
+class AravisSource final : public FrameSource {
+ public:
+  explicit AravisSource(const RecordConfig::AravisSource& source)
+      : buffers_(source.buffers), camera_(open_aravis_camera(source.device)) {
+    set_up_aravis_camera(camera_.get(), source);
+    describe();
+    open_stream(source);
+    // By name, so that the camera going away is heard of in any thread.
+    g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
+                     G_CALLBACK(&AravisSource::on_control_lost), this);
+    GErrorHolder error;
+    arv_camera_start_acquisition(camera_.get(), error.fresh());
+    if (error) {
+      g_signal_handlers_disconnect_by_data(arv_camera_get_device(camera_.get()), this);
+      throw fail("the camera does not start: " + error.text());
+    }
+  }
+
+  ~AravisSource() override {
+    g_signal_handlers_disconnect_by_data(arv_camera_get_device(camera_.get()), this);
+    GErrorHolder ignored;
+    arv_camera_stop_acquisition(camera_.get(), ignored.fresh());
+  }
+
+  const SourceDescription& description() const override { return description_; }
+
+  Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) override {
+    using std::chrono::microseconds;
+    constexpr microseconds kSlice(50'000);  // how soon an interruption is heard
+    const Clock::time_point deadline = Clock::now() + patience;
+    for (;;) {
+      if (interrupted_.exchange(false)) return Outcome::kNothing;
+      const auto left = std::chrono::duration_cast<microseconds>(deadline - Clock::now());
+      ArvBuffer* buffer = stream_->pop(std::clamp(left, microseconds(0), kSlice));
+      if (buffer == nullptr) {
+        if (control_lost_) return Outcome::kLost;
+        if (Clock::now() >= deadline) return Outcome::kNothing;
+      } else if (take(buffer, frame)) {
+        return Outcome::kFrame;
+      }
+    }
+  }
+
+  std::string why_lost() const override {
+    return control_lost_ ? "the camera does not answer any more" : "";
+  }
+  void interrupt() override { interrupted_ = true; }
+
+ private:
+  static void on_control_lost(ArvDevice* /*unused*/, AravisSource* self) {
+    self->control_lost_ = true;
+  }
+
+  Error fail(std::string what) const {
+    return Error::failed(std::move(what), description_.what,
+                         "Check the connection, and that no other program controls the camera");
+  }
+
+  void describe() {
+    GErrorHolder error;
+    gint x = 0, y = 0;
+    format_ = arv_camera_get_pixel_format(camera_.get(), error.fresh());
+    const char* format = arv_camera_get_pixel_format_as_string(camera_.get(), error.fresh());
+    const auto text = [](const char* value) { return std::string(value == nullptr ? "" : value); };
+    const std::string model = text(arv_camera_get_model_name(camera_.get(), error.fresh()));
+    const std::string serial =
+        text(arv_camera_get_device_serial_number(camera_.get(), error.fresh()));
+    description_.what = fmt::format("aravis {} {}, {}", model, serial, text(format));
+    arv_camera_get_region(camera_.get(), &x, &y, &description_.width, &description_.height,
+                          error.fresh());
+    if (error) throw fail("the camera does not say how large its pictures are: " + error.text());
+    // Triggered cameras have no rate of their own.
+    description_.fps = arv_camera_get_frame_rate(camera_.get(), error.fresh());
+    if (error) description_.fps = 0;
+    description_.clock = "device";
+    // GigE Vision and USB3 Vision stamp the start of the exposure or of the readout, as the maker
+    // likes.
+    description_.time_marks = "unknown";
+  }
+
+  void open_stream(const RecordConfig::AravisSource& source) {
+    GErrorHolder error;
+    ArvStream* stream =
+        arv_camera_create_stream(camera_.get(), note_arrival, nullptr, error.fresh());
+    if (stream == nullptr) throw fail("the camera does not stream: " + error.text());
+    stream_ = std::make_shared<Stream>(stream);
+    if (ARV_IS_GV_STREAM(stream)) {
+      g_object_set(stream, "socket-buffer", ARV_GV_STREAM_SOCKET_BUFFER_FIXED, "socket-buffer-size",
+                   source.socket_buffer_bytes, "packet-resend",
+                   source.packet_resend ? ARV_GV_STREAM_PACKET_RESEND_ALWAYS
+                                        : ARV_GV_STREAM_PACKET_RESEND_NEVER,
+                   nullptr);
+    }
+    const guint bytes = arv_camera_get_payload(camera_.get(), error.fresh());
+    if (error) throw fail("the camera does not say how many bytes it sends: " + error.text());
+    payload_ = bytes;
+    for (int i = 0; i < buffers_; ++i) stream_->add_buffer(payload_);
+  }
+
+  /// False where the buffer held nothing at all.
+  bool take(ArvBuffer* buffer, SourceFrame& frame) {
+    const ArvBufferStatus status = arv_buffer_get_status(buffer);
+    const bool filled =
+        status == ARV_BUFFER_STATUS_SUCCESS || status == ARV_BUFFER_STATUS_TIMEOUT ||
+        status == ARV_BUFFER_STATUS_MISSING_PACKETS ||
+        status == ARV_BUFFER_STATUS_WRONG_PACKET_ID || status == ARV_BUFFER_STATUS_SIZE_MISMATCH;
+    if (!filled) {
+      stream_->push(buffer);
+      return false;
+    }
+    frame.jpeg.clear();
+    frame.torn = status != ARV_BUFFER_STATUS_SUCCESS;
+    const auto* arrival = static_cast<const Arrival*>(arv_buffer_get_user_data(buffer));
+    frame.arrival_utc = arrival->load();
+    frame.device_time.reset();
+    if (const guint64 stamp = arv_buffer_get_timestamp(buffer); stamp != 0) {
+      frame.device_time = static_cast<Nanoseconds>(stamp);
+    }
+    frame.sequence = unwrapped(arv_buffer_get_frame_id(buffer));
+    hand_out(buffer, frame);
+    return true;
+  }
+
+  void hand_out(ArvBuffer* buffer, SourceFrame& frame) {
+    const std::shared_ptr<const void> owner = Stream::lend(stream_, buffer);
+    frame.raw = {};
+    size_t bytes = 0;
+    const void* data = arv_buffer_get_data(buffer, &bytes);
+    if (frame.torn) bytes = payload_;  // all of it is there; Aravis counts what came
+    AvOwned<AVFrame> picture(or_no_memory(av_frame_alloc()));
+    // A buffer that is not whole does not say what picture it holds: what the camera is set to,
+    // then. Where packets are missing, the buffer shows an earlier picture.
+    picture->width = description_.width;
+    picture->height = description_.height;
+    picture->format = av_format_of(format_);
+    gint padding = 0;
+    if (!frame.torn) {
+      gint x = 0, y = 0, rows_of_padding = 0;
+      arv_buffer_get_image_region(buffer, &x, &y, &picture->width, &picture->height);
+      arv_buffer_get_image_padding(buffer, &padding, &rows_of_padding);
+      picture->format = av_format_of(arv_buffer_get_image_pixel_format(buffer));
+    }
+    picture->color_range = AVCOL_RANGE_JPEG;  // GenICam's YUV422_8 uses all codes
+    const int row = padding + av_image_get_linesize(static_cast<AVPixelFormat>(picture->format),
+                                                    picture->width, 0);
+    if (data == nullptr || row <= padding ||
+        bytes < static_cast<std::size_t>(row) * static_cast<std::size_t>(picture->height)) {
+      frame.torn = true;
+      return;
+    }
+    picture->data[0] = static_cast<std::uint8_t*>(const_cast<void*>(data));
+    picture->linesize[0] = row;
+    if (!converter_.convert(*picture, owner, frame.raw)) {
+      frame.torn = true;
+      return;
+    }
+    const bool in_drivers_buffer = frame.raw.owner == owner;
+    if (in_drivers_buffer && stream_->lent() > buffers_ / 2) copy_out(frame.raw);
+  }
+
+  /// What is ours already has one plane. The driver gets its buffer back.
+  static void copy_out(RawImage& image) {
+    const auto* from = image.planes[0].data;
+    const std::size_t bytes = image.planes[0].stride * static_cast<std::size_t>(image.height);
+    auto copy = std::make_shared<const std::vector<std::byte>>(from, from + bytes);
+    image.planes[0].data = copy->data();
+    image.owner = std::move(copy);
+  }
+
+  /// GigE Vision 1 counts frames from 1 to 65535 and begins again at 1; later versions and USB3
+  /// Vision have 64 bits.
+  std::uint64_t unwrapped(std::uint64_t id) {
+    constexpr std::uint64_t kRound = 65535;
+    if (has_id_ && id < last_id_ && last_id_ <= kRound && last_id_ - id > kRound / 2) {
+      rounds_ += kRound;
+    }
+    has_id_ = true;
+    last_id_ = id;
+    return rounds_ + id;
+  }
+
+  int buffers_;
+  GOwned<ArvCamera> camera_;
+  std::shared_ptr<Stream> stream_;
+  SourceDescription description_;
+  ArvPixelFormat format_ = 0;
+  std::size_t payload_ = 0;  ///< bytes of a buffer
+  PixelConverter converter_;
+  std::atomic<bool> interrupted_ = false, control_lost_ = false;
+  bool has_id_ = false;
+  std::uint64_t last_id_ = 0, rounds_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<FrameSource> aravis_source(const RecordConfig::AravisSource& source) {
+  return std::make_unique<AravisSource>(source);
+}
+
+}  // namespace raystage

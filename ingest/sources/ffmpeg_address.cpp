@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/sources/ffmpeg_address.h"
+
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+extern "C" {
+#include <libavdevice/version.h>
+#include <libavutil/log.h>
+}
+
+#include <system_error>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+/// libavdevice brings SDL, OpenGL and 80 more libraries, so that starting a process takes twice as
+/// long: loaded when a device is asked for. Stays until the process ends.
+void load_devices() {
+  const std::string name = fmt::format("libavdevice.so.{}", LIBAVDEVICE_VERSION_MAJOR);
+  void* library = dlopen(name.c_str(), RTLD_NOW | RTLD_GLOBAL);
+  void* register_all = library == nullptr ? nullptr : dlsym(library, "avdevice_register_all");
+  if (register_all == nullptr) {
+    throw Error::failed("FFmpeg's library of devices cannot be loaded", name,
+                        "Install the package libavdevice59");
+  }
+  reinterpret_cast<void (*)()>(register_all)();
+}
+
+const AVInputFormat* find_format(const std::string& name) {
+  if (const AVInputFormat* format = av_find_input_format(name.c_str()); format != nullptr) {
+    return format;
+  }
+  load_devices();
+  return av_find_input_format(name.c_str());
+}
+
+/// "user:password@" between "//" and the host.
+std::string without_secrets(const std::string& url) {
+  const std::size_t host = url.find("//");
+  if (host == url.npos) return url;
+  const std::size_t end = url.find('/', host + 2);
+  const std::size_t at = url.rfind('@', end);
+  if (at == url.npos || at < host) return url;
+  return url.substr(0, host + 2) + url.substr(at + 1);
+}
+
+bool is_named_pipe(const std::filesystem::path& file) {
+  std::error_code ignored;
+  return std::filesystem::is_fifo(file, ignored);
+}
+
+bool is_device(const AVInputFormat* format) {
+  if (format == nullptr || format->priv_class == nullptr) return false;
+  const AVClassCategory category = format->priv_class->category;
+  return category == AV_CLASS_CATEGORY_DEVICE_INPUT ||
+         category == AV_CLASS_CATEGORY_DEVICE_VIDEO_INPUT;
+}
+
+/// Splits "v4l2:/dev/video0": the format before the colon, unless that is a protocol, a URL's
+/// scheme or part of a file's name.
+void split_format(const std::filesystem::path& base, std::string& url, std::string& format) {
+  const std::size_t colon = url.find(':');
+  if (!format.empty() || colon == url.npos || colon == 0) return;
+  if (url.compare(colon + 1, 2, "//") == 0 || avio_find_protocol_name(url.c_str()) != nullptr) {
+    return;
+  }
+  std::error_code ignored;
+  if (std::filesystem::exists(base / url, ignored)) return;
+  format = url.substr(0, colon);
+  url.erase(0, colon + 1);
+}
+
+}  // namespace
+
+FfmpegAddress ffmpeg_address(const RecordConfig::FfmpegSource& source,
+                             const std::filesystem::path& base) {
+  FfmpegAddress address;
+  address.url = source.url;
+  std::string format = source.format;
+  split_format(base, address.url, format);
+  if (!format.empty()) {
+    address.format = find_format(format);
+    if (address.format == nullptr) {
+      throw Error::bad_input(
+          fmt::format("FFmpeg knows no input format and no protocol \"{}\"", format), source.url,
+          "Choose one that `ffmpeg -demuxers` or `ffmpeg -devices` lists");
+    }
+  }
+  address.shown = without_secrets(address.url);
+  if (is_device(address.format)) {
+    address.kind = FfmpegAddress::Kind::kDevice;
+    return address;
+  }
+  const char* name = avio_find_protocol_name(address.url.c_str());
+  const std::string protocol = name == nullptr ? "" : name;
+  if (protocol == "pipe") {
+    address.kind = FfmpegAddress::Kind::kPipe;
+  } else if (protocol == "file" ||
+             (protocol.empty() && address.url.find("://") == address.url.npos)) {
+    std::string path = address.url;
+    if (path.starts_with("file:")) path.erase(0, 5);
+    const std::filesystem::path file = base / path;
+    address.shown = file.string();
+    address.url = "file:" + file.string();
+    address.kind = is_named_pipe(file) ? FfmpegAddress::Kind::kPipe : FfmpegAddress::Kind::kFile;
+  } else {
+    address.kind = FfmpegAddress::Kind::kNetwork;
+  }
+  return address;
+}
+
+}  // namespace raystage

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/sources/ffmpeg_address.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <fstream>
+
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using Kind = FfmpegAddress::Kind;
+
+FfmpegAddress address(const std::string& url, const std::string& format = "",
+                      const std::filesystem::path& base = "/base") {
+  return ffmpeg_address({.url = url, .format = format, .options = {}, .realtime = false}, base);
+}
+
+TEST(FfmpegAddress, FilesAreRelativeToTheConfig) {
+  EXPECT_EQ(address("a/b.mkv").url, "file:/base/a/b.mkv");
+  EXPECT_EQ(address("/a/b.mkv").url, "file:/a/b.mkv");
+  EXPECT_EQ(address("file:b.mkv").url, "file:/base/b.mkv");
+  EXPECT_EQ(address("%04d.jpg").kind, Kind::kFile);
+}
+
+TEST(FfmpegAddress, KindsAreToldApart) {
+  EXPECT_EQ(address("http://10.0.0.1/video").kind, Kind::kNetwork);
+  EXPECT_EQ(address("tcp://10.0.0.1:99", "mjpeg").kind, Kind::kNetwork);
+  EXPECT_EQ(address("rtsp://10.0.0.1/stream").kind, Kind::kNetwork);
+  EXPECT_EQ(address("rtsp://10.0.0.1/stream").url, "rtsp://10.0.0.1/stream");
+  EXPECT_EQ(address("pipe:0", "rawvideo").kind, Kind::kPipe);
+  const TestFolder folder;
+  ASSERT_EQ(mkfifo((folder.path() / "pipe").c_str(), 0600), 0);
+  EXPECT_EQ(address("pipe", "mjpeg", folder.path()).kind, Kind::kPipe);
+}
+
+TEST(FfmpegAddress, AFormatMayStandBeforeTheColon) {
+  const FfmpegAddress device = address("v4l2:/dev/video0");
+  EXPECT_EQ(device.kind, Kind::kDevice);
+  EXPECT_EQ(device.url, "/dev/video0");
+  EXPECT_THAT(device.format->name, ::testing::HasSubstr("v4l2"));
+  EXPECT_EQ(address("/dev/video0", "v4l2").kind, Kind::kDevice);
+  EXPECT_EQ(address("mjpeg:a.mjpg").url, "file:/base/a.mjpg");
+  EXPECT_THROW(address("nothing:a"), Error);
+  EXPECT_THROW(address("a", "nothing"), Error);
+}
+
+TEST(FfmpegAddress, AColonInAFilesNameIsNoFormat) {
+  const TestFolder folder;
+  std::ofstream(folder.path() / "take:1.mkv") << "x";
+  EXPECT_EQ(address("take:1.mkv", "", folder.path()).url,
+            "file:" + (folder.path() / "take:1.mkv").string());
+}
+
+TEST(FfmpegAddress, PasswordsAreNotShown) {
+  EXPECT_EQ(address("rtsp://me:secret@10.0.0.1/a@b").shown, "rtsp://10.0.0.1/a@b");
+  EXPECT_EQ(address("rtsp://me:secret@10.0.0.1/a@b").url, "rtsp://me:secret@10.0.0.1/a@b");
+  EXPECT_EQ(address("rtsp://10.0.0.1").shown, "rtsp://10.0.0.1");
+  EXPECT_EQ(address("http://10.0.0.1/a@b").shown, "http://10.0.0.1/a@b");
+}
+
+}  // namespace
+}  // namespace raystage

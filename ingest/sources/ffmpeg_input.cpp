@@ -1,0 +1,212 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/sources/ffmpeg_input.h"
+
+#include <fmt/format.h>
+
+#include <cstring>
+#include <utility>
+
+#include "ingest/sources/frame_source.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr auto kOpenWithin = 10s;
+constexpr std::size_t kReadAhead = 8;  // packets
+
+bool is_v4l2(const AVInputFormat* format) {
+  return format != nullptr && std::strstr(format->name, "v4l2") != nullptr;
+}
+
+}  // namespace
+
+FfmpegInput::FfmpegInput(FfmpegAddress address, AvOptions& options) : address_(std::move(address)) {
+  deadline_ = (Clock::now() + kOpenWithin).time_since_epoch().count();
+  open(options);
+  deadline_ = Clock::time_point::max().time_since_epoch().count();
+}
+
+FfmpegInput::~FfmpegInput() {
+  {
+    const std::scoped_lock lock(mutex_);
+    stop_ = true;
+  }
+  changed_.notify_all();
+  if (reader_.joinable()) reader_.join();
+}
+
+bool FfmpegInput::stopping() const {
+  return stop_ || Clock::now().time_since_epoch().count() > deadline_;
+}
+
+int FfmpegInput::must_stop(void* self) {
+  return static_cast<const FfmpegInput*>(self)->stopping() ? 1 : 0;
+}
+
+void FfmpegInput::open(AvOptions& options) {
+  const auto refuse = [&](int code, const std::string& what, const std::string& advice) {
+    if (code == AVERROR_EXIT || code == AVERROR(ETIMEDOUT)) {
+      return Error::failed("nothing came in time", address_.shown,
+                           "Check that the camera is switched on and sends, and the address");
+    }
+    return Error::bad_input(fmt::format("{}: {}", what, av_reason(code)), address_.shown, advice);
+  };
+  AVFormatContext* context = or_no_memory(avformat_alloc_context());
+  context->interrupt_callback = {must_stop, this};
+  if (address_.kind == FfmpegAddress::Kind::kPipe) {
+    try {
+      pipe_ = std::make_unique<PipeReader>(address_.url, [this] { return stopping(); });
+    } catch (...) {
+      avformat_free_context(context);
+      throw;
+    }
+    context->pb = pipe_->context();
+  }
+  // V4L2 otherwise waits for a camera that hangs, with no way to stop it.
+  if (is_v4l2(address_.format)) context->flags |= AVFMT_FLAG_NONBLOCK;
+  const char* url = pipe_ ? nullptr : address_.url.c_str();
+  // Frees the context itself where it fails.
+  int code = avformat_open_input(&context, url, address_.format, options.get());
+  if (code < 0) {
+    const std::string named = options.names();
+    throw refuse(code, "the source cannot be opened",
+                 named.empty() ? "Check the address, and that the source is there"
+                               : "Check the address, and the values of the options " + named);
+  }
+  context_.reset(context);
+  // FFmpeg looks for a tag before the first bytes, and takes the end of our patience for none.
+  if (stopping()) throw refuse(AVERROR_EXIT, "", "");
+  if (needs_probing()) {
+    // Frames read ahead to find the rate of a live source would arrive late.
+    if (address_.kind != FfmpegAddress::Kind::kFile) context->fps_probe_size = 0;
+    code = avformat_find_stream_info(context, nullptr);
+    if (code < 0) throw refuse(code, "the source is damaged", "Check what sends it");
+  }
+  stream_ = av_find_best_stream(context, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
+  if (stream_ < 0) {
+    throw Error::bad_input("there is no video in this source", address_.shown,
+                           "Check that it is the right one");
+  }
+  for (unsigned i = 0; i < context->nb_streams; ++i) {
+    if (static_cast<int>(i) != stream_) context->streams[i]->discard = AVDISCARD_ALL;
+  }
+}
+
+/// Whether packets must be read to know what is in them.
+bool FfmpegInput::needs_probing() const {
+  if (address_.kind == FfmpegAddress::Kind::kFile) return true;
+  if ((context_->ctx_flags & AVFMTCTX_NOHEADER) != 0) return true;
+  for (unsigned i = 0; i < context_->nb_streams; ++i) {
+    const AVCodecParameters& parameters = *context_->streams[i]->codecpar;
+    if (parameters.codec_type == AVMEDIA_TYPE_VIDEO && parameters.codec_id != AV_CODEC_ID_NONE) {
+      return false;
+    }
+  }
+  return true;
+}
+
+double FfmpegInput::fps() const {
+  for (const AVRational rate : {stream().avg_frame_rate, stream().r_frame_rate}) {
+    if (rate.num > 0 && rate.den > 0) return av_q2d(rate);
+  }
+  // Of these the tick of the time stamps is the period of the frames, where it is not tiny.
+  const bool by_ticks = address_.kind == FfmpegAddress::Kind::kDevice ||
+                        std::strcmp(context_->iformat->name, "rawvideo") == 0;
+  const AVRational tick = stream().time_base;
+  constexpr int kFastest = 1000;
+  if (by_ticks && tick.num > 0 && tick.den / tick.num <= kFastest) return 1 / av_q2d(tick);
+  return 0;
+}
+
+void FfmpegInput::start() {
+  reader_ = std::thread([this] { read_all(); });
+}
+
+/// One packet of ours, or FFmpeg's reason why there is none.
+int FfmpegInput::read_one(AVPacket& packet) {
+  for (;;) {
+    const int code = av_read_frame(context_.get(), &packet);
+    if (code == AVERROR(EAGAIN)) {
+      if (stop_) return AVERROR_EXIT;
+      std::this_thread::sleep_for(1ms);
+      continue;
+    }
+    if (code < 0 || (packet.stream_index == stream_ && packet.size > 0)) return code;
+    av_packet_unref(&packet);
+  }
+}
+
+void FfmpegInput::read_all() {
+  while (!stop_) {
+    Packet next{AvOwned<AVPacket>(av_packet_alloc()), 0};
+    const int code = next.packet ? read_one(*next.packet) : AVERROR(ENOMEM);
+    if (code < 0) {
+      end(code);
+      return;
+    }
+    next.arrival_utc = host_utc_now();
+    if (address_.kind == FfmpegAddress::Kind::kDevice) {
+      // The bytes may be the driver's own, which has few such buffers and takes them back when it
+      // is closed.
+      AvOwned<AVPacket> copy(av_packet_alloc());
+      if (!copy || av_new_packet(copy.get(), next.packet->size) < 0) {
+        end(AVERROR(ENOMEM));
+        return;
+      }
+      std::memcpy(copy->data, next.packet->data, static_cast<std::size_t>(next.packet->size));
+      av_packet_copy_props(copy.get(), next.packet.get());
+      next.packet = std::move(copy);
+    }
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return stop_ || packets_.size() < kReadAhead; });
+    packets_.push_back(std::move(next));
+    lock.unlock();
+    changed_.notify_all();
+  }
+}
+
+void FfmpegInput::end(int code) {
+  // Files and pipes end. A camera does not, unless it said how much it would send.
+  const bool may_end = !address_.is_live() || context_->duration > 0;
+  {
+    const std::scoped_lock lock(mutex_);
+    over_ = true;
+    lost_ = code != AVERROR_EOF || !may_end;
+    why_lost_ = code == AVERROR_EOF ? "the other side closed the connection" : av_reason(code);
+  }
+  changed_.notify_all();
+}
+
+FfmpegInput::Outcome FfmpegInput::take(Packet& packet, Clock::time_point deadline) {
+  std::unique_lock lock(mutex_);
+  changed_.wait_until(lock, deadline,
+                      [this] { return !packets_.empty() || over_ || interrupted_; });
+  interrupted_ = false;
+  if (!packets_.empty()) {
+    packet = std::move(packets_.front());
+    packets_.pop_front();
+    lock.unlock();
+    changed_.notify_all();
+    return Outcome::kPacket;
+  }
+  if (!over_) return Outcome::kNothing;
+  return lost_ ? Outcome::kLost : Outcome::kEnded;
+}
+
+std::string FfmpegInput::why_lost() {
+  const std::scoped_lock lock(mutex_);
+  return lost_ ? why_lost_ : std::string();
+}
+
+void FfmpegInput::interrupt() {
+  {
+    const std::scoped_lock lock(mutex_);
+    interrupted_ = true;
+  }
+  changed_.notify_all();
+}
+
+}  // namespace raystage

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// Inside ingest/sources only.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+
+#include "ingest/sources/ffmpeg_address.h"
+#include "ingest/sources/ffmpeg_handles.h"
+#include "ingest/sources/pipe_reader.h"
+#include "schemas/time.h"
+
+namespace raystage {
+
+/// The packets of the first video stream of anything that FFmpeg opens. A thread of its own reads
+/// ahead a little and notes when each packet was whole: FFmpeg gives up a packet half way where its
+/// reading is cut short, so no caller's patience may reach into it.
+class FfmpegInput {
+ public:
+  using Clock = std::chrono::steady_clock;
+
+  struct Packet {
+    AvOwned<AVPacket> packet;
+    Nanoseconds arrival_utc = 0;
+  };
+  enum class Outcome { kPacket, kNothing, kEnded, kLost };
+
+  /// Opens within 10 s or throws Error: bad input where there is nothing to open or no video in it,
+  /// failed where nothing came in time. What is left in `options` nobody knew so far.
+  FfmpegInput(FfmpegAddress address, AvOptions& options);
+  ~FfmpegInput();
+  FfmpegInput(const FfmpegInput&) = delete;
+  FfmpegInput& operator=(const FfmpegInput&) = delete;
+
+  const FfmpegAddress& address() const { return address_; }
+  const AVInputFormat& format() const { return *context_->iformat; }
+  const AVStream& stream() const { return *context_->streams[stream_]; }
+  /// Nominal frames per second; 0: unknown.
+  double fps() const;
+
+  /// Starts reading; packets may be taken from now on.
+  void start();
+  Outcome take(Packet& packet, Clock::time_point deadline);
+  /// After kLost.
+  std::string why_lost();
+  /// Makes a waiting take() return kNothing, or else the next one.
+  void interrupt();
+
+ private:
+  static int must_stop(void* self);
+  bool stopping() const;
+  void open(AvOptions& options);
+  bool needs_probing() const;
+  void read_all();
+  int read_one(AVPacket& packet);
+  void end(int code);
+
+  FfmpegAddress address_;
+  std::atomic<bool> stop_ = false;
+  std::atomic<Clock::rep> deadline_{};  ///< of opening
+  std::unique_ptr<PipeReader> pipe_;
+  AvOwned<AVFormatContext> context_;
+  int stream_ = -1;
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Packet> packets_;
+  bool interrupted_ = false, over_ = false, lost_ = false;
+  std::string why_lost_;
+  std::thread reader_;
+};
+
+}  // namespace raystage

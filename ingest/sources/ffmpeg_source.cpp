@@ -1,0 +1,272 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/sources/ffmpeg_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "ingest/sources/ffmpeg_input.h"
+#include "ingest/sources/interruptible_wait.h"
+#include "ingest/sources/jpeg_check.h"
+#include "ingest/sources/pixel_conversion.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = FfmpegInput::Clock;
+
+constexpr auto kFirstFrameWithin = 10s;
+constexpr AVRational kNanosecond{1, 1'000'000'000};
+
+/// Input formats whose time stamps are a capture clock's, and not made up or counted.
+enum class Stamps { kNone, kHost, kDevice };
+
+Stamps stamps_of(const FfmpegInput& input) {
+  const std::string_view name = input.format().name;
+  if (name.find("v4l2") != name.npos) return Stamps::kHost;  // the kernel's, monotonic
+  if (input.address().kind != FfmpegAddress::Kind::kNetwork) return Stamps::kNone;
+  const bool by_sender = name == "rtsp" || name == "rtp" || name == "sdp" || name == "mpegts";
+  return by_sender ? Stamps::kDevice : Stamps::kNone;
+}
+
+AvOptions& set_all(AvOptions& options, const RecordConfig::FfmpegSource& source) {
+  for (const auto& [name, value] : source.options) options.set(name, value);
+  return options;
+}
+
+class FfmpegSource final : public FrameSource {
+ public:
+  FfmpegSource(const RecordConfig::FfmpegSource& source, const std::filesystem::path& base)
+      : realtime_(source.realtime),
+        input_(ffmpeg_address(source, base), set_all(options_, source)),
+        stamps_(stamps_of(input_)) {
+    const AVCodecParameters& parameters = *input_.stream().codecpar;
+    if (parameters.codec_id != AV_CODEC_ID_MJPEG) open_decoder(parameters);
+    if (const std::string unknown = options_.names(); !unknown.empty()) {
+      throw Error::bad_input(fmt::format("FFmpeg does not know these options here: {}", unknown),
+                             input_.address().shown,
+                             "Remove them, or look them up in `ffmpeg -h demuxer=NAME`");
+    }
+    // A wall clock read at arrival says nothing that we do not know.
+    if (source.options.contains("use_wallclock_as_timestamps")) stamps_ = Stamps::kNone;
+    describe(parameters);
+    input_.start();
+    if (description_.width <= 0 || description_.height <= 0) find_size();
+  }
+
+  const SourceDescription& description() const override { return description_; }
+
+  Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) override {
+    const Clock::time_point deadline = Clock::now() + patience;
+    if (!has_held_) {
+      if (const Outcome outcome = produce(deadline); outcome != Outcome::kFrame) return outcome;
+      has_held_ = true;
+    }
+    if (realtime_) {
+      const Clock::time_point due = due_time();
+      if (due > Clock::now() && (!pace_.until(std::min(due, deadline)) || due > deadline)) {
+        return Outcome::kNothing;
+      }
+      held_.arrival_utc = host_utc_now();
+    }
+    frame = std::move(held_);
+    held_ = {};
+    has_held_ = false;
+    return Outcome::kFrame;
+  }
+
+  std::string why_lost() const override { return why_lost_; }
+
+  void interrupt() override {
+    input_.interrupt();
+    pace_.interrupt();
+  }
+
+ private:
+  void open_decoder(const AVCodecParameters& parameters) {
+    const AVCodec* decoder = avcodec_find_decoder(parameters.codec_id);
+    if (decoder == nullptr) {
+      throw Error::bad_input(
+          fmt::format("FFmpeg has no decoder for {}", avcodec_get_name(parameters.codec_id)),
+          input_.address().shown, "Set the camera to a codec that `ffmpeg -decoders` lists");
+    }
+    codec_.reset(or_no_memory(avcodec_alloc_context3(decoder)));
+    codec_->thread_count = 1;  // there are as many decoders as cameras
+    int code = avcodec_parameters_to_context(codec_.get(), &parameters);
+    codec_->pkt_timebase = input_.stream().time_base;
+    if (input_.address().is_live()) codec_->flags |= AV_CODEC_FLAG_LOW_DELAY;
+    if (code >= 0) code = avcodec_open2(codec_.get(), decoder, options_.get());
+    if (code < 0) {
+      throw Error::bad_input("the decoder does not start: " + av_reason(code),
+                             input_.address().shown, "Check the options");
+    }
+    picture_.reset(or_no_memory(av_frame_alloc()));
+  }
+
+  void describe(const AVCodecParameters& parameters) {
+    // FFmpeg lists all that one reader is good for: "video4linux2,v4l2", "mov,mp4,m4a,...".
+    std::string format = input_.format().name;
+    format = format.ends_with(",v4l2") ? "v4l2" : format.substr(0, format.find(','));
+    description_.what = fmt::format("{} {}, {}", format, input_.address().shown,
+                                    avcodec_get_name(parameters.codec_id));
+    description_.width = parameters.width;
+    description_.height = parameters.height;
+    description_.fps = input_.fps();
+    description_.delivers_jpeg = !codec_;
+    description_.clock = stamps_ == Stamps::kDevice ? "device" : "host";
+    description_.time_marks = stamps_ == Stamps::kNone ? "arrival" : "unknown";
+  }
+
+  /// Some streams do not say how large they are until the first frame.
+  void find_size() {
+    const Outcome outcome = produce(Clock::now() + kFirstFrameWithin);
+    if (outcome != Outcome::kFrame) {
+      throw Error::failed(
+          outcome == Outcome::kNothing
+              ? "no frame came within 10 seconds"
+              : fmt::format("no frame came: {}",
+                            outcome == Outcome::kLost ? why_lost_ : "the stream ended"),
+          input_.address().shown, "Check that the camera is switched on and sends");
+    }
+    has_held_ = true;
+    const JpegGlance glance = glance_at_jpeg(held_.jpeg);
+    description_.width = codec_ ? held_.raw.width : glance.width;
+    description_.height = codec_ ? held_.raw.height : glance.height;
+  }
+
+  /// The next frame into held_, as soon as there is one.
+  Outcome produce(Clock::time_point deadline) {
+    for (;;) {
+      if (codec_) {
+        const int code = avcodec_receive_frame(codec_.get(), picture_.get());
+        if (code == 0) {
+          hold_picture();
+          return Outcome::kFrame;
+        }
+        if (code == AVERROR_EOF) return ending_;
+        if (code != AVERROR(EAGAIN)) {
+          hold_loss();
+          return Outcome::kFrame;
+        }
+      }
+      FfmpegInput::Packet next;
+      switch (input_.take(next, deadline)) {
+        case FfmpegInput::Outcome::kNothing:
+          return Outcome::kNothing;
+        case FfmpegInput::Outcome::kLost:
+          ending_ = Outcome::kLost;
+          why_lost_ = input_.why_lost();
+          [[fallthrough]];
+        case FfmpegInput::Outcome::kEnded:
+          // The decoder may still hold pictures.
+          if (!codec_ || avcodec_send_packet(codec_.get(), nullptr) < 0) return ending_;
+          break;
+        case FfmpegInput::Outcome::kPacket:
+          if (!codec_) {
+            hold_jpeg(next);
+            return Outcome::kFrame;
+          }
+          if (!send(next)) return Outcome::kFrame;
+          break;
+      }
+    }
+  }
+
+  /// False where the packet is no picture at all: then held_ says so.
+  bool send(const FfmpegInput::Packet& next) {
+    packet_arrival_ = next.arrival_utc;
+    packet_torn_ = (next.packet->flags & AV_PKT_FLAG_CORRUPT) != 0;
+    codec_->reordered_opaque = next.arrival_utc;  // comes back with the picture
+    if (avcodec_send_packet(codec_.get(), next.packet.get()) >= 0) return true;
+    hold_loss();
+    return false;
+  }
+
+  void hold_jpeg(const FfmpegInput::Packet& next) {
+    held_ = {};
+    const auto* bytes = reinterpret_cast<const std::byte*>(next.packet->data);
+    held_.jpeg.assign(bytes, bytes + next.packet->size);
+    held_.arrival_utc = next.arrival_utc;
+    held_.torn =
+        (next.packet->flags & AV_PKT_FLAG_CORRUPT) != 0 || !glance_at_jpeg(held_.jpeg).whole;
+    stamp(next.packet->pts);
+  }
+
+  void hold_picture() {
+    held_ = {};
+    // A frame of its own, so that the decoder may go on while this one waits.
+    const std::shared_ptr<AVFrame> owner(or_no_memory(av_frame_alloc()), AvCloser{});
+    av_frame_move_ref(owner.get(), picture_.get());
+    held_.torn = owner->decode_error_flags != 0 || (owner->flags & AV_FRAME_FLAG_CORRUPT) != 0 ||
+                 packet_torn_;
+    if (!converter_.convert(*owner, owner, held_.raw)) held_.torn = true;
+    held_.arrival_utc = owner->reordered_opaque > 0 ? owner->reordered_opaque : packet_arrival_;
+    stamp(owner->best_effort_timestamp);
+  }
+
+  /// Something came that is no picture.
+  void hold_loss() {
+    held_ = {};
+    held_.torn = true;
+    held_.arrival_utc = packet_arrival_;
+    stamp(AV_NOPTS_VALUE);
+  }
+
+  void stamp(std::int64_t pts) {
+    media_time_.reset();
+    if (pts != AV_NOPTS_VALUE) {
+      media_time_ = av_rescale_q(pts, input_.stream().time_base, kNanosecond);
+    }
+    if (stamps_ != Stamps::kNone) held_.device_time = media_time_;
+    const double fps = description_.fps > 0 ? description_.fps : 25;  // as FFmpeg takes it
+    if (!media_time_ || *media_time_ < last_media_time_) {
+      media_time_ = last_media_time_ + std::llround(kNanosecondsPerSecond / fps);
+    }
+    last_media_time_ = *media_time_;
+  }
+
+  /// When the held frame is to be shown.
+  Clock::time_point due_time() {
+    if (!playing_) {
+      playing_ = true;
+      first_media_time_ = last_media_time_;
+      start_ = Clock::now();
+    }
+    return start_ + std::chrono::nanoseconds(last_media_time_ - first_media_time_);
+  }
+
+  bool realtime_;
+  AvOptions options_;
+  FfmpegInput input_;
+  Stamps stamps_;
+  AvOwned<AVCodecContext> codec_;  ///< null for Motion JPEG
+  AvOwned<AVFrame> picture_;
+  PixelConverter converter_;
+  SourceDescription description_;
+  SourceFrame held_;
+  bool has_held_ = false;
+  Nanoseconds packet_arrival_ = 0;
+  bool packet_torn_ = false;
+  Outcome ending_ = Outcome::kEnded;
+  std::string why_lost_;
+  InterruptibleWait pace_;
+  bool playing_ = false;
+  std::optional<Nanoseconds> media_time_;
+  Nanoseconds last_media_time_ = 0, first_media_time_ = 0;
+  Clock::time_point start_;
+};
+
+}  // namespace
+
+std::unique_ptr<FrameSource> ffmpeg_source(const RecordConfig::FfmpegSource& source,
+                                           const std::filesystem::path& base) {
+  av_log_set_level(AV_LOG_QUIET);  // what is wrong is said once, by our Error
+  return std::make_unique<FfmpegSource>(source, base);
+}
+
+}  // namespace raystage

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files: movies and numbered images.
+#include "ingest/sources/ffmpeg_source.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <thread>
+
+#include "ingest/sources/jpeg_check.h"
+#include "ingest/sources/test_pictures.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+using Outcome = FrameSource::Outcome;
+
+/// Numbered JPEG files of these sizes.
+std::vector<std::vector<std::byte>> numbered(const std::filesystem::path& folder,
+                                             const std::vector<int>& widths) {
+  std::vector<std::vector<std::byte>> files;
+  for (std::size_t i = 0; i < widths.size(); ++i) {
+    files.push_back(test_jpeg(widths[i], 24, static_cast<int>(40 + 10 * i)));
+    write_file_atomically(folder / fmt::format("{:03}.jpg", i), files.back());
+  }
+  return files;
+}
+
+TEST(FfmpegFile, NumberedImagesComeByteForByte) {
+  const TestFolder folder;
+  const auto files = numbered(folder.path(), {32, 32, 48, 32});
+  const auto source = ffmpeg_source(
+      {.url = "%03d.jpg", .format = "", .options = {}, .realtime = false}, folder.path());
+  EXPECT_EQ(source->description().width, 32);
+  SourceFrame frame;
+  for (const auto& file : files) {
+    ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
+    EXPECT_EQ(frame.jpeg, file);
+  }
+  EXPECT_EQ(source->next(frame, 2000ms), Outcome::kEnded);
+  EXPECT_EQ(source->next(frame, 2000ms), Outcome::kEnded);
+  EXPECT_TRUE(source->why_lost().empty());
+}
+
+TEST(FfmpegFile, RealtimeKeepsThePaceOfTheFile) {
+  const TestFolder folder;
+  numbered(folder.path(), {32, 32, 32, 32, 32, 32});
+  const auto source = ffmpeg_source(
+      {.url = "%03d.jpg", .format = "", .options = {{"framerate", "20"}}, .realtime = true},
+      folder.path());
+  EXPECT_EQ(source->description().fps, 20);
+  SourceFrame frame;
+  ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
+  const auto start = Clock::now();
+  const Nanoseconds first = frame.arrival_utc;
+  EXPECT_EQ(source->next(frame, 1ms), Outcome::kNothing);
+  source->interrupt();
+  EXPECT_EQ(source->next(frame, 1000ms), Outcome::kNothing);
+  for (int i = 1; i < 6; ++i) ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
+  EXPECT_GE(Clock::now() - start, 240ms);
+  EXPECT_GE(frame.arrival_utc - first, 240'000'000);
+  EXPECT_EQ(source->next(frame, 2000ms), Outcome::kEnded);
+}
+
+TEST(FfmpegFile, MissingAndWrongFilesAreBadInput) {
+  const TestFolder folder;
+  write_file_atomically(folder.path() / "text.mkv", std::string_view("no movie"));
+  for (const char* name : {"missing.mkv", "text.mkv", "%05d.jpg"}) {
+    try {
+      ffmpeg_source({.url = name, .format = "", .options = {}, .realtime = false}, folder.path());
+      ADD_FAILURE() << name;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      EXPECT_THAT(error.where(), ::testing::HasSubstr(name));
+    }
+  }
+}
+
+TEST(FfmpegFile, OptionsWithImpossibleValuesAreRefused) {
+  const TestFolder folder;
+  numbered(folder.path(), {32});
+  EXPECT_THROW(
+      ffmpeg_source(
+          {.url = "%03d.jpg", .format = "", .options = {{"framerate", "fast"}}, .realtime = false},
+          folder.path()),
+      Error);
+}
+
+}  // namespace
+}  // namespace raystage

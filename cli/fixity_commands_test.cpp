@@ -97,7 +97,7 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
 
   const CommandResult repair = run("repair -q " + quoted);
   EXPECT_EQ(repair.exit_code, 3) << repair.output;
-  EXPECT_THAT(repair.output, HasSubstr("1 frames lost: rotten"));
+  EXPECT_THAT(repair.output, HasSubstr("frames lost, rotten: 1"));
   EXPECT_THAT(repair.output, HasSubstr("at 0.200000000 s a frame is rotten"));
   EXPECT_THAT(repair.output, HasSubstr("kept as c1.mkv.damaged"));
   EXPECT_EQ(test::bytes_of(take / "archive/c1.mkv.damaged"), before);

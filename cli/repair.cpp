@@ -27,13 +27,13 @@ void print_camera(const RepairReport::Camera& camera, bool dry_run) {
   fmt::print("{}: {}, {} frames\n", camera.id, dry_run ? "would be written anew" : "written anew",
              s.frames);
   const auto count = [](std::int64_t number, std::string_view what) {
-    if (number > 0) fmt::print("  {} {}\n", number, what);
+    if (number > 0) fmt::print("  {}: {}\n", what, number);
   };
   count(s.mended_records, "records of the journal with one flipped bit, flipped back");
   count(s.relisted_frames - s.unproven_frames, "frames put back into the journal, proven whole");
   count(s.unproven_frames, "frames put back into the journal, without proof that they are whole");
-  count(s.rotten_frames, "frames lost: rotten");
-  count(s.cut_off_frames, "frames lost: cut off");
+  count(s.rotten_frames, "frames lost, rotten");
+  count(s.cut_off_frames, "frames lost, cut off");
   constexpr std::size_t kMost = 100;
   for (std::size_t i = 0; i < std::min(kMost, s.losses.size()); ++i) {
     const Salvage::Loss& loss = s.losses[i];

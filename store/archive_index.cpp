@@ -63,9 +63,12 @@ class Merger {
     std::ranges::stable_sort(index_.records, {}, &FrameRecord::time_ns);
     // What was cut off is missing, unless it was found after all.
     std::erase_if(cut_off_, [&](const FrameRecord& record) {
-      const auto same =
-          std::ranges::equal_range(index_.records, record.time_ns, {}, &FrameRecord::time_ns);
-      return std::ranges::count(same, FrameStatus::kStored, &FrameRecord::status) > 0;
+      auto other =
+          std::ranges::lower_bound(index_.records, record.time_ns, {}, &FrameRecord::time_ns);
+      for (; other != index_.records.end() && other->time_ns == record.time_ns; ++other) {
+        if (other->status == FrameStatus::kStored) return true;
+      }
+      return false;
     });
     const auto middle = static_cast<std::ptrdiff_t>(index_.records.size());
     index_.records.insert(index_.records.end(), cut_off_.begin(), cut_off_.end());

@@ -172,11 +172,11 @@ class Salvager {
   // this time and these bytes is.
   bool locate(FrameRecord& record) const {
     if (has_its_hash(record)) return true;
-    for (const auto& frame :
-         std::ranges::equal_range(found_, record.time_ns, {}, &matroska::FoundFrame::time)) {
+    auto frame = std::ranges::lower_bound(found_, record.time_ns, {}, &matroska::FoundFrame::time);
+    for (; frame != found_.end() && frame->time == record.time_ns; ++frame) {
       FrameRecord moved = record;
-      moved.offset = frame.offset;
-      if (frame.size != record.size || !has_its_hash(moved)) continue;
+      moved.offset = frame->offset;
+      if (frame->size != record.size || !has_its_hash(moved)) continue;
       record = moved;
       return true;
     }

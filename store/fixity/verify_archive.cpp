@@ -104,7 +104,7 @@ class Verifier {
   void check_end();
   void check_header(const matroska::Closing& closing);
   void take_frame(Nanoseconds time, std::size_t cluster, std::size_t end);
-  void report_cut_off();
+  bool report_cut_off();
   void report_not_closed(std::string what);
 
   const ArchivePair& pair_;
@@ -119,6 +119,8 @@ class Verifier {
   Nanoseconds last_time_ = 0, last_stored_time_ = -1;
   std::vector<std::size_t> damaged_records_;  // since the last stored frame; into report_.problems
   std::vector<AffectedFrame> cut_off_;
+  std::vector<matroska::CuePoint> cut_cues_;  // of those
+  std::uint64_t cut_end_ = 0;
   std::size_t torn_journal_bytes_ = 0;
   JpegDecoder decoder_;
   ArchiveReport report_;
@@ -148,6 +150,7 @@ void Verifier::check_sizes() {
   if (archive_.size() < end) {
     add(pair_.archive_name, archive_.size(),
         fmt::format("the archive ends here, its last frame should at {}", end));
+    return;
   }
   if (!claims_closed_) {
     cursor_ = static_cast<std::size_t>(std::min<std::uint64_t>(end, archive_.size()));
@@ -174,8 +177,7 @@ void Verifier::check_everything() {
     if (options_.stop.stop_requested()) return;
     torn_journal_bytes_ = journal.size() - at;
   }
-  report_cut_off();
-  check_end();
+  if (!report_cut_off()) check_end();
 }
 
 void Verifier::check_slot(std::uint64_t at, Bytes slot) {
@@ -210,6 +212,11 @@ void Verifier::check_stored(std::uint64_t at, const FrameRecord& record) {
   if (record.offset > archive_.size() || record.size > archive_.size() - record.offset) {
     cut_off_.push_back(
         {report_.frames + static_cast<std::int64_t>(cut_off_.size()), record.time_ns});
+    constexpr std::uint64_t kLargestFile = std::uint64_t{1} << 55;  // that Matroska can tell of
+    if (record.offset < kLargestFile) {
+      cut_cues_.push_back({record.time_ns, record.offset - kHeader});
+      cut_end_ = record.offset + record.size;
+    }
     return;
   }
   const auto cluster = static_cast<std::size_t>(record.offset) - kHeader;
@@ -292,12 +299,16 @@ void Verifier::check_decoded(Bytes jpeg, const FrameRecord& record, const Affect
   }
 }
 
-void Verifier::report_cut_off() {
-  if (cut_off_.empty()) return;
-  add(pair_.archive_name, archive_.size(),
-      fmt::format("the archive ends here; {} frames that the journal lists are lost",
-                  cut_off_.size()),
-      std::exchange(cut_off_, {}));
+// Of a cut archive the journal still says what the header was, so this stays one problem.
+bool Verifier::report_cut_off() {
+  if (cut_off_.empty()) return false;
+  std::string what = fmt::format(
+      "the archive ends here; frames that the journal lists are lost: {}", cut_off_.size());
+  add(pair_.archive_name, archive_.size(), std::move(what), std::move(cut_off_));
+  cues_.insert(cues_.end(), cut_cues_.begin(), cut_cues_.end());
+  check_header(matroska::make_closing(cues_, header_, std::max<std::uint64_t>(cut_end_, cursor_)));
+  if (!claims_closed_) report_not_closed("the recording was not closed");
+  return true;
 }
 
 // What lies behind the last frame that the journal speaks of.

@@ -163,12 +163,12 @@ TEST(VerifyArchive, SaysWhereAndWhichFrame) {
   {
     PairBytes pair = whole;
     pair.archive.resize(fourth.offset + 10);
-    EXPECT_FALSE(verify(pair, VerifyDepth::kSizes).whole());
-    const ArchiveReport report = verify(pair);
-    ASSERT_FALSE(report.problems.empty());
-    EXPECT_EQ(report.problems[0].offset, pair.archive.size());
-    EXPECT_EQ(report.problems[0].frames.size(), 4u);
-    EXPECT_EQ(report.problems[0].frames[0], affected);
+    EXPECT_EQ(only_problem(pair, VerifyDepth::kSizes).offset, pair.archive.size());
+    const Problem problem = only_problem(pair);
+    EXPECT_EQ(problem.offset, pair.archive.size());
+    EXPECT_THAT(problem.what, HasSubstr("are lost: 4"));
+    ASSERT_EQ(problem.frames.size(), 4u);
+    EXPECT_EQ(problem.frames[0], affected);
   }
   {
     PairBytes pair = whole;

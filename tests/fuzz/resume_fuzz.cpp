@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+// Going on with damaged pairs of archive and journal: refused, or everything that could be read can
+// still be read, a frame more, and the archive can be closed.
+#include <cstdint>
+#include <cstdlib>
+#include <fstream>
+
+#include "damaged_pair.h"
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace {
+
+using namespace raystage;
+
+void write(const std::filesystem::path& file, std::span<const std::byte> bytes) {
+  std::ofstream stream(file, std::ios::binary | std::ios::trunc);
+  stream.write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static const TestFolder folder;
+  const auto archive = folder.path() / "a.mkv", journal = folder.path() / "a.journal";
+  const FuzzPair damaged = damaged_pair(std::as_bytes(std::span(data, size)));
+  write(archive, damaged.archive);
+  std::filesystem::remove(journal);
+  if (damaged.has_journal) write(journal, damaged.journal);
+  std::vector<FrameRecord> before;
+  Nanoseconds time = 0;
+  const std::vector<std::byte> jpeg(30, std::byte{9});
+  try {
+    {
+      const ArchiveReader in(archive, journal);
+      before.assign(in.frames().begin(), in.frames().end());
+    }
+    ArchiveWriter out = ArchiveWriter::resume(archive, journal, FuzzPair::description());
+    time = out.last_time() + 1;
+    if (time > matroska::kMaxTime) return 0;
+    out.append(jpeg, time, {1, 2});
+    out.close();
+  } catch (const Error&) {
+    return 0;
+  }
+  // An Error from here on is a fault: it escapes.
+  const ArchiveReader in(archive, journal);
+  if (!in.was_closed() || in.damaged_records() != 0) std::abort();
+  if (in.frames().size() != before.size() + 1) std::abort();
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    if (in.frames()[i].time_ns != before[i].time_ns || in.frames()[i].offset != before[i].offset ||
+        in.frames()[i].size != before[i].size) {
+      std::abort();
+    }
+  }
+  const int last = static_cast<int>(before.size());
+  if (in.frames()[before.size()].time_ns != time || !in.verify_frame(last) ||
+      !std::ranges::equal(in.jpeg(last), jpeg)) {
+    std::abort();
+  }
+  return 0;
+}

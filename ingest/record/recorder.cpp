@@ -186,7 +186,8 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
                                       .flush_every = s.settings.flush_every_s});
   Encoders encoders(s.settings.jpeg, s.settings.threads);
 
-  const Nanoseconds start_utc = s.settings.start_utc.value_or(0);
+  // Frames that waited in a source since it was opened are of before.
+  const Nanoseconds start_utc = s.settings.start_utc.value_or(host_utc_now());
   std::stop_source camera_stop;
   std::atomic<bool> a_camera_asks = false;
   std::atomic<int> running = static_cast<int>(s.cameras.size());

@@ -25,8 +25,8 @@ struct RecorderSettings {
   std::chrono::milliseconds lost_after{5000};
   JpegEncodeSettings jpeg;               ///< of raw frames
   int threads = 1;                       ///< frames encoded at once
-  std::optional<Nanoseconds> start_utc;  ///< frames that arrive before do not count
-  std::optional<double> duration_s;      ///< from there, or from the first second on
+  std::optional<Nanoseconds> start_utc;  ///< earlier frames do not count; without: from run() on
+  std::optional<double> duration_s;      ///< from there
   double status_every_s = 1;
   double flush_every_s = 1;    ///< safe against power loss that often; 0: never
   double disk_patience_s = 3;  ///< how long a full disk is tried at the end

@@ -97,12 +97,17 @@ class Recording : public ::testing::Test {
     EXPECT_TRUE(session.audit->holds) << ::testing::PrintToString(session.audit->complaints);
   }
 
-  RecorderSettings settings;
+  RecorderSettings settings = every_frame_counts();
   std::function<void(const RecorderStatus&)> status;
   std::stop_source stop;
   bool resume = false;
 
  private:
+  static RecorderSettings every_frame_counts() {
+    RecorderSettings all;
+    all.start_utc = 0;
+    return all;
+  }
   TestFolder folder_;
 };
 
@@ -217,6 +222,7 @@ TEST_F(Recording, ALostCameraMayStopAllOrComeBack) {
 
   std::filesystem::remove_all(path());
   settings.when_lost = CameraIntake::WhenLost::kReconnect;
+  settings.start_utc.reset();
   settings.duration_s = 0.6;
   const auto again = record({dies});
   expect_audit(again);

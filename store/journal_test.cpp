@@ -12,6 +12,8 @@
 #include "store/archive_test_data.h"
 #include "store/little_endian.h"
 #include "store/matroska.h"
+#include "store/take_test_data.h"
+#include "store/timeline_file.h"
 
 namespace raystage {
 namespace {
@@ -168,6 +170,18 @@ TEST_F(Journal, NoOneOrTwoFlippedBitsPassTheCheck) {
     flip(first);
   }
   EXPECT_EQ(journal::decode_record(bytes, 2), record);
+}
+
+// A timeline made before journals knew arrivals, or before a repair, stays valid.
+TEST_F(Journal, ArrivalsAreNoPartOfWhatATimelineStandsOn) {
+  const auto fingerprint = [&](const std::string& name, FrameOrigin origin, unsigned seed) {
+    TakeWriter out(folder.path() / name, test::take_document(1), test::rig_document(1));
+    out.archive(0).append(fake_jpeg(seed), 10, origin);
+    out.commit();
+    return fingerprint_of(Take(folder.path() / name));
+  };
+  EXPECT_EQ(fingerprint("a", {}, 1), fingerprint("b", {5, 6}, 1));
+  EXPECT_NE(fingerprint("c", {}, 1), fingerprint("d", {}, 2));
 }
 
 TEST_F(Journal, IsRefusedFromTheFuture) {

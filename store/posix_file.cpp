@@ -107,6 +107,12 @@ MappedFile::~MappedFile() {
   if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
 }
 
+void MappedFile::expect(Access access) const {
+  if (bytes_.empty()) return;
+  madvise(const_cast<std::byte*>(bytes_.data()), bytes_.size(),
+          access == Access::kSequential ? MADV_SEQUENTIAL : MADV_RANDOM);
+}
+
 bool MappedFile::can_read(std::span<const std::byte> part) const {
   if (part.empty()) return true;
   static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));

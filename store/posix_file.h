@@ -50,6 +50,9 @@ class MappedFile {
   MappedFile& operator=(const MappedFile&) = delete;
 
   std::span<const std::byte> bytes() const { return bytes_; }
+  /// Says how the file will be read: from end to end, or a few bytes here and there. A hint.
+  enum class Access { kSequential, kSparse };
+  void expect(Access access) const;
   /// Brings a part of bytes() into memory. False where that fails, because the disk cannot read it
   /// or the file was cut: touching it would end the process.
   bool can_read(std::span<const std::byte> part) const;

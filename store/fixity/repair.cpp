@@ -98,8 +98,10 @@ class CameraRepair {
       result.kept.push_back(keep(archive_path_));
       if (pair_.journal) result.kept.push_back(keep(journal_path_));
     }
-    new_journal.commit();
+    // The archive first: if the machine stops in between, the old journal still has every hash, and
+    // the next repair finds the frames by them.
     new_archive.commit();
+    new_journal.commit();
   }
 
   const RepairOptions& options_;

@@ -212,11 +212,14 @@ TEST(Salvage, RefusesTheFilesOfAnotherCamera) {
 
 struct RepairTake : testing::Test {
   RepairTake() {
-    std::vector<std::vector<Nanoseconds>> times(3);
-    for (auto& column : times) {
-      for (int i = 0; i < 10; ++i) column.push_back(i * 50'000'000);
+    TakeWriter writer(take, test::take_document(3, 20), test::rig_document(3));
+    for (unsigned camera = 0; camera < 3; ++camera) {
+      for (unsigned i = 0; i < 10; ++i) {
+        writer.archive(static_cast<int>(camera))
+            .append(test::fake_jpeg(100 * camera + i, 30), i * Nanoseconds{50'000'000});
+      }
     }
-    test::write_take(take, times, 20);
+    writer.commit();
     write_timeline(build_timeline(Take(take), 0, 0), take);
   }
   std::filesystem::path archive(int camera) const {
@@ -310,6 +313,22 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
   report = repair_take(take, {});
   EXPECT_THAT(report.cameras[2].kept, ElementsAre("c2.mkv.damaged-2", "c2.journal.damaged-2"));
   EXPECT_TRUE(whole());
+}
+
+// The machine stopped when the archive had been renamed and the journal had not.
+TEST_F(RepairTake, CanBeInterruptedBetweenTheTwoRenames) {
+  const FrameRecord frame = Take(take).archive(2).frames()[5];
+  auto bytes = test::bytes_of(archive(2));
+  bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
+  test::overwrite(archive(2), bytes);
+  const auto old_journal = test::bytes_of(journal(2));
+  repair_take(take, {});
+  const auto new_archive = test::bytes_of(archive(2)), new_journal = test::bytes_of(journal(2));
+  test::overwrite(journal(2), old_journal);
+  ASSERT_FALSE(whole());
+  repair_take(take, {});
+  EXPECT_EQ(test::bytes_of(archive(2)), new_archive);
+  EXPECT_EQ(test::bytes_of(journal(2)), new_journal);
 }
 
 TEST_F(RepairTake, ALostJournalIsMadeAgain) {

@@ -55,6 +55,8 @@ void verify_camera(const Take& take, int camera, const TakeVerifyOptions& option
   }
   try {
     const MappedFile archive(archive_path);
+    const bool everything = options.depth == VerifyDepth::kHashes || options.decode;
+    archive.expect(everything ? MappedFile::Access::kSequential : MappedFile::Access::kSparse);
     std::optional<MappedFile> journal;
     if (fs::exists(journal_path)) pair.journal = journal.emplace(journal_path).bytes();
     pair.archive = archive.bytes();

@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cstring>
 #include <memory>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -19,15 +20,29 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-/// Host time at which a buffer was filled, noted by the receiving thread. One per buffer, freed
-/// with it.
+/// Host time at which a buffer was filled, noted by the receiving thread; 0: not yet. One per
+/// buffer, freed with it.
 using Arrival = std::atomic<Nanoseconds>;
 
+Arrival& arrival_of(ArvBuffer* buffer) {
+  // Ours, and not constant; Aravis' signature says so.
+  return *static_cast<Arrival*>(const_cast<void*>(arv_buffer_get_user_data(buffer)));
+}
+
 void note_arrival(void* /*unused*/, ArvStreamCallbackType type, ArvBuffer* buffer) {
-  if (type != ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) return;
-  // Ours, and not constant; GLib's signature says so.
-  auto* arrival = static_cast<Arrival*>(const_cast<void*>(arv_buffer_get_user_data(buffer)));
-  if (arrival != nullptr) *arrival = host_utc_now();
+  if (type == ARV_STREAM_CALLBACK_TYPE_BUFFER_DONE) arrival_of(buffer) = host_utc_now();
+}
+
+/// Aravis hands the buffer out first and calls note_arrival() then: waits for that. Only afterwards
+/// may the buffer be given back, or freed.
+Nanoseconds noted_arrival(ArvBuffer* buffer) {
+  using namespace std::chrono_literals;
+  const auto deadline = Clock::now() + 20ms;
+  for (;;) {
+    if (const Nanoseconds noted = arrival_of(buffer); noted != 0) return noted;
+    if (Clock::now() > deadline) return host_utc_now();
+    std::this_thread::sleep_for(50us);
+  }
 }
 
 /// The stream and its buffers.
@@ -45,7 +60,10 @@ class Stream {
     if (data != nullptr) std::memset(data, 0, bytes);
     push(buffer);
   }
-  void push(ArvBuffer* buffer) { arv_stream_push_buffer(stream_.get(), buffer); }
+  void push(ArvBuffer* buffer) {
+    arrival_of(buffer) = 0;
+    arv_stream_push_buffer(stream_.get(), buffer);
+  }
   ArvBuffer* pop(std::chrono::microseconds patience) {
     return arv_stream_timeout_pop_buffer(stream_.get(), static_cast<guint64>(patience.count()));
   }
@@ -177,19 +195,26 @@ class AravisSource final : public FrameSource {
         status == ARV_BUFFER_STATUS_SUCCESS || status == ARV_BUFFER_STATUS_TIMEOUT ||
         status == ARV_BUFFER_STATUS_MISSING_PACKETS ||
         status == ARV_BUFFER_STATUS_WRONG_PACKET_ID || status == ARV_BUFFER_STATUS_SIZE_MISMATCH;
-    if (!filled) {
+    frame.arrival_utc = noted_arrival(buffer);
+    const std::uint64_t sequence = unwrapped(arv_buffer_get_frame_id(buffer));
+    // Aravis may give up a frame when later ones are out already: the gap has told of it.
+    // A counter that falls far back was reset.
+    constexpr std::uint64_t kReset = 1000;
+    const bool late =
+        has_sequence_ && sequence <= last_sequence_ && last_sequence_ - sequence < kReset;
+    if (!filled || late) {
       stream_->push(buffer);
       return false;
     }
+    has_sequence_ = true;
+    last_sequence_ = sequence;
+    frame.sequence = sequence;
     frame.jpeg.clear();
     frame.torn = status != ARV_BUFFER_STATUS_SUCCESS;
-    const auto* arrival = static_cast<const Arrival*>(arv_buffer_get_user_data(buffer));
-    frame.arrival_utc = arrival->load();
     frame.device_time.reset();
     if (const guint64 stamp = arv_buffer_get_timestamp(buffer); stamp != 0) {
       frame.device_time = static_cast<Nanoseconds>(stamp);
     }
-    frame.sequence = unwrapped(arv_buffer_get_frame_id(buffer));
     hand_out(buffer, frame);
     return true;
   }
@@ -241,15 +266,14 @@ class AravisSource final : public FrameSource {
   }
 
   /// GigE Vision 1 counts frames from 1 to 65535 and begins again at 1; later versions and USB3
-  /// Vision have 64 bits.
-  std::uint64_t unwrapped(std::uint64_t id) {
+  /// Vision have 64 bits. The id that is nearest to the last one, then.
+  std::uint64_t unwrapped(std::uint64_t id) const {
     constexpr std::uint64_t kRound = 65535;
-    if (has_id_ && id < last_id_ && last_id_ <= kRound && last_id_ - id > kRound / 2) {
-      rounds_ += kRound;
-    }
-    has_id_ = true;
-    last_id_ = id;
-    return rounds_ + id;
+    if (!has_sequence_ || id > kRound) return id;
+    std::uint64_t sequence = last_sequence_ / kRound * kRound + id;
+    if (sequence + kRound / 2 < last_sequence_) sequence += kRound;
+    if (sequence > last_sequence_ + kRound / 2 && sequence >= kRound) sequence -= kRound;
+    return sequence;
   }
 
   int buffers_;
@@ -260,8 +284,8 @@ class AravisSource final : public FrameSource {
   std::size_t payload_ = 0;  ///< bytes of a buffer
   PixelConverter converter_;
   std::atomic<bool> interrupted_ = false, control_lost_ = false;
-  bool has_id_ = false;
-  std::uint64_t last_id_ = 0, rounds_ = 0;
+  bool has_sequence_ = false;
+  std::uint64_t last_sequence_ = 0;
 };
 
 }  // namespace

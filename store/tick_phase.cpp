@@ -31,7 +31,9 @@ double phase_of(Nanoseconds time, double period) {
 double detect_rate(const std::vector<std::vector<Nanoseconds>>& times) {
   std::vector<Nanoseconds> intervals;
   for (const auto& column : times) {
-    for (std::size_t i = 1; i < column.size(); ++i) intervals.push_back(column[i] - column[i - 1]);
+    for (std::size_t i = 1; i < column.size(); ++i) {
+      if (column[i] > column[i - 1]) intervals.push_back(column[i] - column[i - 1]);
+    }
   }
   if (intervals.empty()) return 0;
   const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);

@@ -16,6 +16,7 @@ HOUSE = ["tests", "cli", "farm", "replay", "compose", "render", "ingest", "image
 ROOMS = {
     "store/frames": ["store", "store/jpeg"],
     "store/jpeg": [],
+    "store/sync": ["store", "store/jpeg"],
     "store": ["store/jpeg"],
     "render/evaluation": ["render"],
     "ingest/simulated": [],

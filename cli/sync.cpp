@@ -2,77 +2,147 @@
 // raystage sync: the timeline of a take.
 #include <fmt/format.h>
 
-#include <cstdio>
-#include <nlohmann/json.hpp>
+#include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "cli/command.h"
 #include "cli/parse.h"
-#include "store/timeline.h"
+#include "schemas/atomic_file.h"
+#include "store/sync/flash.h"
+#include "store/sync/luminance.h"
+#include "store/sync/node_offsets.h"
+#include "store/sync/resync.h"
+#include "store/sync/verdict.h"
 
 namespace raystage {
 namespace {
 
-constexpr double kNsPerMs = 1e6;
+constexpr double kNsPerMs = 1e6, kNsPerS = 1e9;
 
 struct Options {
-  std::string take;
+  std::string take, stamps = "auto", node_offsets, flash_per = "node", report;
   double fps = 0, tolerance_ms = 0;
-  bool json = false;
+  std::vector<double> flash_window;
+  bool flash = false, keep_start_up = false, json = false, quiet = false;
 };
 
-void print_text(const Take& take, const Timeline& timeline, const TimelineStatistics& statistics) {
+Nanoseconds from_ms(double milliseconds) {
+  return static_cast<Nanoseconds>(std::llround(milliseconds * kNsPerMs));
+}
+
+void print_text(const Resync& resync, const std::vector<std::string>& verdict) {
+  const Timeline& timeline = resync.timeline;
+  const TimelineStatistics statistics = statistics_of(timeline);
   const long absent = std::reduce(statistics.absent.begin(), statistics.absent.end(), 0L);
-  const auto cameras = static_cast<double>(statistics.absent.size());
-  const auto ticks = static_cast<double>(timeline.ticks.size());
+  const auto all = static_cast<double>(statistics.absent.size() * timeline.ticks.size());
+  for (const std::string& sentence : verdict) fmt::print("{}\n", sentence);
   fmt::print("Rate       {:.6g} Hz\n", timeline.fps);
   fmt::print("Ticks      {}, from {:.6f} s to {:.6f} s\n", timeline.ticks.size(),
-             static_cast<double>(timeline.ticks.front().time_ns) / 1e9,
-             static_cast<double>(timeline.ticks.back().time_ns) / 1e9);
+             static_cast<double>(timeline.ticks.front().time_ns) / kNsPerS,
+             static_cast<double>(timeline.ticks.back().time_ns) / kNsPerS);
   fmt::print("Tolerance  {:.3f} ms\n", static_cast<double>(timeline.tolerance) / kNsPerMs);
   fmt::print("Spread     mean {:.3f} ms, median {:.3f} ms, at most {:.3f} ms\n",
              statistics.mean_spread_ns / kNsPerMs,
              static_cast<double>(statistics.median_spread) / kNsPerMs,
              static_cast<double>(statistics.max_spread) / kNsPerMs);
-  fmt::print("Absent     {} of {:.0f} frames ({:.2f} %)\n", absent, cameras * ticks,
-             100 * static_cast<double>(absent) / (cameras * ticks));
-  for (std::size_t i = 0; i < statistics.absent.size(); ++i) {
-    if (statistics.absent[i] == 0) continue;
-    fmt::print("  {:<10} {} of {}\n", take.document().cameras[i].id, statistics.absent[i],
-               timeline.ticks.size());
-  }
+  fmt::print("Absent     {} of {:.0f} frames ({:.2f} %)\n", absent, all,
+             100 * static_cast<double>(absent) / all);
 }
 
-void print_json(const Take& take, const Timeline& timeline, const TimelineStatistics& statistics) {
-  auto absent = nlohmann::ordered_json::object();
-  for (std::size_t i = 0; i < statistics.absent.size(); ++i) {
-    if (statistics.absent[i] > 0) {
-      absent[take.document().cameras[i].id] = statistics.absent[i];
-    }
+FlashOffsets find_flashes(const Take& take, const std::vector<CameraStamps>& cameras,
+                          const ResyncSettings& settings, const Options& options,
+                          std::stop_token stop) {
+  const Resync resync = resynchronise(cameras, settings, options.take);
+  Nanoseconds begin = std::numeric_limits<Nanoseconds>::min() + 1;
+  Nanoseconds end = std::numeric_limits<Nanoseconds>::max();
+  if (!options.flash_window.empty()) {
+    begin = from_ms(options.flash_window[0] * 1e3);
+    end = from_ms(options.flash_window[1] * 1e3);
   }
-  const nlohmann::ordered_json document{
-      {"fps", timeline.fps},
-      {"tolerance_ns", timeline.tolerance},
-      {"ticks", timeline.ticks.size()},
-      {"first_ns", timeline.ticks.front().time_ns},
-      {"last_ns", timeline.ticks.back().time_ns},
-      {"spread_ms",
-       {{"mean", statistics.mean_spread_ns / kNsPerMs},
-        {"median", static_cast<double>(statistics.median_spread) / kNsPerMs},
-        {"max", static_cast<double>(statistics.max_spread) / kNsPerMs}}},
-      {"absent_total", std::reduce(statistics.absent.begin(), statistics.absent.end(), 0L)},
-      {"absent", absent}};
-  fmt::print("{}\n", document.dump(2));
+  Progress progress(!options.quiet);
+  const auto luminance = luminance_of(
+      take, resync.times, begin, end, [&](double done) { progress.report(done); }, stop);
+  std::vector<std::vector<LightJump>> jumps;
+  std::vector<std::string> group;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    jumps.push_back(find_light_jumps(resync.times[c], luminance[c]));
+    const bool by_node = options.flash_per == "node" && !cameras[c].node.empty();
+    group.push_back(by_node ? cameras[c].node : cameras[c].id);
+  }
+  return offsets_from_flashes(jumps, group, options.take);
 }
 
-ExitCode sync(const Options& options) {
+ExitCode sync(const Options& options, std::stop_token stop) {
   const Take take(options.take);
-  const auto tolerance = static_cast<Nanoseconds>(std::llround(options.tolerance_ms * kNsPerMs));
-  const Timeline timeline = build_timeline(take, options.fps, tolerance);
-  write_timeline(timeline, take.folder());
-  const TimelineStatistics statistics = statistics_of(timeline);
-  (options.json ? print_json : print_text)(take, timeline, statistics);
+  const std::vector<CameraStamps> cameras = stamps_of(take);
+  ResyncSettings settings;
+  settings.fps = options.fps;
+  settings.tolerance = from_ms(options.tolerance_ms);
+  settings.exact_stamps =
+      options.stamps == "exact" || (options.stamps == "auto" && marks_exposures(take.document()));
+  settings.keep_start_up = options.keep_start_up;
+  settings.nominal_fps = take.document().nominal_fps;
+  if (!options.node_offsets.empty()) {
+    settings.offsets = read_node_offsets(options.node_offsets, cameras);
+  }
+  std::optional<FlashOffsets> flash;
+  if (options.flash) {
+    flash = find_flashes(take, cameras, settings, options, stop);
+    if (stop.stop_requested()) return ExitCode::kFailed;
+    add_offsets(*flash, options.flash_per == "node", cameras, settings.offsets);
+  }
+  const Resync resync = resynchronise(cameras, settings, options.take);
+  write_timeline(resync.timeline, take.folder());
+  if (!options.report.empty()) {
+    write_file_atomically(options.report, report_html(resync, flash, take.document().name));
+  }
+  if (options.json) {
+    fmt::print("{}\n", json_of(resync, flash));
+  } else {
+    print_text(resync, verdict_of(resync, flash));
+  }
   return ExitCode::kSuccess;
+}
+
+void add_options(CLI::App& app, Options& options) {
+  app.add_option("TAKE", options.take, "Folder of the take")->required();
+  app.add_option("--fps", options.fps,
+                 "Ticks per second, Hz (default: the cameras' own rate, detected)")
+      ->check(CLI::Range(1e-3, 1e6).description(""));
+  app.add_option("--tolerance", options.tolerance_ms,
+                 "How far a frame may lie from its tick, ms (default: half a tick); a camera "
+                 "without a frame that near is absent")
+      ->check(CLI::Range(1e-6, 1e9).description(""));
+  app.add_option("--stamps", options.stamps,
+                 "Whether stamps are exposures' own (exact) or came late (jittered), so that a "
+                 "camera's rhythm says better when it exposed; auto (default): exact where "
+                 "take.json says that times mark exposures")
+      ->check(CLI::IsMember({"auto", "exact", "jittered"}).description(""));
+  app.add_flag("--keep-start-up", options.keep_start_up,
+               "Let ticks begin before the start-up, in which frames are lost, is over");
+  auto* given =
+      app.add_option("--node-offsets", options.node_offsets,
+                     "JSON file {\"node\": ms}: how far each node's (or camera's) clock is "
+                     "ahead, ms; taken off")
+          ->option_text("FILE");
+  auto* flash =
+      app.add_flag("--flash", options.flash,
+                   "Find clock offsets from flashes of light that all cameras see: reads pictures");
+  flash->excludes(given);
+  app.add_option("--flash-per", options.flash_per,
+                 "Whose clock: one offset per node (default) or camera")
+      ->check(CLI::IsMember({"node", "camera"}).description(""))
+      ->needs(flash);
+  app.add_option("--flash-window", options.flash_window,
+                 "Where to look for flashes, s since the take's epoch (default: everywhere)")
+      ->expected(2)
+      ->option_text("BEGIN END")
+      ->needs(flash);
+  app.add_option("--report", options.report, "Write an HTML page with charts and the verdict")
+      ->option_text("FILE.html");
+  app.add_flag("--json", options.json, "Print everything found as JSON");
+  app.add_flag("-q,--quiet", options.quiet, "No progress on stderr");
 }
 
 }  // namespace
@@ -82,17 +152,11 @@ int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app(
       "Align the free-running cameras of a take in time: ticks at a constant rate, each with the\n"
-      "nearest frame of every camera. Written to TAKE/timeline.zst; the archives stay as they are.",
+      "nearest frame of every camera. Finds each camera's period and phase, steps of clocks and\n"
+      "lost frames. Written to TAKE/timeline.zst; the archives stay as they are.",
       "raystage sync");
   Options options;
-  app.add_option("TAKE", options.take, "Folder of the take")->required();
-  app.add_option("--fps", options.fps,
-                 "Ticks per second, Hz (default: the cameras' own rate, detected)")
-      ->check(CLI::Range(1e-3, 1e6).description(""));
-  app.add_option("--tolerance", options.tolerance_ms,
-                 "How far a frame may lie from its tick, ms (default: half a frame time); a camera "
-                 "without a frame that near is absent")
-      ->check(CLI::Range(1e-6, 1e9).description(""));
-  app.add_flag("--json", options.json, "Print the result as JSON");
-  return parse_and_run(app, argc, argv, "sync", [&](std::stop_token) { return sync(options); });
+  add_options(app, options);
+  return parse_and_run(app, argc, argv, "sync",
+                       [&](std::stop_token stop) { return sync(options, stop); });
 }

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 
 namespace raystage {
 namespace {
@@ -20,7 +21,8 @@ struct Bin {
 };
 
 double phase_of(Nanoseconds time, double period) {
-  const double phase = std::fmod(static_cast<double>(time), period) / period;
+  double phase = std::fmod(static_cast<double>(time), period) / period;
+  if (phase < 0) phase += 1;
   return phase < 1 ? phase : 0;
 }
 
@@ -29,7 +31,9 @@ double phase_of(Nanoseconds time, double period) {
 double detect_rate(const std::vector<std::vector<Nanoseconds>>& times) {
   std::vector<Nanoseconds> intervals;
   for (const auto& column : times) {
-    for (std::size_t i = 1; i < column.size(); ++i) intervals.push_back(column[i] - column[i - 1]);
+    for (std::size_t i = 1; i < column.size(); ++i) {
+      if (column[i] > column[i - 1]) intervals.push_back(column[i] - column[i - 1]);
+    }
   }
   if (intervals.empty()) return 0;
   const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
@@ -50,6 +54,7 @@ double best_tick_phase(const std::vector<std::vector<Nanoseconds>>& times, doubl
   Bin all;
   for (const auto& column : times) {
     for (const Nanoseconds time : column) {
+      if (time == std::numeric_limits<Nanoseconds>::min()) continue;  // not to be trusted
       const double phase = phase_of(time, period);
       Bin& bin = bins[std::min(static_cast<std::size_t>(phase * kBins), kBins - 1)];
       for (Bin* b : {&bin, &all}) {

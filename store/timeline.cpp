@@ -46,23 +46,6 @@ class Ticks {
   double origin_, period_;
 };
 
-// From the first instant by which half of the cameras (that have frames) run to the last such.
-struct Range {
-  Nanoseconds begin = 0, end = 0;
-};
-Range running_range(const std::vector<std::vector<Nanoseconds>>& times) {
-  std::vector<Nanoseconds> first, last;
-  for (const auto& column : times) {
-    if (column.empty()) continue;
-    first.push_back(column.front());
-    last.push_back(column.back());
-  }
-  const std::size_t half = (first.size() - 1) / 2;  // index of the ceil(n/2)-th
-  std::ranges::sort(first);
-  std::ranges::sort(last, std::greater());
-  return {first[half], last[half]};
-}
-
 // A still light field: the one instant that is fairest to all, or the middle camera's where they
 // lie too far apart for that.
 Nanoseconds still_instant(const std::vector<std::vector<Nanoseconds>>& times,
@@ -83,6 +66,7 @@ void fill(Timeline& timeline, const std::vector<std::vector<Nanoseconds>>& times
   for (std::size_t camera = 0; camera < times.size(); ++camera) {
     for (std::size_t i = 0; i < times[camera].size(); ++i) {
       const Nanoseconds time = times[camera][i];
+      if (time == kNoTime) continue;
       const std::int64_t k = ticks.nearest(time) - first;
       if (k < 0 || k >= static_cast<std::int64_t>(timeline.ticks.size())) continue;
       FrameSelection& tick = timeline.ticks[static_cast<std::size_t>(k)];
@@ -99,6 +83,30 @@ void fill(Timeline& timeline, const std::vector<std::vector<Nanoseconds>>& times
 }
 
 }  // namespace
+
+Nanoseconds CameraClock::corrected(Nanoseconds stamp) const {
+  Nanoseconds time = stamp - offset_ns;
+  for (const ClockStep& step : steps) {
+    if (stamp >= step.time_ns) time -= step.step_ns;
+  }
+  return time;
+}
+
+TimeRange running_range(const std::vector<std::vector<Nanoseconds>>& times) {
+  std::vector<Nanoseconds> first, last;
+  for (const auto& column : times) {
+    const auto trusted = [](Nanoseconds time) { return time != kNoTime; };
+    const auto begin = std::ranges::find_if(column, trusted);
+    if (begin == column.end()) continue;
+    first.push_back(*begin);
+    last.push_back(*std::find_if(column.rbegin(), column.rend(), trusted));
+  }
+  if (first.empty()) return {};
+  const std::size_t half = (first.size() - 1) / 2;  // index of the ceil(n/2)-th
+  std::ranges::sort(first);
+  std::ranges::sort(last, std::greater());
+  return {first[half], std::max(first[half], last[half])};
+}
 
 Nanoseconds FrameSelection::spread() const {
   Nanoseconds earliest = std::numeric_limits<Nanoseconds>::max();
@@ -142,8 +150,27 @@ Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance) {
                         take.folder().string());
 }
 
-Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& times, double nominal_fps,
-                        double fps, Nanoseconds tolerance, std::string_view name) {
+Timeline assign_ticks(const std::vector<std::vector<Nanoseconds>>& times, double fps,
+                      Nanoseconds tolerance, const TimeRange& range, std::string_view name) {
+  Timeline timeline;
+  timeline.fps = fps;
+  timeline.tolerance = tolerance;
+  const double period = static_cast<double>(kNanosecondsPerSecond) / fps;
+  const Ticks ticks(best_tick_phase(times, period), period);
+  const std::int64_t first = ticks.nearest(range.begin), last = ticks.nearest(range.end);
+  if (static_cast<double>(last - first) >= kMaxTicks) {
+    throw Error::bad_input("the timeline would have " + std::to_string(last - first + 1) + " ticks",
+                           std::string(name), "Give the rate of the cameras, in frames a second");
+  }
+  timeline.ticks.resize(static_cast<std::size_t>(last - first + 1));
+  for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
+    timeline.ticks[k].time_ns = ticks.time(first + static_cast<std::int64_t>(k));
+  }
+  fill(timeline, times, ticks, first);
+  return timeline;
+}
+
+void check_settings(double fps, Nanoseconds tolerance, std::string_view name) {
   const std::string where(name);
   if (!std::isfinite(fps) || fps < 0 || fps > 1e6) {
     throw Error::bad_input("a rate of " + std::to_string(fps) + " frames a second is not possible",
@@ -153,8 +180,14 @@ Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& times, doub
     throw Error::bad_input("the tolerance is negative", where,
                            "Give a tolerance above 0, or 0 for half a frame time");
   }
+}
+
+Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& times, double nominal_fps,
+                        double fps, Nanoseconds tolerance, std::string_view name) {
+  check_settings(fps, tolerance, name);
   if (std::ranges::all_of(times, [](const auto& column) { return column.empty(); })) {
-    throw Error::bad_input("the take holds no frame", where, "Record or import it again");
+    throw Error::bad_input("the take holds no frame", std::string(name),
+                           "Record or import it again");
   }
   const bool still =
       std::ranges::all_of(times, [](const auto& column) { return column.size() < 2; });
@@ -174,19 +207,7 @@ Timeline build_timeline(const std::vector<std::vector<Nanoseconds>>& times, doub
     fill(timeline, times, Ticks(static_cast<double>(timeline.ticks[0].time_ns), period), 0);
     return timeline;
   }
-  const Ticks ticks(best_tick_phase(times, period), period);
-  const Range range = running_range(times);
-  const std::int64_t first = ticks.nearest(range.begin), last = ticks.nearest(range.end);
-  if (static_cast<double>(last - first) >= kMaxTicks) {
-    throw Error::bad_input("the timeline would have " + std::to_string(last - first + 1) + " ticks",
-                           where, "Give the rate of the cameras, in frames a second");
-  }
-  timeline.ticks.resize(static_cast<std::size_t>(last - first + 1));
-  for (std::size_t k = 0; k < timeline.ticks.size(); ++k) {
-    timeline.ticks[k].time_ns = ticks.time(first + static_cast<std::int64_t>(k));
-  }
-  fill(timeline, times, ticks, first);
-  return timeline;
+  return assign_ticks(times, timeline.fps, timeline.tolerance, running_range(times), name);
 }
 
 TimelineStatistics statistics_of(const Timeline& timeline) {

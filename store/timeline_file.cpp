@@ -23,11 +23,14 @@ namespace raystage {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'R', 'A', 'Y', 'S', 'T', 'I', 'M', 'E'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;  // 1 had no clocks
 constexpr std::size_t kVersionAt = 8, kCamerasAt = 12, kFingerprintAt = 16, kFpsAt = 24,
                       kToleranceAt = 32, kTicksAt = 40, kHeaderBytes = 48;
+constexpr std::size_t kClockBytes = 48, kStepBytes = 16;
+constexpr std::uint32_t kFittedFlag = 1;
 constexpr int kLevel = 9;
 constexpr std::uint64_t kMaxTicks = 100'000'000;
+constexpr std::uint32_t kMaxSteps = 1'000'000;
 
 struct DecompressorDeleter {
   void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
@@ -70,6 +73,67 @@ class Decompressor {
   ZSTD_inBuffer input_;
   bool ended_ = false, whole_ = false;
 };
+
+void append_clock(const CameraClock& clock, std::vector<std::byte>& payload) {
+  std::size_t at = payload.size();
+  payload.resize(at + kClockBytes + clock.steps.size() * kStepBytes);
+  store_little_endian(payload, at, clock.offset_ns);
+  store_little_endian(payload, at + 8, std::bit_cast<std::uint64_t>(clock.period_ns));
+  store_little_endian(payload, at + 16, std::bit_cast<std::uint64_t>(clock.phase_ns));
+  store_little_endian(payload, at + 24, std::bit_cast<std::uint64_t>(clock.drift_ppm));
+  store_little_endian(payload, at + 32, std::bit_cast<std::uint64_t>(clock.jitter_ns));
+  store_little_endian(payload, at + 40, clock.fitted ? kFittedFlag : std::uint32_t{0});
+  store_little_endian(payload, at + 44, static_cast<std::uint32_t>(clock.steps.size()));
+  at += kClockBytes;
+  for (const ClockStep& step : clock.steps) {
+    store_little_endian(payload, at, step.time_ns);
+    store_little_endian(payload, at + 8, step.step_ns);
+    at += kStepBytes;
+  }
+}
+
+// Whether a frame with this stamp can be at this time: exactly, or within one period where times
+// are fitted.
+bool agrees(const CameraClock& clock, Nanoseconds stamp, Nanoseconds time) {
+  const Nanoseconds difference = clock.corrected(stamp) - time;
+  return clock.fitted ? std::abs(static_cast<double>(difference)) <= clock.period_ns
+                      : difference == 0;
+}
+
+// Nothing where the bytes are no clock.
+std::optional<CameraClock> pull_clock(Decompressor& source) {
+  std::vector<std::byte> bytes;
+  if (!source.pull(kClockBytes, bytes) || bytes.size() != kClockBytes) return std::nullopt;
+  const auto number = [&](std::size_t at) {
+    return std::bit_cast<double>(load_little_endian<std::uint64_t>(bytes, at));
+  };
+  CameraClock clock;
+  clock.offset_ns = load_little_endian<std::int64_t>(bytes, 0);
+  clock.period_ns = number(8);
+  clock.phase_ns = number(16);
+  clock.drift_ppm = number(24);
+  clock.jitter_ns = number(32);
+  const auto flags = load_little_endian<std::uint32_t>(bytes, 40);
+  const auto steps = load_little_endian<std::uint32_t>(bytes, 44);
+  clock.fitted = (flags & kFittedFlag) != 0;
+  const bool finite = std::isfinite(clock.period_ns) && std::isfinite(clock.phase_ns) &&
+                      std::isfinite(clock.drift_ppm) && std::isfinite(clock.jitter_ns);
+  if (!finite || clock.period_ns < 0 || clock.jitter_ns < 0 || flags > kFittedFlag ||
+      steps > kMaxSteps) {
+    return std::nullopt;
+  }
+  bytes.clear();
+  if (!source.pull(steps * kStepBytes, bytes) || bytes.size() != steps * kStepBytes) {
+    return std::nullopt;
+  }
+  for (std::size_t at = 0; at < bytes.size(); at += kStepBytes) {
+    const ClockStep step{load_little_endian<std::int64_t>(bytes, at),
+                         load_little_endian<std::int64_t>(bytes, at + 8)};
+    if (!clock.steps.empty() && step.time_ns <= clock.steps.back().time_ns) return std::nullopt;
+    clock.steps.push_back(step);
+  }
+  return clock;
+}
 
 }  // namespace
 
@@ -126,6 +190,11 @@ std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t f
     }
   }
 
+  assert(timeline.clocks.empty() || timeline.clocks.size() == cameras);
+  for (std::size_t camera = 0; camera < cameras; ++camera) {
+    append_clock(timeline.clocks.empty() ? CameraClock{} : timeline.clocks[camera], payload);
+  }
+
   struct Deleter {
     void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
   };
@@ -155,9 +224,9 @@ Timeline decode_timeline(std::span<const std::byte> file, std::uint64_t fingerpr
     throw damaged();
   }
   const auto version = load_little_endian<std::uint32_t>(payload, kVersionAt);
-  if (version != kVersion) {
+  if (version < 1 || version > kVersion) {
     throw refuse("the timeline has format version " + std::to_string(version) +
-                 ", this program reads version " + std::to_string(kVersion));
+                 ", this program reads versions 1 to " + std::to_string(kVersion));
   }
   if (load_little_endian<std::uint64_t>(payload, kFingerprintAt) != fingerprint ||
       load_little_endian<std::uint32_t>(payload, kCamerasAt) != cameras) {
@@ -173,9 +242,13 @@ Timeline decode_timeline(std::span<const std::byte> file, std::uint64_t fingerpr
   }
   const auto count = static_cast<std::size_t>(ticks);
   const std::size_t body = count * (8 + cameras * 12);
-  if (!source.pull(body, payload) || payload.size() != kHeaderBytes + body || !source.finished()) {
-    throw damaged();
+  if (!source.pull(body, payload) || payload.size() != kHeaderBytes + body) throw damaged();
+  for (std::size_t camera = 0; version >= 2 && camera < cameras; ++camera) {
+    std::optional<CameraClock> clock = pull_clock(source);
+    if (!clock) throw damaged();
+    timeline.clocks.push_back(std::move(*clock));
   }
+  if (!source.finished()) throw damaged();
 
   timeline.ticks.resize(count);
   std::size_t at = kHeaderBytes;
@@ -219,12 +292,13 @@ Timeline read_timeline(const Take& take) {
   // With the fingerprint right, every entry must be a frame of this take at its time.
   for (std::size_t camera = 0; camera < static_cast<std::size_t>(take.camera_count()); ++camera) {
     const auto frames = take.archive(static_cast<int>(camera)).frames();
+    const CameraClock clock = timeline.clocks.empty() ? CameraClock{} : timeline.clocks[camera];
     for (const FrameSelection& tick : timeline.ticks) {
       const std::int32_t frame = tick.frame[camera];
       if (frame < 0) continue;
       if (static_cast<std::size_t>(frame) >= frames.size() ||
-          frames[static_cast<std::size_t>(frame)].time_ns - tick.difference[camera] !=
-              tick.time_ns) {
+          !agrees(clock, frames[static_cast<std::size_t>(frame)].time_ns,
+                  tick.time_ns + tick.difference[camera])) {
         throw Error::bad_input("the timeline names a frame that the take does not hold",
                                path.string(), "Run `raystage sync` on the take");
       }

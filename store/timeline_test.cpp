@@ -241,6 +241,7 @@ struct TimelineFile : testing::Test {
   static void expect_same(const Timeline& a, const Timeline& b) {
     EXPECT_EQ(a.fps, b.fps);
     EXPECT_EQ(a.tolerance, b.tolerance);
+    EXPECT_EQ(a.clocks, b.clocks);
     ASSERT_EQ(a.ticks.size(), b.ticks.size());
     for (std::size_t k = 0; k < a.ticks.size(); ++k) {
       EXPECT_EQ(a.ticks[k].time_ns, b.ticks[k].time_ns);
@@ -267,12 +268,48 @@ struct TimelineFile : testing::Test {
 TEST_F(TimelineFile, GivesBackWhatWentInReproducibly) {
   EXPECT_THAT(refusal(), HasSubstr("no timeline"));
   const Take take(path);
-  const Timeline timeline = build_timeline(take, 0, 0);
+  Timeline timeline = build_timeline(take, 0, 0);
+  timeline.clocks = {CameraClock{}, CameraClock{}};
   write_timeline(timeline, path);
   const auto bytes = test::bytes_of(file);
   expect_same(read_timeline(take), timeline);
   write_timeline(build_timeline(Take(path), 0, 0), path);
   EXPECT_EQ(test::bytes_of(file), bytes);
+}
+
+TEST_F(TimelineFile, KeepsEveryCamerasClock) {
+  const Take take(path);
+  Timeline timeline = build_timeline(take, 0, 0);
+  CameraClock ahead;  // 7 ms, and 40 ms more from the sixth frame on
+  ahead.offset_ns = 7 * kMs;
+  ahead.steps = {{take.archive(1).frames()[5].time_ns, 40 * kMs}};
+  CameraClock fitted{0, {}, 66'666'670.25, 1e9, 0.055, 4'900'000.5, true};
+  timeline.clocks = {fitted, ahead};
+  for (FrameSelection& tick : timeline.ticks) {
+    if (tick.frame[0] >= 0) tick.difference[0] += 3 * kMs;
+    if (tick.frame[1] >= 0) tick.difference[1] -= (tick.frame[1] >= 5 ? 47 : 7) * kMs;
+  }
+  write_timeline(timeline, path);
+  expect_same(read_timeline(take), timeline);
+  timeline.ticks[10].difference[1] += 1;
+  write_timeline(timeline, path);
+  EXPECT_THAT(refusal(), HasSubstr("names a frame"));
+  timeline.ticks[10].difference[1] -= 1;
+  timeline.ticks[10].difference[0] += 70 * kMs;  // more than a period
+  write_timeline(timeline, path);
+  EXPECT_THAT(refusal(), HasSubstr("names a frame"));
+}
+
+TEST_F(TimelineFile, ReadsVersionOne) {
+  // As the first release wrote it: two cameras, no clocks.
+  const auto bytes = test::bytes_of(std::filesystem::path(RAYSTAGE_SOURCE_DIR) /
+                                    "tests/fuzz/corpus/timeline/file");
+  const Timeline timeline = decode_timeline(std::span(bytes).subspan(1), 1, 2, "");
+  EXPECT_TRUE(timeline.clocks.empty());
+  ASSERT_FALSE(timeline.ticks.empty());
+  const Timeline again = decode_timeline(encode_timeline(timeline, 1), 1, 2, "");
+  EXPECT_EQ(again.clocks, std::vector<CameraClock>(2));
+  EXPECT_EQ(again.ticks[0].frame, timeline.ticks[0].frame);
 }
 
 TEST_F(TimelineFile, OfAnotherTakeIsRefused) {

@@ -21,6 +21,7 @@ ROOMS = {
     "store/fixity": ["store", "store/jpeg"],
     "store/frames": ["store", "store/jpeg"],
     "store/jpeg": [],
+    "store/sync": ["store", "store/jpeg"],
     "store": ["store/jpeg"],
     "render/evaluation": ["render"],
     "ingest/simulated": [],

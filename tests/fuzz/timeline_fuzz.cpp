@@ -38,5 +38,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const auto again = raystage::decode_timeline(raystage::encode_timeline(timeline, kFingerprint),
                                                kFingerprint, kCameras, "again");
   if (again.ticks.size() != timeline.ticks.size()) std::abort();
+  if (!timeline.clocks.empty() && again.clocks != timeline.clocks) std::abort();
   return 0;
 }

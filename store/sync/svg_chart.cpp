@@ -1,0 +1,146 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/sync/svg_chart.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace raystage {
+namespace {
+
+constexpr int kWidth = 1040, kHeight = 300, kLeft = 70, kRight = 18, kTop = 16;
+
+// 1, 2 or 5 times a power of ten, so that about `count` of them make the range.
+double tick_step(double range, int count) {
+  const double raw = range / count;
+  const double power = std::pow(10, std::floor(std::log10(raw)));
+  for (const double factor : {1.0, 2.0, 5.0}) {
+    if (raw <= factor * power * (1 + 1e-9)) return factor * power;
+  }
+  return 10 * power;
+}
+
+}  // namespace
+
+std::string escape_html(std::string_view text) {
+  std::string escaped;
+  for (const char c : text) {
+    switch (c) {
+      case '&':
+        escaped += "&amp;";
+        break;
+      case '<':
+        escaped += "&lt;";
+        break;
+      case '>':
+        escaped += "&gt;";
+        break;
+      case '"':
+        escaped += "&quot;";
+        break;
+      default:
+        escaped += c;
+    }
+  }
+  return escaped;
+}
+
+SvgChart::SvgChart(std::string description, Axis x, Axis y)
+    : description_(std::move(description)), x_(std::move(x)), y_(std::move(y)) {
+  for (Axis* axis : {&x_, &y_}) {
+    if (!(axis->high > axis->low)) axis->high = axis->low + 1;
+  }
+}
+
+double SvgChart::at_x(double x) const {
+  return kLeft + (x - x_.low) / (x_.high - x_.low) * (kWidth - kLeft - kRight);
+}
+double SvgChart::at_y(double y) const {
+  const double share = std::clamp((y - y_.low) / (y_.high - y_.low), 0.0, 1.0);
+  return kTop + (1 - share) * (kHeight - kTop);
+}
+
+void SvgChart::line(std::span<const Point> points, std::string_view css_class) {
+  body_ += fmt::format("<polyline class=\"{}\" points=\"", css_class);
+  for (const Point& p : points) body_ += fmt::format("{:.1f},{:.1f} ", at_x(p.x), at_y(p.y));
+  body_ += "\"/>\n";
+}
+
+void SvgChart::bar(double x0, double x1, double y0, double y1, std::string_view css_class,
+                   std::string_view title) {
+  const double top = at_y(y1), bottom = at_y(y0);
+  if (bottom - top <= 0) return;
+  body_ += fmt::format(R"(<rect class="{}" x="{:.1f}" y="{:.1f}" width="{:.1f}" height="{:.1f}">)",
+                       css_class, at_x(x0), top, std::max(0.5, at_x(x1) - at_x(x0)), bottom - top);
+  if (!title.empty()) body_ += fmt::format("<title>{}</title>", escape_html(title));
+  body_ += "</rect>\n";
+}
+
+void SvgChart::horizontal(double y, std::string_view label) {
+  body_ += fmt::format(R"(<line class="limit" x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}"/>)", kLeft,
+                       kWidth - kRight, at_y(y), at_y(y));
+  labels_ += fmt::format(R"(<text class="note" x="{}" y="{:.1f}" text-anchor="end">{}</text>)",
+                         kWidth - kRight - 4, at_y(y) - 5, escape_html(label));
+}
+
+void SvgChart::vertical(double x, std::string_view label) {
+  if (x < x_.low || x > x_.high) return;
+  body_ += fmt::format(R"(<line class="limit" x1="{0:.1f}" x2="{0:.1f}" y1="{1}" y2="{2}"/>)",
+                       at_x(x), kTop, kHeight);
+  const bool left = at_x(x) > kWidth - 260;
+  labels_ +=
+      fmt::format(R"(<text class="note" x="{:.1f}" y="{}" text-anchor="{}">{}</text>)",
+                  at_x(x) + (left ? -5 : 5), kTop + 11, left ? "end" : "start", escape_html(label));
+}
+
+void SvgChart::x_label(double x, std::string_view label, bool turned) {
+  const double at = at_x(x);
+  if (turned) {
+    below_ = 74;
+    labels_ += fmt::format(
+        R"svg(<text class="small" transform="translate({:.1f},{}) rotate(-90)" text-anchor="end">{}</text>)svg",
+        at + 3, kHeight + 7, escape_html(label));
+  } else {
+    labels_ += fmt::format(R"(<text x="{:.1f}" y="{}" text-anchor="middle">{}</text>)", at,
+                           kHeight + 18, escape_html(label));
+  }
+}
+
+std::string SvgChart::str() const {
+  const int height = kHeight + below_;
+  std::string svg = fmt::format("<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{}\">\n",
+                                kWidth, height, escape_html(description_));
+  const auto digits = [](double step) {
+    return std::max(0, static_cast<int>(std::ceil(-std::log10(step) - 1e-9)));
+  };
+  const double y_step = tick_step(y_.high - y_.low, 5);
+  for (double y = std::ceil(y_.low / y_step - 1e-9) * y_step; y <= y_.high * (1 + 1e-9);
+       y += y_step) {
+    const double value = std::abs(y) < y_step * 1e-6 ? 0 : y;
+    svg += fmt::format(
+        R"(<line class="grid" x1="{}" x2="{}" y1="{:.1f}" y2="{:.1f}"/><text x="{}" y="{:.1f}" text-anchor="end">{:.{}f}</text>)",
+        kLeft, kWidth - kRight, at_y(y), at_y(y), kLeft - 8, at_y(y) + 4, value, digits(y_step));
+  }
+  if (x_.ticks) {
+    const double x_step = tick_step(x_.high - x_.low, 10);
+    for (double x = std::ceil(x_.low / x_step - 1e-9) * x_step; x <= x_.high + x_step * 1e-9;
+         x += x_step) {
+      const double value = std::abs(x) < x_step * 1e-6 ? 0 : x;
+      svg += fmt::format(
+          R"(<line class="grid" x1="{0:.1f}" x2="{0:.1f}" y1="{1}" y2="{2}"/><text x="{0:.1f}" y="{3}" text-anchor="middle">{4:.{5}f}</text>)",
+          at_x(x), kHeight, kHeight + 5, kHeight + 18, value, digits(x_step));
+    }
+  }
+  svg += body_ + labels_;
+  svg += fmt::format(R"(<line class="axis" x1="{0}" x2="{1}" y1="{2}" y2="{2}"/>)", kLeft,
+                     kWidth - kRight, kHeight);
+  svg += fmt::format(R"(<text class="label" x="{}" y="{}" text-anchor="end">{}</text>)",
+                     kWidth - kRight, height - 6, escape_html(x_.label));
+  svg += fmt::format(
+      R"svg(<text class="label" transform="translate(14,{}) rotate(-90)" text-anchor="end">{}</text>)svg",
+      kTop, escape_html(y_.label));
+  return svg + "\n</svg>\n";
+}
+
+}  // namespace raystage

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace raystage {
+
+/// Text as it must stand in HTML.
+std::string escape_html(std::string_view text);
+
+/// One chart as inline SVG; colours and type come from the page's style sheet by class.
+class SvgChart {
+ public:
+  struct Axis {
+    double low = 0, high = 1;
+    std::string label;
+    bool ticks = true;
+  };
+  SvgChart(std::string description, Axis x, Axis y);
+
+  struct Point {
+    double x, y;
+  };
+  void line(std::span<const Point> points, std::string_view css_class);
+  /// From (x0, y0) to (x1, y1) in the axes' units.
+  void bar(double x0, double x1, double y0, double y1, std::string_view css_class,
+           std::string_view title = "");
+  void horizontal(double y, std::string_view label);
+  void vertical(double x, std::string_view label);
+  /// Below the x axis, turned where there are many.
+  void x_label(double x, std::string_view label, bool turned);
+
+  std::string str() const;
+
+ private:
+  double at_x(double x) const;
+  double at_y(double y) const;
+
+  std::string description_, body_, labels_;
+  Axis x_, y_;
+  int below_ = 46;  ///< pixels below the axis
+};
+
+}  // namespace raystage

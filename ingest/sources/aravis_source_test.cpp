@@ -132,6 +132,26 @@ TEST_F(AravisSourceTest, FramesComeWholeWithCounterAndDeviceTime) {
   EXPECT_LT(period, 60e6);
 }
 
+TEST_F(AravisSourceTest, TheCounterGoesOnWhereSixteenBitsEnd) {
+  start(0);
+  auto config = settings(0);
+  config.fps = 400;
+  const auto source = aravis_source(config);
+  SourceFrame frame;
+  ASSERT_TRUE(first_whole(*source, frame));
+  // The fake camera begins a few hundred frames before its ids wrap.
+  ASSERT_LT(*frame.sequence, 65535U);
+  const auto give_up = Clock::now() + 30s;
+  std::uint64_t last = *frame.sequence;
+  while (last < 65600 && Clock::now() < give_up) {
+    ASSERT_EQ(source->next(frame, 3000ms), Outcome::kFrame);
+    ASSERT_GT(*frame.sequence, last);
+    ASSERT_LT(*frame.sequence, last + 1000);
+    last = *frame.sequence;
+  }
+  EXPECT_GE(last, 65600U);
+}
+
 TEST_F(AravisSourceTest, SeveralCamerasAtOnce) {
   constexpr int kCameras = 3, kFrames = 25;
   std::vector<std::unique_ptr<FrameSource>> sources;

@@ -76,6 +76,7 @@ class SimulatedSource final : public FrameSource {
     const auto loops = static_cast<std::uint64_t>(passed / loop_->length);
     std::uint64_t number = loops * loop_->exposures.size();
     if (number > 0) --number;
+    number = std::max(number, next_);  // those before are past
     while (time_of(number) <= time) ++number;
     return number;
   }

@@ -17,6 +17,9 @@ struct CameraLine {
   ClockFit* fit = nullptr;
 };
 
+/// Steps that the group's cameras share: the highest number plus one.
+int group_steps_of(std::span<const CameraLine> group);
+
 /// Weighted least squares over the cameras of a group: a line each, one step for each break of the
 /// camera's own, one for each step of the group in common (Schur complement). Huber's weights from
 /// each camera's jitter; none for outliers.

@@ -29,7 +29,7 @@ h2 { font-size:17px; margin:0 0 2px; font-weight:600 }
 .facts div { font-size:13px; color:var(--soft) }
 .facts b { display:block; font-size:22px; line-height:1.3; font-weight:600; color:var(--text);
   font-variant-numeric:tabular-nums }
-.verdict { margin:0 0 40px; padding:0; list-style:none; max-width:80ch }
+.verdict { margin:0 0 40px; padding:0; list-style:none; max-width:100ch }
 .verdict li { padding:5px 0 5px 18px; border-left:2px solid var(--rule) }
 .verdict li:first-child { font-size:19px; border-color:var(--amber) }
 section { background:var(--panel); border-radius:6px; padding:20px 24px 10px; margin:0 0 22px }
@@ -56,7 +56,8 @@ table { border-collapse:collapse; width:100%; font-size:13px; font-variant-numer
 th { text-align:right; font-weight:600; color:var(--soft); padding:6px 0 6px 14px;
   border-bottom:1px solid var(--rule); vertical-align:bottom }
 td { text-align:right; padding:2.5px 0 2.5px 14px; border-bottom:1px solid #1f2733 }
-th:first-child,td:first-child,th:nth-child(2),td:nth-child(2) { text-align:left; padding-left:0 }
+th:first-child,td:first-child { text-align:left; padding-left:0 }
+th:nth-child(2),td:nth-child(2) { text-align:left }
 td.some { color:var(--amber) }
 @media print { body { background:#fff; --ink:#fff; --panel:#fff; --text:#111; --soft:#555; --rule:#ccc } }
 )";
@@ -84,7 +85,7 @@ std::string arrival_chart(const Resync& resync) {
   }
   SvgChart chart("Time of each frame against its index, a line per camera",
                  {0, static_cast<double>(most - 1), "frame index", true},
-                 {0, std::max(seconds(last - first), 1e-3), "time, s", true});
+                 {0, std::max(1.04 * seconds(last - first), 1e-3), "time, s", true});
   for (const bool odd : {false, true}) {
     for (std::size_t c = 0; c < resync.times.size(); ++c) {
       if (is_odd(resync.cameras[c]) != odd) continue;

@@ -133,12 +133,14 @@ void say_oddities(const Resync& resync, std::vector<std::string>& verdict) {
         camera_of_worst = &camera;
       }
     }
+    const bool alone = std::ranges::count(resync.cameras, camera.node, &CameraSync::node) == 1;
     for (const ClockStep& jump : camera.jumps) {
-      verdict.push_back(
-          fmt::format("Camera {} alone exposes {:.1f} ms {} from {:.2f} s on: it restarted, its "
-                      "clock is right.",
-                      camera.id, std::abs(ms(jump.step_ns)), jump.step_ns > 0 ? "later" : "earlier",
-                      seconds(jump.time_ns)));
+      verdict.push_back(fmt::format("Camera {} alone is {:.1f} ms {} from {:.2f} s on: {}.",
+                                    camera.id, std::abs(ms(jump.step_ns)),
+                                    jump.step_ns > 0 ? "later" : "earlier", seconds(jump.time_ns),
+                                    alone ? "it restarted or its clock jumped, which one camera "
+                                            "cannot tell; nothing is taken off"
+                                          : "it restarted; its node's clock is right"));
     }
     if (camera.late_start) {
       late.push_back(fmt::format("{} at {:.2f} s", camera.id, seconds(*camera.late_start)));

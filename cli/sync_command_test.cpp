@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage sync with offsets, flashes and a report, as users run it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <array>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "schemas/atomic_file.h"
+#include "schemas/test_folder.h"
+#include "store/jpeg/encode.h"
+#include "store/take_test_data.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr Nanoseconds kMs = 1'000'000;
+
+struct SyncCommand : testing::Test {
+  // Two nodes of four cameras; node "b" is 80 ms ahead; a light goes on for 150 ms at 1.5 s.
+  SyncCommand() {
+    TakeDocument document = test::take_document(8, 20);
+    for (std::size_t c = 0; c < 8; ++c) document.cameras[c].node = c < 4 ? "a" : "b";
+    TakeWriter writer(take, document, test::rig_document(8));
+    for (int c = 0; c < 8; ++c) {
+      for (int i = 0; i < 50; ++i) {
+        const Nanoseconds exposed = 500 * kMs + i * 50 * kMs + (c * 37 % 50) * kMs;
+        const bool lit = exposed >= 1500 * kMs && exposed < 1650 * kMs;
+        const RgbImage image{16, 16, std::vector<std::uint8_t>(768, lit ? 200 : 60)};
+        writer.archive(c).append(encode_jpeg(image, {.quality = 80}),
+                                 exposed + (c < 4 ? 0 : 80 * kMs));
+      }
+    }
+    writer.commit();
+  }
+
+  static std::pair<int, std::string> run(const std::string& arguments) {
+    std::pair<int, std::string> result{-1, ""};
+    const std::string command = "'" RAYSTAGE_BIN_DIR "/raystage' sync " + arguments + " 2>&1";
+    std::FILE* pipe = popen(command.c_str(), "r");
+    if (pipe == nullptr) return result;
+    std::array<char, 4096> buffer{};
+    std::size_t count = 0;
+    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
+      result.second.append(buffer.data(), count);
+    }
+    const int status = pclose(pipe);
+    result.first = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+    return result;
+  }
+
+  TestFolder folder;
+  std::filesystem::path take = folder.path() / "take";
+  std::string quoted = "'" + take.string() + "'";
+};
+
+TEST_F(SyncCommand, FlashCorrectsTheNodesClock) {
+  const auto [exit_code, output] = run("--flash -q --json " + quoted);
+  ASSERT_EQ(exit_code, 0) << output;
+  const auto json = nlohmann::json::parse(output);
+  const auto& offset = json["flash"]["offsets"][1];
+  EXPECT_EQ(offset["group"], "b");
+  EXPECT_NEAR(offset["offset_ms"].get<double>(), 80, offset["uncertainty_ms"].get<double>());
+  EXPECT_LT(offset["uncertainty_ms"].get<double>(), 25);
+  const Timeline timeline = read_timeline(Take(take));
+  EXPECT_EQ(timeline.clocks[0].offset_ns, 0);
+  EXPECT_NEAR(static_cast<double>(timeline.clocks[7].offset_ns), 80e6, 25e6);
+}
+
+TEST_F(SyncCommand, GivenOffsetsAndReport) {
+  const auto offsets = folder.path() / "offsets.json", page = folder.path() / "report.html";
+  write_file_atomically(offsets, std::string_view(R"({"b": 80})"));
+  const auto [exit_code, output] =
+      run("--node-offsets '" + offsets.string() + "' --report '" + page.string() + "' " + quoted);
+  ASSERT_EQ(exit_code, 0) << output;
+  EXPECT_THAT(output, HasSubstr("All 8 cameras run at 20.000 Hz"));
+  EXPECT_THAT(read_file(page), HasSubstr("All 8 cameras run at 20.000 Hz"));
+  const Timeline timeline = read_timeline(Take(take));
+  EXPECT_EQ(timeline.clocks[5].offset_ns, 80 * kMs);
+  // With the clocks right, cameras of both nodes see the light at the same ticks.
+  for (const FrameSelection& tick : timeline.ticks) {
+    if (tick.frame[0] < 0 || tick.frame[4] < 0) continue;
+    EXPECT_LE(std::abs(tick.difference[0] - tick.difference[4]), 50 * kMs);
+  }
+}
+
+TEST_F(SyncCommand, RefusesWhatMakesNoSense) {
+  EXPECT_EQ(run("--flash --node-offsets x.json " + quoted).first, 2);
+  EXPECT_EQ(run("--flash-per camera " + quoted).first, 2);
+  EXPECT_EQ(run("--stamps never " + quoted).first, 2);
+  const auto [exit_code, output] = run("-q --flash --flash-window 2 2.5 " + quoted);
+  EXPECT_EQ(exit_code, 2);
+  EXPECT_THAT(output, HasSubstr("no flash was seen"));
+  EXPECT_FALSE(std::filesystem::exists(take / "timeline.zst"));
+}
+
+}  // namespace
+}  // namespace raystage

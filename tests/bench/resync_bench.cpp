@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// Resynchronisation of half an hour of 64 cameras, from time stamps to the timeline's bytes.
+#include <benchmark/benchmark.h>
+#include <sys/resource.h>
+
+#include "store/sync/resync.h"
+#include "store/sync/simulated_stamps.h"
+#include "store/timeline_file.h"
+
+namespace raystage {
+namespace {
+
+std::vector<CameraStamps> half_an_hour(test::SimulatedStamps::Jitter jitter) {
+  const test::SimulatedStamps truth(
+      {.seed = 1, .seconds = 1800, .step_at_s = 936, .jitter = jitter});
+  std::vector<CameraStamps> cameras;
+  for (const auto& camera : truth.cameras) {
+    cameras.push_back({"c" + std::to_string(cameras.size()),
+                       "node" + std::to_string(camera.node),
+                       camera.stamps,
+                       {}});
+  }
+  return cameras;
+}
+
+double peak_megabytes() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+// Argument: 0 for Gaussian jitter, 1 for delays.
+void BM_Resynchronise(benchmark::State& state) {
+  const auto cameras = half_an_hour(static_cast<test::SimulatedStamps::Jitter>(state.range(0)));
+  double frames = 0;
+  for (const CameraStamps& camera : cameras) frames += static_cast<double>(camera.stamps.size());
+  std::size_t bytes = 0, ticks = 0, steps = 0;
+  for (auto _ : state) {
+    const Resync resync = resynchronise(cameras, {}, "bench");
+    ticks = resync.timeline.ticks.size();
+    steps = resync.steps.size();
+    bytes = encode_timeline(resync.timeline, 1).size();
+  }
+  state.counters["frames"] = frames;
+  state.counters["ticks"] = static_cast<double>(ticks);
+  state.counters["steps"] = static_cast<double>(steps);
+  state.counters["file MB"] = static_cast<double>(bytes) / 1e6;
+  state.counters["peak RSS MB"] = peak_megabytes();
+}
+BENCHMARK(BM_Resynchronise)->Arg(0)->Arg(1)->Unit(benchmark::kSecond)->UseRealTime();
+
+}  // namespace
+}  // namespace raystage
+
+BENCHMARK_MAIN();

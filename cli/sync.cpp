@@ -80,7 +80,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
   settings.fps = options.fps;
   settings.tolerance = from_ms(options.tolerance_ms);
   settings.exact_stamps =
-      options.stamps == "exact" || (options.stamps == "auto" && marks_exposures(take.document()));
+      options.stamps == "exact" || (options.stamps == "auto" && !marks_arrivals(take.document()));
   settings.keep_start_up = options.keep_start_up;
   settings.nominal_fps = take.document().nominal_fps;
   if (!options.node_offsets.empty()) {
@@ -116,8 +116,8 @@ void add_options(CLI::App& app, Options& options) {
       ->check(CLI::Range(1e-6, 1e9).description(""));
   app.add_option("--stamps", options.stamps,
                  "Whether stamps are exposures' own (exact) or came late (jittered), so that a "
-                 "camera's rhythm says better when it exposed; auto (default): exact where "
-                 "take.json says that times mark exposures")
+                 "camera's rhythm says better when it exposed; auto (default): jittered where "
+                 "take.json says that times mark arrivals")
       ->check(CLI::IsMember({"auto", "exact", "jittered"}).description(""));
   app.add_flag("--keep-start-up", options.keep_start_up,
                "Let ticks begin before the start-up, in which frames are lost, is over");

@@ -24,7 +24,9 @@ std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_v
   std::vector<Nanoseconds> offsets(cameras.size(), 0);
   // Nodes first, so that a camera's own entry has the last word.
   for (const bool of_node : {true, false}) {
-    for (const auto& [key, value] : json.items()) {
+    for (const auto& item : json.items()) {
+      const std::string& key = item.key();
+      const nlohmann::json& value = item.value();
       const auto matches = [&](const CameraStamps& camera) {
         return of_node ? camera.node == key && !key.empty() : camera.id == key;
       };

@@ -138,7 +138,7 @@ std::string losses_chart(const Resync& resync) {
     most = std::max(most, camera.dropped() + camera.lost_at_start_up());
   }
   SvgChart chart("Frames lost per camera", {0, cameras, "camera", false},
-                 {0, std::max(1.05 * static_cast<double>(most), 1.0), "frames lost", true});
+                 {0, std::max(1.05 * static_cast<double>(most), 5.0), "frames lost", true});
   for (std::size_t c = 0; c < resync.cameras.size(); ++c) {
     const CameraSync& camera = resync.cameras[c];
     const double x = static_cast<double>(c);

@@ -210,7 +210,7 @@ std::int64_t CameraSync::lost_unrecorded() const {
   return sum;
 }
 
-bool marks_exposures(const TakeDocument& take) { return take.time_marks.starts_with("exposure"); }
+bool marks_arrivals(const TakeDocument& take) { return take.time_marks == "arrival"; }
 
 std::vector<CameraStamps> stamps_of(const Take& take) {
   std::vector<CameraStamps> cameras;

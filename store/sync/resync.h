@@ -85,7 +85,8 @@ struct Resync {
 Resync resynchronise(const std::vector<CameraStamps>& cameras, const ResyncSettings& settings,
                      std::string_view name);
 
-/// Whether the take's stamps mark exposures (true) or arrivals.
-bool marks_exposures(const TakeDocument& take);
+/// Whether the take says that its stamps mark arrivals: then they are late by what the way took.
+/// Stamps that mark exposures, or of which nothing is known, are taken at their word.
+bool marks_arrivals(const TakeDocument& take);
 
 }  // namespace raystage

@@ -12,7 +12,8 @@ namespace raystage {
 namespace {
 
 constexpr double kNsPerMs = 1e6, kNsPerS = 1e9;
-constexpr double kSameRatePpm = 1000;
+constexpr double kSameRatePpm = 1000, kFewFramesPpm = 20'000;
+constexpr std::int64_t kFewFrames = 32;
 constexpr std::size_t kMostNamed = 3;
 
 double ms(Nanoseconds time) { return static_cast<double>(time) / kNsPerMs; }
@@ -53,7 +54,7 @@ void say_rates(const Resync& resync, std::vector<std::string>& verdict) {
   std::size_t same = 0;
   double largest = 0;
   std::vector<std::string> others, irregular;
-  std::vector<double> jitters;
+  std::vector<double> jitters, sigmas;
   for (std::size_t c = 0; c < resync.cameras.size(); ++c) {
     const CameraClock& clock = resync.timeline.clocks[c];
     if (clock.period_ns <= 0) {
@@ -62,7 +63,10 @@ void say_rates(const Resync& resync, std::vector<std::string>& verdict) {
     }
     jitters.push_back(clock.jitter_ns / kNsPerMs);
     const double rate = kNsPerS / clock.period_ns;
-    if (std::abs(rate / common - 1) * 1e6 < kSameRatePpm) {
+    sigmas.push_back(resync.cameras[c].period_sigma_ppm);
+    // A few frames do not tell a rate apart, nor how well they do.
+    const double clear = resync.cameras[c].frames < kFewFrames ? kFewFramesPpm : kSameRatePpm;
+    if (std::abs(rate / common - 1) * 1e6 < clear) {
       ++same;
       largest = std::max(largest, std::abs(clock.drift_ppm));
     } else {
@@ -74,7 +78,13 @@ void say_rates(const Resync& resync, std::vector<std::string>& verdict) {
                      : same == all
                          ? fmt::format("All {} cameras run at {:.3f} Hz", all, common)
                          : fmt::format("{} of {} cameras run at {:.3f} Hz", same, all, common);
-  if (all > 1) text += fmt::format(", each within {:.0f} ppm of it", std::ceil(largest));
+  if (all > 1 && quantile(sigmas, 0.5) > kSameRatePpm) {
+    text += ", as far as so few frames tell";
+  } else if (all > 1 && largest < 0.5) {
+    text += ", with no difference that could be measured";
+  } else if (all > 1) {
+    text += fmt::format(", each within {:.0f} ppm of it", std::ceil(largest));
+  }
   text += fmt::format("; stamps jitter by {:.2f} ms.", quantile(jitters, 0.5));
   verdict.push_back(text);
   if (!others.empty()) verdict.push_back("At another rate: " + names(others) + ".");

@@ -2,12 +2,10 @@
 // raystage verify and raystage repair as an archivist runs them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <array>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "cli/test_command.h"
 #include "schemas/atomic_file.h"
 #include "schemas/test_folder.h"
 #include "store/take_test_data.h"
@@ -18,11 +16,6 @@ namespace {
 using testing::HasSubstr;
 using testing::IsEmpty;
 
-struct CommandResult {
-  int exit_code = -1;
-  std::string output;
-};
-
 struct FixityCommands : testing::Test {
   FixityCommands() {
     std::vector<std::vector<Nanoseconds>> times(3);
@@ -32,20 +25,8 @@ struct FixityCommands : testing::Test {
     test::write_take(take, times, 20);
   }
 
-  static CommandResult run(const std::string& arguments) {
-    CommandResult result;
-    const std::string command =
-        std::string("'") + RAYSTAGE_BIN_DIR + "/raystage' " + arguments + " 2>&1";
-    std::FILE* pipe = popen(command.c_str(), "r");
-    if (pipe == nullptr) return result;
-    std::array<char, 4096> buffer{};
-    std::size_t count = 0;
-    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-      result.output.append(buffer.data(), count);
-    }
-    const int status = pclose(pipe);
-    result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    return result;
+  static test::CommandResult run(const std::string& arguments) {
+    return test::run_raystage(arguments);
   }
   void flip(const std::string& name, std::size_t byte) const {
     auto bytes = test::bytes_of(take / "archive" / name);
@@ -63,12 +44,12 @@ struct FixityCommands : testing::Test {
 
 TEST_F(FixityCommands, AWholeTake) {
   for (const char* depth : {"", "--depth sizes ", "--depth journal ", "--depth hashes -j 1 "}) {
-    const CommandResult verify = run("verify -q " + std::string(depth) + quoted);
+    const test::CommandResult verify = run("verify -q " + std::string(depth) + quoted);
     EXPECT_EQ(verify.exit_code, 0) << verify.output;
     EXPECT_THAT(verify.output, HasSubstr("3 cameras: 3 whole, 0 not closed, 0 damaged"));
   }
   EXPECT_THAT(run("verify " + quoted).output, HasSubstr("Progress: 100%"));
-  const CommandResult repair = run("repair -q " + quoted);
+  const test::CommandResult repair = run("repair -q " + quoted);
   EXPECT_EQ(repair.exit_code, 0) << repair.output;
   EXPECT_THAT(repair.output, HasSubstr("3 of 3 cameras were whole"));
 }
@@ -78,7 +59,7 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
   flip("c1.mkv", at + 3);
   EXPECT_EQ(run("verify -q --depth journal " + quoted).exit_code, 0);
   const auto json_file = folder.path() / "result.json";
-  const CommandResult verify = run("verify -q --json '" + json_file.string() + "' " + quoted);
+  const test::CommandResult verify = run("verify -q --json '" + json_file.string() + "' " + quoted);
   EXPECT_EQ(verify.exit_code, 1) << verify.output;
   EXPECT_THAT(verify.output, HasSubstr("archive/c1.mkv @" + std::to_string(at)));
   EXPECT_THAT(verify.output, HasSubstr("[frame 4 at 0.200000 s]"));
@@ -90,12 +71,12 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
   EXPECT_EQ(nlohmann::json::parse(run("verify -q --json - " + quoted).output)["depth"], "hashes");
 
   const auto before = test::bytes_of(take / "archive/c1.mkv");
-  const CommandResult dry = run("repair -q --dry-run " + quoted);
+  const test::CommandResult dry = run("repair -q --dry-run " + quoted);
   EXPECT_EQ(dry.exit_code, 3) << dry.output;
   EXPECT_THAT(dry.output, HasSubstr("c1: would be written anew, 9 frames"));
   EXPECT_EQ(test::bytes_of(take / "archive/c1.mkv"), before);
 
-  const CommandResult repair = run("repair -q " + quoted);
+  const test::CommandResult repair = run("repair -q " + quoted);
   EXPECT_EQ(repair.exit_code, 3) << repair.output;
   EXPECT_THAT(repair.output, HasSubstr("frames lost, rotten: 1"));
   EXPECT_THAT(repair.output, HasSubstr("at 0.200000000 s a frame is rotten"));
@@ -111,7 +92,7 @@ TEST_F(FixityCommands, BadUsageAndInputExitWithTwo) {
     EXPECT_EQ(run(name).exit_code, 2);
     EXPECT_EQ(run(name + " --nonsense " + quoted).exit_code, 2);
     EXPECT_EQ(run(name + " '" + folder.path().string() + "'").exit_code, 2);
-    const CommandResult help = run(name + " --help");
+    const test::CommandResult help = run(name + " --help");
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.output, HasSubstr("default"));
   }

@@ -2,12 +2,10 @@
 // raystage sync with offsets, flashes and a report, as users run it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <array>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "cli/test_command.h"
 #include "schemas/atomic_file.h"
 #include "schemas/test_folder.h"
 #include "store/jpeg/encode.h"
@@ -39,19 +37,8 @@ struct SyncCommand : testing::Test {
     writer.commit();
   }
 
-  static std::pair<int, std::string> run(const std::string& arguments) {
-    std::pair<int, std::string> result{-1, ""};
-    const std::string command = "'" RAYSTAGE_BIN_DIR "/raystage' sync " + arguments + " 2>&1";
-    std::FILE* pipe = popen(command.c_str(), "r");
-    if (pipe == nullptr) return result;
-    std::array<char, 4096> buffer{};
-    std::size_t count = 0;
-    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-      result.second.append(buffer.data(), count);
-    }
-    const int status = pclose(pipe);
-    result.first = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    return result;
+  static test::CommandResult run(const std::string& arguments) {
+    return test::run_raystage("sync " + arguments);
   }
 
   TestFolder folder;
@@ -90,9 +77,9 @@ TEST_F(SyncCommand, GivenOffsetsAndReport) {
 }
 
 TEST_F(SyncCommand, RefusesWhatMakesNoSense) {
-  EXPECT_EQ(run("--flash --node-offsets x.json " + quoted).first, 2);
-  EXPECT_EQ(run("--flash-per camera " + quoted).first, 2);
-  EXPECT_EQ(run("--stamps never " + quoted).first, 2);
+  EXPECT_EQ(run("--flash --node-offsets x.json " + quoted).exit_code, 2);
+  EXPECT_EQ(run("--flash-per camera " + quoted).exit_code, 2);
+  EXPECT_EQ(run("--stamps never " + quoted).exit_code, 2);
   const auto [exit_code, output] = run("-q --flash --flash-window 2 2.5 " + quoted);
   EXPECT_EQ(exit_code, 2);
   EXPECT_THAT(output, HasSubstr("no flash was seen"));

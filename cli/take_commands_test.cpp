@@ -2,12 +2,10 @@
 // raystage sync and raystage info as users run them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <array>
-#include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "cli/test_command.h"
 #include "schemas/test_folder.h"
 #include "store/take_test_data.h"
 
@@ -16,11 +14,6 @@ namespace {
 
 using testing::HasSubstr;
 using testing::Not;
-
-struct CommandResult {
-  int exit_code = -1;
-  std::string output;
-};
 
 struct TakeCommands : testing::Test {
   TakeCommands() {
@@ -35,20 +28,8 @@ struct TakeCommands : testing::Test {
     test::write_take(take, times, 20);
   }
 
-  // Both streams, as a user sees them.
-  static CommandResult run(const std::string& arguments) {
-    CommandResult result;
-    const std::string command = "'" RAYSTAGE_BIN_DIR "/raystage' " + arguments + " 2>&1";
-    std::FILE* pipe = popen(command.c_str(), "r");
-    if (pipe == nullptr) return result;
-    std::array<char, 4096> buffer{};
-    std::size_t count = 0;
-    while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
-      result.output.append(buffer.data(), count);
-    }
-    const int status = pclose(pipe);
-    result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    return result;
+  static test::CommandResult run(const std::string& arguments) {
+    return test::run_raystage(arguments);
   }
 
   TestFolder folder;
@@ -57,14 +38,14 @@ struct TakeCommands : testing::Test {
 };
 
 TEST_F(TakeCommands, SyncThenInfo) {
-  CommandResult info = run("info " + quoted);
+  test::CommandResult info = run("info " + quoted);
   EXPECT_EQ(info.exit_code, 0) << info.output;
   EXPECT_THAT(info.output, HasSubstr("raystage sync"));
   EXPECT_THAT(info.output, HasSubstr("320 x 240 pixels"));
   EXPECT_THAT(info.output, HasSubstr("39; 9 to 10 a camera"));
   EXPECT_THAT(info.output, HasSubstr("4, all closed"));
 
-  const CommandResult sync = run("sync " + quoted);
+  const test::CommandResult sync = run("sync " + quoted);
   EXPECT_EQ(sync.exit_code, 0) << sync.output;
   EXPECT_THAT(sync.output, HasSubstr("20 Hz"));
   EXPECT_THAT(sync.output, HasSubstr("mean 3.000 ms, median 3.000 ms, at most 3.000 ms"));
@@ -77,13 +58,13 @@ TEST_F(TakeCommands, SyncThenInfo) {
 }
 
 TEST_F(TakeCommands, Json) {
-  const CommandResult sync = run("sync --json --fps 20 --tolerance 10 " + quoted);
+  const test::CommandResult sync = run("sync --json --fps 20 --tolerance 10 " + quoted);
   ASSERT_EQ(sync.exit_code, 0) << sync.output;
   const auto synced = nlohmann::json::parse(sync.output);
   EXPECT_EQ(synced["ticks"], 10);
   EXPECT_EQ(synced["tolerance_ns"], 10'000'000);
   EXPECT_EQ(synced["absent"], (nlohmann::json{{"c2", 1}}));
-  const CommandResult info = run("info --json " + quoted);
+  const test::CommandResult info = run("info --json " + quoted);
   ASSERT_EQ(info.exit_code, 0) << info.output;
   const auto json = nlohmann::json::parse(info.output);
   EXPECT_EQ(json["frames"], 39);
@@ -98,7 +79,8 @@ TEST_F(TakeCommands, BadUsageAndInputExitWithTwo) {
     const std::string name(command);
     EXPECT_EQ(run(name).exit_code, 2);
     EXPECT_EQ(run(name + " --nonsense " + quoted).exit_code, 2);
-    const CommandResult missing = run(name + " '" + (folder.path() / "nothing").string() + "'");
+    const test::CommandResult missing =
+        run(name + " '" + (folder.path() / "nothing").string() + "'");
     EXPECT_EQ(missing.exit_code, 2);
     EXPECT_THAT(missing.output, HasSubstr("take.json"));
     EXPECT_EQ(run(name + " --help").exit_code, 0);
@@ -112,7 +94,7 @@ TEST_F(TakeCommands, BadUsageAndInputExitWithTwo) {
 
 TEST_F(TakeCommands, InfoSaysWhichArchiveIsLost) {
   std::filesystem::remove(take / "archive" / "c1.mkv");
-  const CommandResult info = run("info " + quoted);
+  const test::CommandResult info = run("info " + quoted);
   EXPECT_EQ(info.exit_code, 2);
   EXPECT_THAT(info.output, HasSubstr("c1.mkv"));
   EXPECT_THAT(info.output, HasSubstr("29; 0 to 10 a camera"));
@@ -137,7 +119,7 @@ TEST_F(TakeCommands, InfoOfALargeArrayNamesTheCamerasThatMissMost) {
     const auto file = large / "archive" / ("c" + std::to_string(camera) + ".mkv");
     std::filesystem::resize_file(file, std::filesystem::file_size(file) / (camera == 7 ? 4 : 2));
   }
-  const CommandResult info = run("info '" + large.string() + "'");
+  const test::CommandResult info = run("info '" + large.string() + "'");
   EXPECT_THAT(info.output, HasSubstr("in 20 cameras"));
   EXPECT_THAT(info.output, HasSubstr("\n  c7 "));
   EXPECT_THAT(info.output, HasSubstr("and 16 cameras more"));
@@ -146,7 +128,7 @@ TEST_F(TakeCommands, InfoOfALargeArrayNamesTheCamerasThatMissMost) {
 TEST_F(TakeCommands, InfoOfACutArchive) {
   const auto file = take / "archive" / "c3.mkv";
   std::filesystem::resize_file(file, std::filesystem::file_size(file) / 2);
-  const CommandResult info = run("info " + quoted);
+  const test::CommandResult info = run("info " + quoted);
   EXPECT_EQ(info.exit_code, 0);
   EXPECT_THAT(info.output, HasSubstr("1 not closed"));
   EXPECT_THAT(info.output, HasSubstr(" torn"));

@@ -10,6 +10,7 @@
 #include "schemas/error.h"
 #include "schemas/import_manifest.h"
 #include "schemas/record_config.h"
+#include "schemas/recording_document.h"
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
@@ -35,7 +36,7 @@ void round_trip(std::string_view text, Parse parse, Format format) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 7) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 8) {
     case 0:
       round_trip(text, raystage::parse_rig, raystage::format_rig);
       break;
@@ -53,6 +54,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 6:
       round_trip(text, raystage::parse_record_config, raystage::format_record_config);
+      break;
+    case 7:
+      round_trip(text, raystage::parse_recording, raystage::format_recording);
       break;
     default:
       round_trip(

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <sys/wait.h>
+
+#include <array>
+#include <cstdio>
+#include <string>
+
+namespace raystage::test {
+
+struct CommandResult {
+  int exit_code = -1;
+  std::string output;  ///< both streams, as a user sees them
+};
+
+/// Runs `raystage ARGUMENTS` by the shell.
+inline CommandResult run_raystage(const std::string& arguments) {
+  CommandResult result;
+  const std::string command = "'" RAYSTAGE_BIN_DIR "/raystage' " + arguments + " 2>&1";
+  std::FILE* pipe = popen(command.c_str(), "r");
+  if (pipe == nullptr) return result;
+  std::array<char, 4096> buffer{};
+  std::size_t count = 0;
+  while ((count = std::fread(buffer.data(), 1, buffer.size(), pipe)) > 0) {
+    result.output.append(buffer.data(), count);
+  }
+  const int status = pclose(pipe);
+  result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return result;
+}
+
+}  // namespace raystage::test

@@ -144,8 +144,8 @@ TEST_F(BadInput, ATakeThatWasNeverSynchronisedSaysHowTo) {
 TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
   EXPECT_EQ(run("raystage").exit_code, 2);
   EXPECT_EQ(run("raystage fly").exit_code, 2);
-  for (const char* command :
-       {"import", "simulate", "sync", "info", "render", "evaluate", "preview"}) {
+  for (const char* command : {"record", "join", "import", "simulate", "sync", "info", "verify",
+                              "repair", "render", "evaluate", "preview"}) {
     SCOPED_TRACE(command);
     EXPECT_EQ(run(std::string("raystage ") + command + " --no-such-option").exit_code, 2);
     EXPECT_EQ(run(std::string("raystage ") + command).exit_code, 2);

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// A node records, is stopped, killed and resumed; its parts are joined, verified and synchronised.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "schemas/test_folder.h"
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage {
+namespace {
+
+using nlohmann::json;
+using testing::CommandResult;
+using ::testing::HasSubstr;
+using testing::run;
+using testing::write_text;
+
+class Record : public ::testing::Test {
+ protected:
+  Record() {
+    write_text(folder_.path() / "record.json", R"({"schema": "raystage/record/1", "name": "test",
+      "node": "one", "memory_mb": 50, "cameras": [
+      {"id": "a", "ffmpeg": {"url": "testsrc=size=96x64:rate=30", "format": "lavfi", "realtime": true}},
+      {"id": "b", "simulated": {"index": 1, "rows": 1, "columns": 2, "width": 64, "height": 48,
+                                "seconds": 0.3, "jpeg": true}}]})");
+    write_text(folder_.path() / "other.json", R"({"schema": "raystage/record/1", "name": "test",
+      "node": "two", "memory_mb": 50, "cameras": [
+      {"id": "c", "ffmpeg": {"url": "testsrc2=size=96x64:rate=30", "format": "lavfi",
+                             "realtime": true}}]})");
+  }
+  CommandResult here(const std::string& command) const {
+    return run("cd '" + folder_.path().string() + "' && " + command);
+  }
+  json account(const std::string& name) const {
+    return json::parse(testing::text_of(folder_.path() / name));
+  }
+
+ private:
+  TestFolder folder_;
+};
+
+TEST_F(Record, TwoNodesBecomeOneTake) {
+  const CommandResult first = here("raystage record record.json -o one --duration 1 --status none");
+  ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.out, HasSubstr("The audit holds."));
+  ASSERT_EQ(here("raystage record other.json -o two --duration 0.5 --status none").exit_code, 0);
+  const CommandResult joined = here("raystage join one two -o take -q");
+  ASSERT_EQ(joined.exit_code, 0) << joined.err;
+  EXPECT_THAT(joined.out, HasSubstr("3 cameras of 2 parts"));
+  EXPECT_EQ(here("raystage verify -q --decode take").exit_code, 0);
+  const json info = json::parse(here("raystage info --json take").out);
+  EXPECT_GT(info.at("cameras")[0].at("frames").get<int>(), 20);
+  EXPECT_EQ(info.at("cameras").size(), 3U);
+  EXPECT_EQ(here("raystage sync take --fps 15").exit_code, 0);
+  EXPECT_EQ(here("raystage join one one -o twice").exit_code, 2);
+}
+
+TEST_F(Record, CtrlCIsTheProperEndAndStatusIsForPrograms) {
+  const CommandResult result = here(
+      "{ raystage record record.json -o take --status json & pid=$!; "
+      "while [ ! -e take/take.json ]; do sleep 0.05; done; sleep 2.2; kill -INT $pid; "
+      "wait $pid; }");
+  EXPECT_EQ(result.exit_code, 0) << result.err;
+  std::istringstream lines(result.out);
+  int count = 0;
+  for (std::string line; std::getline(lines, line); ++count) {
+    const json status = json::parse(line);
+    EXPECT_EQ(status.at("cameras").size(), 2U);
+    EXPECT_LE(status.at("memory_used_bytes"), status.at("memory_limit_bytes"));
+  }
+  EXPECT_GE(count, 2);
+  const json session = account("take/recording/one.json").at("sessions").at(0);
+  EXPECT_EQ(session.at("why_stopped"), "asked to");
+  EXPECT_TRUE(session.at("audit").at("holds").get<bool>());
+}
+
+TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
+  const CommandResult killed = here(
+      "{ raystage record record.json -o take --status none & pid=$!; "
+      "while [ ! -e take/take.json ]; do sleep 0.05; done; sleep 1; kill -KILL $pid; "
+      "wait $pid; }");
+  EXPECT_EQ(killed.exit_code, 137);
+  EXPECT_THAT(here("raystage info take").out, HasSubstr("not closed"));
+  EXPECT_EQ(here("raystage record record.json -o take --status none --duration 0.3").exit_code, 2);
+  const CommandResult resumed =
+      here("raystage record record.json -o take --resume --duration 0.5 --status none");
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+  EXPECT_EQ(account("take/recording/one.json").at("sessions").size(), 2U);
+  EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
+}
+
+TEST_F(Record, HoldSaysHowLongTheMemoryLasts) {
+  const CommandResult held =
+      here("raystage record other.json -o take --hold --duration 1 --status none");
+  EXPECT_EQ(held.exit_code, 0) << held.err;
+  EXPECT_THAT(held.err, HasSubstr("of memory hold"));
+  EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
+}
+
+}  // namespace
+}  // namespace raystage

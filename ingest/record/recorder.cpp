@@ -195,15 +195,14 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
   {
     std::vector<std::jthread> threads;
     for (std::size_t i = 0; i < s.cameras.size(); ++i) {
-      threads.emplace_back(
-          [&, i,
-           intake = std::make_unique<CameraIntake>(
-               s.intake_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
-               CameraIntake::Plumbing{s.queues[i], s.memory, encoders, s.counters[i],
-                                      [&a_camera_asks] { a_camera_asks = true; }})] {
-            intake->run(camera_stop.get_token());
-            --running;
-          });
+      auto intake = std::make_unique<CameraIntake>(
+          s.intake_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
+          CameraIntake::Plumbing{s.queues[i], s.memory, encoders, s.counters[i],
+                                 [&a_camera_asks] { a_camera_asks = true; }});
+      threads.emplace_back([&camera_stop, &running, intake = std::move(intake)] {
+        intake->run(camera_stop.get_token());
+        --running;
+      });
     }
     const auto why_over = [&]() -> std::string {  // empty: go on
       if (stop.stop_requested()) return "asked to";

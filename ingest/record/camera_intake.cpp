@@ -177,8 +177,10 @@ void CameraIntake::take(SourceFrame frame) {
 }
 
 void CameraIntake::push_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin) {
-  auto share = to_.memory.try_take(kRecordMemory);
-  // A record is worth more than a frame: it says what is missing.
+  // Records have a reserve of their own. When even that is used up a frame gives way: a record is
+  // worth more, it says what is missing.
+  auto share = to_.records.try_take(kRecordMemory);
+  if (!share) share = to_.memory.try_take(kRecordMemory);
   if (!share && to_.queue.give_up(settings_.drop_oldest, FrameStatus::kDroppedRamFull)) {
     ++to_.counters.dropped;
     share = to_.memory.try_take(kRecordMemory);

@@ -60,7 +60,8 @@ class CameraIntake {
   /// What it works with; all of it outlives the intake.
   struct Plumbing {
     FrameQueue& queue;
-    MemoryBudget& memory;
+    MemoryBudget& memory;   ///< for frames
+    MemoryBudget& records;  ///< for records of frames that are missing
     Encoders& encoders;
     CameraCounters& counters;
     std::function<void()> stop_all;  ///< for WhenLost::kStop

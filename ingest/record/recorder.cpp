@@ -21,6 +21,7 @@ using Clock = std::chrono::steady_clock;
 
 constexpr auto kLook = 20ms;
 constexpr std::size_t kLeastFrames = 4;
+constexpr std::size_t kRecordsPart = 32;  // of the memory is kept for records of what is missing
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
@@ -42,7 +43,8 @@ struct Recorder::State {
         cameras(std::move(with_cameras)),
         take(into),
         program(std::move(by_program)),
-        memory(limit()) {}
+        memory(limit() - limit() / kRecordsPart),
+        records(limit() / kRecordsPart) {}
 
   std::size_t limit() const;
   CameraIntake::Settings intake_settings(std::size_t camera, Nanoseconds start_utc) const;
@@ -53,7 +55,7 @@ struct Recorder::State {
   std::vector<RecorderCamera> cameras;
   RecordingTake& take;
   const std::string program;
-  MemoryBudget memory;
+  MemoryBudget memory, records;
   std::vector<FrameQueue> queues = std::vector<FrameQueue>(cameras.size());
   std::vector<CameraCounters> counters = std::vector<CameraCounters>(cameras.size());
   std::vector<SourceDescription> descriptions;
@@ -197,7 +199,7 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
     for (std::size_t i = 0; i < s.cameras.size(); ++i) {
       auto intake = std::make_unique<CameraIntake>(
           s.intake_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
-          CameraIntake::Plumbing{s.queues[i], s.memory, encoders, s.counters[i],
+          CameraIntake::Plumbing{s.queues[i], s.memory, s.records, encoders, s.counters[i],
                                  [&a_camera_asks] { a_camera_asks = true; }});
       threads.emplace_back([&camera_stop, &running, intake = std::move(intake)] {
         intake->run(camera_stop.get_token());
@@ -228,7 +230,7 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
   flow.drain(writing);
   if (status) status(s.status(flow));
 
-  session.memory_peak_bytes = s.memory.peak();
+  session.memory_peak_bytes = s.memory.peak() + s.records.peak();
   std::vector<std::string> complaints;
   s.take.close(complaints);
   audit_session(s.take, flow, s.counters, session, std::move(complaints));

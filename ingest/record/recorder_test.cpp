@@ -175,7 +175,7 @@ TEST_F(Recording, FullMemoryDropsAndRecordsEveryDrop) {
 }
 
 TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
-  settings.lost_after = std::chrono::milliseconds(150);
+  settings.lost_after = std::chrono::milliseconds(600);  // a busy machine may pause
   MemoryScript gap = script({jpeg_frame(1)}, 100, 60);
   gap.events.push_back({20, MemoryScript::Gap{7}});
   MemoryScript torn = script({jpeg_frame(2)}, 100, 60);
@@ -185,8 +185,8 @@ TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
   changed.events.push_back({30, MemoryScript::Change{{jpeg_frame(3, kWidth + 16)}}});
   MemoryScript dies = script({jpeg_frame(4)}, 100, 60);
   dies.events.push_back({15, MemoryScript::Death{"cable pulled"}});
-  MemoryScript stalls = script({jpeg_frame(5)}, 100, 60);
-  stalls.events.push_back({10, MemoryScript::Stall{0.4}});
+  MemoryScript stalls = script({jpeg_frame(5)}, 100, 250);
+  stalls.events.push_back({10, MemoryScript::Stall{1.5}});
   const auto session = record({script({jpeg_frame(6)}, 100, 60), gap, torn, changed, dies, stalls});
   expect_audit(session);
   EXPECT_EQ(session.cameras[0].stored, 60U);
@@ -272,7 +272,8 @@ TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
   const auto session = record({script({jpeg_frame(1)}, 100, 100000)});
   expect_audit(session);
   EXPECT_EQ(session.why_stopped, "the duration is over");
-  EXPECT_NEAR(static_cast<double>(session.cameras[0].stored), 30, 12);
+  EXPECT_GT(session.cameras[0].stored, 10U);
+  EXPECT_LT(session.cameras[0].stored, 60U);
   EXPECT_GE(records(0).front().arrival_ns + Take(path()).document().epoch_utc, *settings.start_utc);
   stop.request_stop();
   std::filesystem::remove_all(path());

@@ -138,6 +138,10 @@ void print_text(const Take& take, const TakeSummary& summary) {
   line("Take", fmt::format("{} ({})", document.name, take.folder().string()));
   line("Recorded", format_utc(document.epoch_utc) +
                        (document.created_by.empty() ? "" : " by " + document.created_by));
+  if (document.derived_from) {
+    line("Made from",
+         fmt::format("{} by {}", document.derived_from->take, document.derived_from->by));
+  }
   line("Cameras", fmt::format("{}, {}, {:.4g} {} apart", summary.cameras.size(),
                               resolutions(summary), summary.spacing, unit));
   const auto [fewest, most] = std::ranges::minmax(summary.cameras, {}, &Camera::frames);
@@ -209,6 +213,9 @@ void print_json(const Take& take, const TakeSummary& summary) {
   Json json{{"name", document.name},
             {"epoch_utc", format_utc(document.epoch_utc)},
             {"created_by", document.created_by},
+            {"derived_from", document.derived_from ? Json{{"take", document.derived_from->take},
+                                                          {"by", document.derived_from->by}}
+                                                   : Json()},
             {"color_space", document.color_space},
             {"clock", document.clock},
             {"time_marks", document.time_marks},

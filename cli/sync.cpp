@@ -3,12 +3,18 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <filesystem>
 #include <limits>
+#include <map>
 #include <numeric>
+#include <optional>
 
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/threads.h"
+#include "raystage_version.h"
 #include "schemas/atomic_file.h"
+#include "store/retime/retime_take.h"
 #include "store/sync/flash.h"
 #include "store/sync/luminance.h"
 #include "store/sync/node_offsets.h"
@@ -21,8 +27,11 @@ namespace {
 constexpr double kNsPerMs = 1e6, kNsPerS = 1e9;
 
 struct Options {
-  std::string take, stamps = "auto", node_offsets, flash_per = "node", report;
-  double fps = 0, tolerance_ms = 0;
+  std::string take, stamps = "auto", node_offsets, flash_per = "node", report, output;
+  double fps = 0, tolerance_ms = 0, longest_gap_ms = 0;
+  std::optional<double> tick_at;
+  RetimeMethod retime = RetimeMethod::kNearest;
+  int quality = RetimeSettings{}.quality, threads = 0;
   std::vector<double> flash_window;
   bool flash = false, keep_start_up = false, json = false, quiet = false;
 };
@@ -73,7 +82,34 @@ FlashOffsets find_flashes(const Take& take, const std::vector<CameraStamps>& cam
   return offsets_from_flashes(jumps, group, options.take);
 }
 
+RetimeReport retime(const Take& take, const Resync& resync, const Options& options,
+                    const std::stop_token& stop) {
+  const ThreadLimit limit(options.threads);
+  RetimeSettings settings;
+  settings.method = options.retime;
+  settings.longest_gap = from_ms(options.longest_gap_ms);
+  settings.quality = options.quality;
+  Progress progress(!options.quiet);
+  return retime_take(
+      take, resync.timeline, resync.times, settings, options.output, "raystage " RAYSTAGE_VERSION,
+      [&](double done) { progress.report(done); }, stop);
+}
+
+void print_text(const RetimeReport& report, const std::string& output) {
+  fmt::print("Retimed    {}: {} frames moved to their ticks, {} as they were, {} missing\n", output,
+             report.moved, report.as_were, report.missing);
+  if (report.moved > 0) fmt::print("Moving     {:.1f} ms a frame\n", report.ms_per_moved);
+}
+
 ExitCode sync(const Options& options, std::stop_token stop) {
+  if (options.retime != RetimeMethod::kNearest && options.output.empty()) {
+    throw Error::bad_input("frames are moved into a new take, and none is named", "--retime",
+                           "Give -o NEWTAKE; TAKE itself stays as it is");
+  }
+  if (!options.output.empty() && std::filesystem::exists(options.output)) {
+    throw Error::bad_input("the folder exists already", options.output,
+                           "Choose another name, or remove it");
+  }
   const Take take(options.take);
   const std::vector<CameraStamps> cameras = stamps_of(take);
   ResyncSettings settings;
@@ -82,6 +118,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
   settings.exact_stamps =
       options.stamps == "exact" || (options.stamps == "auto" && !marks_arrivals(take.document()));
   settings.keep_start_up = options.keep_start_up;
+  if (options.tick_at) settings.tick_at = from_ms(*options.tick_at * 1e3);
   settings.nominal_fps = take.document().nominal_fps;
   if (!options.node_offsets.empty()) {
     settings.offsets = read_node_offsets(options.node_offsets, cameras);
@@ -97,12 +134,44 @@ ExitCode sync(const Options& options, std::stop_token stop) {
   if (!options.report.empty()) {
     write_file_atomically(options.report, report_html(resync, flash, take.document().name));
   }
+  std::optional<RetimeReport> retimed;
+  if (!options.output.empty()) retimed = retime(take, resync, options, stop);
   if (options.json) {
     fmt::print("{}\n", json_of(resync, flash));
   } else {
     print_text(resync, verdict_of(resync, flash));
+    if (retimed) print_text(*retimed, options.output);
   }
   return ExitCode::kSuccess;
+}
+
+void add_retime_options(CLI::App& app, Options& options) {
+  app.add_option(
+         "--retime", options.retime,
+         "How frames get to their ticks' exact time in the new take: nearest (default; frames "
+         "byte for byte at their own corrected times), blend (the frames before and after "
+         "blended), flow (what moves between them is moved, what is hidden in one is taken "
+         "from the other)")
+      ->transform(CLI::CheckedTransformer(
+                      std::map<std::string, RetimeMethod>{{"nearest", RetimeMethod::kNearest},
+                                                          {"blend", RetimeMethod::kBlend},
+                                                          {"flow", RetimeMethod::kFlow}})
+                      .description(""))
+      ->type_name("nearest|blend|flow");
+  auto* output = app.add_option("-o,--output", options.output,
+                                "New take with the retimed frames (TAKE stays as it is)")
+                     ->type_name("NEWTAKE");
+  app.add_option(
+         "--longest-gap", options.longest_gap_ms,
+         "Frames further apart get nothing made between them, ms (default: 2.5 ticks, which "
+         "bridges one lost frame)")
+      ->check(CLI::Range(1e-6, 1e9).description(""))
+      ->needs(output);
+  app.add_option("--quality", options.quality, "JPEG quality of frames that are made, 1-100")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100).description(""))
+      ->needs(output);
+  add_threads_option(app, options.threads);
 }
 
 void add_options(CLI::App& app, Options& options) {
@@ -114,6 +183,11 @@ void add_options(CLI::App& app, Options& options) {
                  "How far a frame may lie from its tick, ms (default: half a tick); a camera "
                  "without a frame that near is absent")
       ->check(CLI::Range(1e-6, 1e9).description(""));
+  app.add_option(
+         "--tick-at", options.tick_at,
+         "A tick falls on this time, s since the take's epoch (default: where the frames lie "
+         "best)")
+      ->check(CLI::Range(-1e7, 1e7).description(""));
   app.add_option("--stamps", options.stamps,
                  "Whether stamps are exposures' own (exact) or came late (jittered), so that a "
                  "camera's rhythm says better when it exposed; auto (default): jittered where "
@@ -141,6 +215,7 @@ void add_options(CLI::App& app, Options& options) {
       ->needs(flash);
   app.add_option("--report", options.report, "Write an HTML page with charts and the verdict")
       ->option_text("FILE.html");
+  add_retime_options(app, options);
   app.add_flag("--json", options.json, "Print everything found as JSON");
   app.add_flag("-q,--quiet", options.quiet, "No progress on stderr");
 }

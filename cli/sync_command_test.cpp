@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <nlohmann/json.hpp>
 
 #include "cli/test_command.h"
@@ -84,6 +85,44 @@ TEST_F(SyncCommand, RefusesWhatMakesNoSense) {
   EXPECT_EQ(exit_code, 2);
   EXPECT_THAT(output, HasSubstr("no flash was seen"));
   EXPECT_FALSE(std::filesystem::exists(take / "timeline.zst"));
+}
+
+TEST_F(SyncCommand, RetimesIntoANewTake) {
+  const std::string before = read_file(take / "archive/c3.mkv");
+  for (const char* method : {"nearest", "blend", "flow"}) {
+    const std::filesystem::path made = folder.path() / method;
+    const auto [exit_code, output] =
+        run(std::string("-q --retime ") + method + " -o '" + made.string() + "' " + quoted);
+    ASSERT_EQ(exit_code, 0) << output;
+    EXPECT_THAT(output, HasSubstr("Retimed    " + made.string()));
+    const Take retimed(made);
+    const Timeline timeline = read_timeline(retimed);
+    int on_tick = 0;
+    for (const FrameSelection& tick : timeline.ticks) on_tick += tick.difference[3] == 0 ? 1 : 0;
+    EXPECT_GE(on_tick, std::string_view(method) == "nearest" ? 0 : 46);
+    EXPECT_EQ(test::run_raystage("verify -q '" + made.string() + "'").exit_code, 0);
+  }
+  EXPECT_EQ(read_file(take / "archive/c3.mkv"), before);
+}
+
+TEST_F(SyncCommand, RetimingNeedsANewFolder) {
+  const auto without = run("--retime flow " + quoted);
+  EXPECT_EQ(without.exit_code, 2);
+  EXPECT_THAT(without.output, HasSubstr("-o NEWTAKE"));
+  const auto existing = run("--retime flow -o " + quoted + " " + quoted);
+  EXPECT_EQ(existing.exit_code, 2);
+  EXPECT_THAT(existing.output, HasSubstr("exists already"));
+  EXPECT_NE(run("--quality 200 -o x " + quoted).exit_code, 0);
+  EXPECT_NE(run("--longest-gap 100 " + quoted).exit_code, 0);  // of nothing
+}
+
+TEST_F(SyncCommand, ATickFallsWhereItIsAskedFor) {
+  ASSERT_EQ(run("-q --tick-at 1.0125 " + quoted).exit_code, 0);
+  bool found = false;
+  for (const FrameSelection& tick : read_timeline(Take(take)).ticks) {
+    found = found || std::abs(tick.time_ns - 1'012'500'000) <= 10'000;
+  }
+  EXPECT_TRUE(found);
 }
 
 }  // namespace

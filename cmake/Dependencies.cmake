@@ -27,6 +27,15 @@ pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)                     # Pkg
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET
                   libavformat libavcodec libavutil libswscale)             # PkgConfig::FFMPEG
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)               # PkgConfig::ARAVIS
+# Debian keeps OpenCV's CMake and pkg-config files in libopencv-dev, with VTK and Qt behind it: the
+# modules wanted are found without them.
+find_path(OPENCV_INCLUDE opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
+foreach(module core imgproc video)                 # opencv_core ...
+  find_library(OPENCV_${module} opencv_${module} REQUIRED)
+  add_library(opencv_${module} INTERFACE IMPORTED)
+  target_link_libraries(opencv_${module} INTERFACE "${OPENCV_${module}}")
+  target_include_directories(opencv_${module} SYSTEM INTERFACE "${OPENCV_INCLUDE}")
+endforeach()
 # Loaded at run time only, by the version that its header names.
 pkg_check_modules(AVDEVICE REQUIRED libavdevice)
 if(RAYSTAGE_TESTS)
@@ -35,13 +44,4 @@ if(RAYSTAGE_TESTS)
 endif()
 if(RAYSTAGE_BENCHMARKS)
   find_package(benchmark REQUIRED)                 # benchmark::benchmark
-  # Debian keeps OpenCV's CMake and pkg-config files in libopencv-dev, with VTK and Qt behind it: the
-  # two modules wanted are found without them.
-  find_path(OPENCV_INCLUDE opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
-  foreach(module core imgproc)
-    find_library(OPENCV_${module} opencv_${module} REQUIRED)
-    add_library(opencv_${module} INTERFACE IMPORTED)
-    target_link_libraries(opencv_${module} INTERFACE "${OPENCV_${module}}")
-    target_include_directories(opencv_${module} SYSTEM INTERFACE "${OPENCV_INCLUDE}")
-  endforeach()
 endif()

@@ -12,6 +12,11 @@ TakeDocument parse_take(std::string_view text, std::string_view name) {
   TakeDocument take;
   take.name = document.get("name", take.name);
   take.created_by = document.get("created_by", take.created_by);
+  if (document.has("derived_from")) {
+    const Located derived = document.at("derived_from");
+    take.derived_from = {derived.at("take").get<std::string>(),
+                         derived.at("by").get<std::string>()};
+  }
   take.epoch_utc = utc_from(document.at("epoch_utc"));
   take.nominal_fps = document.at("nominal_fps").get<double>();
   take.color_space = document.at("color_space").get<std::string>();
@@ -35,6 +40,9 @@ std::string format_take(const TakeDocument& take) {
   nlohmann::ordered_json json = new_document("take");
   json["name"] = take.name;
   json["created_by"] = take.created_by;
+  if (take.derived_from) {
+    json["derived_from"] = {{"take", take.derived_from->take}, {"by", take.derived_from->by}};
+  }
   json["epoch_utc"] = format_utc(take.epoch_utc);
   json["nominal_fps"] = take.nominal_fps;
   json["color_space"] = take.color_space;

@@ -21,8 +21,14 @@ struct TakeDocument {
     std::string journal;  ///< e.g. "archive/r0c0.journal"
     std::string node;     ///< ingest node whose clock stamped the frames; may be empty
   };
+  /// Where a take was made from another one.
+  struct Derived {
+    std::string take;  ///< the other's name
+    std::string by;    ///< what was done, e.g. "retime flow"
+  };
   std::string name;
-  std::string created_by;     ///< program and version
+  std::string created_by;  ///< program and version
+  std::optional<Derived> derived_from;
   Nanoseconds epoch_utc = 0;  ///< time 0 of every archive, since 1970
   double nominal_fps = 0;
   std::string color_space;             ///< of the JPEG codes: "srgb_texture"

@@ -151,12 +151,14 @@ Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance) {
 }
 
 Timeline assign_ticks(const std::vector<std::vector<Nanoseconds>>& times, double fps,
-                      Nanoseconds tolerance, const TimeRange& range, std::string_view name) {
+                      Nanoseconds tolerance, const TimeRange& range, std::string_view name,
+                      std::optional<Nanoseconds> tick_at) {
   Timeline timeline;
   timeline.fps = fps;
   timeline.tolerance = tolerance;
   const double period = static_cast<double>(kNanosecondsPerSecond) / fps;
-  const Ticks ticks(best_tick_phase(times, period), period);
+  const Ticks ticks(tick_at ? static_cast<double>(*tick_at) : best_tick_phase(times, period),
+                    period);
   const std::int64_t first = ticks.nearest(range.begin), last = ticks.nearest(range.end);
   if (static_cast<double>(last - first) >= kMaxTicks) {
     throw Error::bad_input("the timeline would have " + std::to_string(last - first + 1) + " ticks",

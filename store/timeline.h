@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -67,11 +68,13 @@ struct TimeRange {
 };
 TimeRange running_range(const std::vector<std::vector<Nanoseconds>>& frame_times);
 
-/// Ticks at `fps` (above 0) over `range`, at the phase that fits the frames best, and the frames
-/// they take. A frame belongs to the tick it is nearest to, if within `tolerance` (above 0); of two
-/// at one tick the nearer one is taken, the earlier at a tie. Frames at kNoTime are left out.
+/// Ticks at `fps` (above 0) over `range`, at the phase that fits the frames best or with a tick at
+/// `tick_at`, and the frames they take. A frame belongs to the tick it is nearest to, if within
+/// `tolerance` (above 0); of two at one tick the nearer one is taken, the earlier at a tie. Frames
+/// at kNoTime are left out.
 Timeline assign_ticks(const std::vector<std::vector<Nanoseconds>>& frame_times, double fps,
-                      Nanoseconds tolerance, const TimeRange& range, std::string_view name);
+                      Nanoseconds tolerance, const TimeRange& range, std::string_view name,
+                      std::optional<Nanoseconds> tick_at = {});
 
 /// Throws Error (bad input) for a rate that is neither 0 nor in (0, 1e6] or a negative tolerance.
 void check_settings(double fps, Nanoseconds tolerance, std::string_view name);

@@ -22,6 +22,7 @@ ROOMS = {
     "store/frames": ["store", "store/jpeg"],
     "store/jpeg": [],
     "store/sync": ["store", "store/jpeg"],
+    "store/retime": ["store", "store/jpeg"],
     "store": ["store/jpeg"],
     "render/evaluation": ["render"],
     "ingest/simulated": [],

@@ -272,6 +272,10 @@ Resync resynchronise(const std::vector<CameraStamps>& cameras, const ResyncSetti
   double period = common_period(fits.cameras);
   if (still || period == 0) {
     // Too few frames for a rhythm: ticks from the times alone.
+    if (settings.tick_at) {
+      throw Error::bad_input("with one frame a camera there is one tick, where the frames are",
+                             std::string(name), "Leave out the time of a tick");
+    }
     result.timeline =
         build_timeline(result.times, settings.nominal_fps, settings.fps, settings.tolerance, name);
     result.timeline.clocks = std::move(clocks);
@@ -289,7 +293,7 @@ Resync resynchronise(const std::vector<CameraStamps>& cameras, const ResyncSetti
   if (result.start_up_end && !settings.keep_start_up) {
     range.begin = std::min(*result.start_up_end, range.end);
   }
-  result.timeline = assign_ticks(result.times, fps, tolerance, range, name);
+  result.timeline = assign_ticks(result.times, fps, tolerance, range, name, settings.tick_at);
   for (CameraClock& clock : clocks) {
     if (clock.period_ns > 0) clock.drift_ppm = drift_of(clock.period_ns, own_period);
   }

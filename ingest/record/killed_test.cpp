@@ -17,6 +17,13 @@
 #include "store/jpeg/test_images.h"
 #include "store/take.h"
 
+#ifdef __SANITIZE_THREAD__
+// Libraries have started threads before main: by default the sanitizer then ends a child that
+// starts its own.
+extern "C" const char* __tsan_default_options();
+extern "C" const char* __tsan_default_options() { return "die_after_fork=0"; }
+#endif
+
 namespace raystage {
 namespace {
 

@@ -3,8 +3,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <random>
 #include <set>
@@ -355,6 +357,36 @@ TEST_F(RepairTake, WhatCannotBeRepairedIsSaidAndTheRestGoesOn) {
   EXPECT_THAT(report.cameras[1].error, HasSubstr("archive is missing"));
   EXPECT_THAT(report.cameras[2].error, HasSubstr("another program is writing"));
   recording.append(test::fake_jpeg(1), 900'000'000);
+}
+
+TEST_F(RepairTake, IsTheSameForAnyNumberOfThreads) {
+  for (int camera = 0; camera < 3; ++camera) {
+    const FrameRecord frame = Take(take).archive(camera).frames()[5];
+    auto bytes = test::bytes_of(archive(camera));
+    bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
+    test::overwrite(archive(camera), bytes);
+  }
+  const auto repaired_by = [&](int threads) {
+    const TestFolder elsewhere;
+    const auto copy = elsewhere.path() / "take";
+    std::filesystem::copy(take, copy, std::filesystem::copy_options::recursive);
+    std::atomic<int> done = 0;
+    RepairOptions options;
+    options.progress = [&](double) { ++done; };
+    tbb::task_arena(threads).execute([&] {
+      const RepairReport report = repair_take(copy, options);
+      EXPECT_FALSE(report.failed() || report.stopped);
+    });
+    EXPECT_EQ(done, 3);
+    std::map<std::string, std::vector<std::byte>> files;
+    for (const auto& entry : std::filesystem::directory_iterator(copy / "archive")) {
+      files[entry.path().filename().string()] = test::bytes_of(entry.path());
+    }
+    return files;
+  };
+  const auto by_one = repaired_by(1);
+  EXPECT_EQ(by_one.size(), 12U);  // each camera's pair, new and damaged
+  EXPECT_EQ(repaired_by(2), by_one);
 }
 
 TEST_F(RepairTake, RandomDamageThenRepairThenVerify) {

@@ -241,6 +241,14 @@ struct RepairTake : testing::Test {
     bytes.resize(static_cast<std::size_t>(last.offset) + last.size);
     test::overwrite(archive(camera), bytes);
   }
+  // One bit of one frame, which is returned.
+  FrameRecord rot_a_frame(int camera) const {
+    const FrameRecord frame = Take(take).archive(camera).frames()[5];
+    auto bytes = test::bytes_of(archive(camera));
+    bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
+    test::overwrite(archive(camera), bytes);
+    return frame;
+  }
   std::set<std::string> names() const {
     std::set<std::string> found;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(take)) {
@@ -279,10 +287,8 @@ TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
 }
 
 TEST_F(RepairTake, TheOriginalsOfALossStay) {
-  const FrameRecord frame = Take(take).archive(2).frames()[5];
-  auto bytes = test::bytes_of(archive(2));
-  bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
-  test::overwrite(archive(2), bytes);
+  const FrameRecord frame = rot_a_frame(2);
+  const auto bytes = test::bytes_of(archive(2));
   const auto lines = test::bytes_of(journal(2));
   const auto before = names();
 
@@ -319,10 +325,7 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
 
 // The machine stopped when the archive had been renamed and the journal had not.
 TEST_F(RepairTake, CanBeInterruptedBetweenTheTwoRenames) {
-  const FrameRecord frame = Take(take).archive(2).frames()[5];
-  auto bytes = test::bytes_of(archive(2));
-  bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
-  test::overwrite(archive(2), bytes);
+  rot_a_frame(2);
   const auto old_journal = test::bytes_of(journal(2));
   repair_take(take, {});
   const auto new_archive = test::bytes_of(archive(2)), new_journal = test::bytes_of(journal(2));
@@ -360,12 +363,7 @@ TEST_F(RepairTake, WhatCannotBeRepairedIsSaidAndTheRestGoesOn) {
 }
 
 TEST_F(RepairTake, IsTheSameForAnyNumberOfThreads) {
-  for (int camera = 0; camera < 3; ++camera) {
-    const FrameRecord frame = Take(take).archive(camera).frames()[5];
-    auto bytes = test::bytes_of(archive(camera));
-    bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
-    test::overwrite(archive(camera), bytes);
-  }
+  for (int camera = 0; camera < 3; ++camera) rot_a_frame(camera);
   const auto repaired_by = [&](int threads) {
     const TestFolder elsewhere;
     const auto copy = elsewhere.path() / "take";

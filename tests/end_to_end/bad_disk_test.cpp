@@ -82,9 +82,11 @@ TEST_F(BadDisk, ASlowOneFillsMemoryAndEveryDropIsRecorded) {
       const auto all = records(take(), camera);
       EXPECT_EQ(session(take()).at("cameras")[camera].at("dropped"),
                 json({{"dropped, memory full", count(all, FrameStatus::kDroppedRamFull)}}));
-      // In either case the first are stored; of the last, those that the policy keeps.
-      EXPECT_EQ(all.front().status, FrameStatus::kStored);
-      EXPECT_TRUE(!oldest || all.back().status == FrameStatus::kStored);
+      // What the policy keeps: those that memory held first, or those that it held last.
+      ASSERT_GT(all.size(), 10U);
+      for (const FrameRecord& frame : oldest ? std::span(all).last(3) : std::span(all).first(5)) {
+        EXPECT_EQ(frame.status, FrameStatus::kStored);
+      }
       for (std::size_t i = 1; i < all.size(); ++i) {
         EXPECT_EQ(all[i].sequence, all[i - 1].sequence + 1);
       }

@@ -30,9 +30,9 @@ class DiskRecording : public ::testing::Test {
     constexpr const char* kConfig = R"({"schema": "raystage/record/1", "name": "test",
       "node": "one", "memory_mb": 1, "when_full": "WHEN_FULL", "cameras": [
       {"id": "a", "simulated": {"index": 0, "rows": 1, "columns": 2, "width": WIDTH,
-                                "fps": 15, "seconds": 0.3, "jpeg": true}},
+                                "fps": 15, "seconds": 0.15, "jpeg": true}},
       {"id": "b", "simulated": {"index": 1, "rows": 1, "columns": 2, "width": WIDTH,
-                                "fps": 15, "seconds": 0.3, "jpeg": true}}]})";
+                                "fps": 15, "seconds": 0.15, "jpeg": true}}]})";
     write_text(folder() / "record.json",
                replaced(replaced(kConfig, "WHEN_FULL", when_full), "WIDTH", std::to_string(width)));
   }

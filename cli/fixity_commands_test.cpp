@@ -49,7 +49,7 @@ TEST_F(FixityCommands, AWholeTake) {
     EXPECT_THAT(verify.output, HasSubstr("3 cameras: 3 whole, 0 not closed, 0 damaged"));
   }
   EXPECT_THAT(run("verify " + quoted).output, HasSubstr("Progress: 100%"));
-  const test::CommandResult repair = run("repair -q " + quoted);
+  const test::CommandResult repair = run("repair -q -j 2 " + quoted);
   EXPECT_EQ(repair.exit_code, 0) << repair.output;
   EXPECT_THAT(repair.output, HasSubstr("3 of 3 cameras were whole"));
 }

@@ -9,6 +9,7 @@
 
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/threads.h"
 
 namespace raystage {
 namespace {
@@ -16,6 +17,7 @@ namespace {
 struct Options {
   std::string take;
   bool dry_run = false, quiet = false;
+  int threads = 0;
 };
 
 void print_camera(const RepairReport::Camera& camera, bool dry_run) {
@@ -48,6 +50,7 @@ void print_camera(const RepairReport::Camera& camera, bool dry_run) {
 }
 
 ExitCode repair(const Options& options, const std::stop_token& stop) {
+  const ThreadLimit threads(options.threads);
   Progress progress(!options.quiet);
   RepairOptions how;
   how.dry_run = options.dry_run;
@@ -87,6 +90,7 @@ int main(int argc, char** argv) {
   app.add_flag(
       "-n,--dry-run", options.dry_run,
       "Say what would be done, with the same exit code, and change nothing (default: off)");
+  add_threads_option(app, options.threads);
   app.add_flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
   return parse_and_run(app, argc, argv, "repair",
                        [&](std::stop_token stop) { return repair(options, stop); });

@@ -32,9 +32,7 @@ using testing::HasSubstr;
 
 using Bytes = std::vector<std::byte>;
 
-struct Resume : testing::Test {
-  ArchiveWriter writer() const { return {mkv, journal, description()}; }
-  ArchiveReader reader() const { return {mkv, journal}; }
+struct Resume : testing::Test, test::ArchiveFiles {
   ArchiveWriter resume() const { return ArchiveWriter::resume(mkv, journal, description()); }
 
   /// What frame i is everywhere here.
@@ -69,9 +67,6 @@ struct Resume : testing::Test {
 
   /// Frames that a crash left in the archive only: the journal was to name their origin.
   std::set<std::size_t> unlisted;
-  TestFolder folder;
-  std::filesystem::path mkv = folder.path() / "r0c0.mkv";
-  std::filesystem::path journal = folder.path() / "r0c0.journal";
 };
 
 // A recorder that crashes now and then, and restarts; it says through a pipe how far it got.

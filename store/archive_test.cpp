@@ -28,14 +28,7 @@ using test::description;
 using test::fake_jpeg;
 using testing::HasSubstr;
 
-struct Archive : testing::Test {
-  ArchiveWriter writer() const { return {mkv, journal, description()}; }
-  ArchiveReader reader() const { return {mkv, journal}; }
-
-  TestFolder folder;
-  std::filesystem::path mkv = folder.path() / "r0c0.mkv";
-  std::filesystem::path journal = folder.path() / "r0c0.journal";
-};
+struct Archive : testing::Test, test::ArchiveFiles {};
 
 template <typename Call>
 Error error_of(Call&& call) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "schemas/atomic_file.h"
+#include "schemas/test_folder.h"
 #include "store/archive.h"
 
 namespace raystage::test {
@@ -43,5 +44,15 @@ inline void overwrite(const std::filesystem::path& file, std::span<const std::by
 inline ArchiveWriter::Description description() {
   return {"r0c0", 640, 480, 1'767'225'600'123'456'789};
 }
+
+/// For tests: an archive and its journal, in a folder of their own.
+struct ArchiveFiles {
+  ArchiveWriter writer() const { return {mkv, journal, description()}; }
+  ArchiveReader reader() const { return {mkv, journal}; }
+
+  TestFolder folder;
+  std::filesystem::path mkv = folder.path() / "r0c0.mkv";
+  std::filesystem::path journal = folder.path() / "r0c0.journal";
+};
 
 }  // namespace raystage::test

@@ -8,7 +8,6 @@
 #include <array>
 
 #include "schemas/error.h"
-#include "schemas/test_folder.h"
 #include "store/archive_test_data.h"
 #include "store/little_endian.h"
 #include "store/matroska.h"
@@ -23,14 +22,7 @@ using test::description;
 using test::fake_jpeg;
 using testing::HasSubstr;
 
-struct Journal : testing::Test {
-  ArchiveWriter writer() const { return {mkv, journal, description()}; }
-  ArchiveReader reader() const { return {mkv, journal}; }
-
-  TestFolder folder;
-  std::filesystem::path mkv = folder.path() / "r0c0.mkv";
-  std::filesystem::path journal = folder.path() / "r0c0.journal";
-};
+struct Journal : testing::Test, test::ArchiveFiles {};
 
 TEST_F(Journal, KeepsWhereFramesCameFrom) {
   {

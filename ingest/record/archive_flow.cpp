@@ -50,6 +50,8 @@ void ArchiveFlow::flush_on(const std::stop_token& stop) {
         camera.archive.flush();
       } catch (const Error& error) {
         set_trouble(error.what());
+        const std::scoped_lock failure_lock(trouble_mutex_);
+        if (flush_failure_.empty()) flush_failure_ = error.what();
       }
     }
   }
@@ -96,6 +98,11 @@ void ArchiveFlow::set_trouble(std::string text) {
 std::string ArchiveFlow::trouble() const {
   const std::scoped_lock lock(trouble_mutex_);
   return trouble_;
+}
+
+std::string ArchiveFlow::flush_failure() const {
+  const std::scoped_lock lock(trouble_mutex_);
+  return flush_failure_;
 }
 
 std::size_t ArchiveFlow::waiting() const {

@@ -49,6 +49,9 @@ class ArchiveFlow {
   std::uint64_t bytes_written() const { return bytes_written_.load(std::memory_order_relaxed); }
   /// Why the disk refuses at this moment; empty where it does not.
   std::string trouble() const;
+  /// The first time that what was written could not be made safe; empty: never. A disk says so once
+  /// and may have lost it all the same when it works again.
+  std::string flush_failure() const;
 
  private:
   struct Tally {
@@ -67,7 +70,7 @@ class ArchiveFlow {
   std::vector<Tally> tallies_;
   std::atomic<std::uint64_t> bytes_written_ = 0;
   mutable std::mutex trouble_mutex_;
-  std::string trouble_;
+  std::string trouble_, flush_failure_;
   std::jthread writer_, flusher_;  // last: they use all of the above
 };
 

@@ -18,11 +18,17 @@ Encoders::Encoders(const JpegEncodeSettings& settings, int threads)
 Encoders::~Encoders() { wait(); }
 
 void Encoders::encode_one_of(FrameQueue& queue) {
-  arena_.enqueue(group_.defer([this, &queue] { work_on(queue); }));
+  handed_over_.fetch_add(1, std::memory_order_release);
+  arena_.enqueue(group_.defer([this, &queue] {
+    handed_over_.load(std::memory_order_acquire);
+    work_on(queue);
+    handed_back_.fetch_add(1, std::memory_order_release);
+  }));
 }
 
 void Encoders::wait() {
-  arena_.execute([this] { group_.wait(); });
+  group_.wait();
+  handed_back_.load(std::memory_order_acquire);
 }
 
 std::unique_ptr<RawJpegEncoder> Encoders::borrow() {

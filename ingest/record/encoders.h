@@ -5,6 +5,8 @@
 #include <tbb/task_arena.h>
 #include <tbb/task_group.h>
 
+#include <atomic>
+#include <cstdint>
 #include <memory>
 #include <mutex>
 #include <vector>
@@ -39,6 +41,9 @@ class Encoders {
   tbb::global_control parallelism_;
   tbb::task_arena arena_;
   tbb::task_group group_;
+  // What is handed to TBB's threads and back. TBB orders it too, but only atomics of our own let
+  // the thread sanitizer see that: Debian's TBB is not built for it.
+  std::atomic<std::uint64_t> handed_over_ = 0, handed_back_ = 0;
 };
 
 }  // namespace raystage

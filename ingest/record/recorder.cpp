@@ -232,9 +232,17 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
 
   session.memory_peak_bytes = s.memory.peak() + s.records.peak();
   std::vector<std::string> complaints;
+  if (const std::string failure = flow.flush_failure(); !failure.empty()) {
+    complaints.push_back(failure + " Frames written until then may be lost");
+  }
   s.take.close(complaints);
   audit_session(s.take, flow, s.counters, session, std::move(complaints));
-  s.take.write_session(session, false);
+  try {
+    s.take.write_session(session, false);
+  } catch (const Error& error) {  // the caller has the account all the same
+    session.audit->holds = false;
+    session.audit->complaints.emplace_back(error.what());
+  }
   return session;
 }
 

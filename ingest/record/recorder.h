@@ -67,8 +67,8 @@ class Recorder {
   Recorder& operator=(const Recorder&) = delete;
 
   /// Until stopped, the duration is over, or every source has ended. Returns the account, which is
-  /// in the take too. `status` is called that often, `writing` with the part done while
-  /// what is left in memory goes to disk.
+  /// in the take too, or says in its audit why not. `status` is called that often, `writing` with
+  /// the part done while what is left in memory goes to disk.
   RecordingDocument::Session run(const std::stop_token& stop,
                                  const std::function<void(const RecorderStatus&)>& status = {},
                                  const std::function<void(double)>& writing = {});

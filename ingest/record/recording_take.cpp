@@ -5,6 +5,8 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <cerrno>
 #include <utility>
 
 #include "schemas/atomic_file.h"
@@ -15,7 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::int64_t kReservePerCamera = 128 << 10, kReserveAtLeast = 1 << 20;
+constexpr std::int64_t kReservePerCamera = 128 << 10, kReserveAtLeast = 1 << 20,
+                       kBlock = 4 << 10;  // of usual file systems
 
 /// A node's name as a file's name.
 std::string file_name_of(const std::string& node) {
@@ -65,17 +68,26 @@ RecordingTake RecordingTake::create(const fs::path& folder, TakeDocument take,
                            "Choose a new name for the take, or go on with it by --resume");
   }
   RecordingTake recording(folder, std::move(take), rig, node);
-  create_folder(folder / "archive");
-  create_folder(folder / "recording");
-  write_rig(recording.rig_, folder / "rig.json");
-  for (std::size_t i = 0; i < recording.take_.cameras.size(); ++i) {
-    recording.archives_.emplace_back(recording.archive_path(i), recording.journal_path(i),
-                                     description_of(recording.take_, recording.rig_, i));
-    recording.last_times_.push_back(-1);
+  try {
+    recording.create_files();
+  } catch (const Error&) {  // nothing is recorded yet: the name is free for another try
+    std::error_code ignored;
+    fs::remove_all(folder, ignored);
+    throw;
+  }
+  return recording;
+}
+
+void RecordingTake::create_files() {
+  create_folder(folder_ / "archive");
+  create_folder(folder_ / "recording");
+  write_rig(rig_, folder_ / "rig.json");
+  for (std::size_t i = 0; i < take_.cameras.size(); ++i) {
+    archives_.emplace_back(archive_path(i), journal_path(i), description_of(take_, rig_, i));
+    last_times_.push_back(-1);
   }
   // Last: with it the folder is a take.
-  write_take(recording.take_, folder / "take.json");
-  return recording;
+  write_take(take_, folder_ / "take.json");
 }
 
 RecordingTake RecordingTake::resume(const fs::path& folder,
@@ -120,10 +132,11 @@ void RecordingTake::reserve_room() {
   if (file < 0)
     throw Error::from_errno("the file cannot be written", reserve_file_.string(),
                             "Check the folder's permissions");
-  const auto bytes = std::max<std::int64_t>(
+  auto bytes = std::max<std::int64_t>(
       kReserveAtLeast, kReservePerCamera * static_cast<std::int64_t>(take_.cameras.size()));
-  // Where the file system cannot allocate there is no reserve; recording goes on without.
-  [[maybe_unused]] const int refused = ::posix_fallocate(file, 0, bytes);
+  // A disk that is nearly full needs a reserve most: then as much as there is room for. Where the
+  // file system cannot allocate there is none; recording goes on without.
+  while (::posix_fallocate(file, 0, bytes) == ENOSPC && bytes > kBlock) bytes /= 2;
   ::close(file);
 }
 

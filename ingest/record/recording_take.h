@@ -20,7 +20,7 @@ namespace raystage {
 class RecordingTake {
  public:
   /// A new take. Throws Error: bad input where something of this name is there, failed for the
-  /// disk.
+  /// disk; nothing is left then.
   static RecordingTake create(const std::filesystem::path& folder, TakeDocument take,
                               const RigDocument& rig, const std::string& node);
   /// Goes on with one, after a crash or a stop: the same cameras in the same order and size. Throws
@@ -55,6 +55,7 @@ class RecordingTake {
  private:
   RecordingTake(std::filesystem::path folder, TakeDocument take, RigDocument rig,
                 const std::string& node);
+  void create_files();
   std::filesystem::path archive_path(std::size_t camera) const;
   std::filesystem::path journal_path(std::size_t camera) const;
 

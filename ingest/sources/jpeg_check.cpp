@@ -6,10 +6,8 @@
 #include "store/jpeg/markers.h"
 
 namespace raystage {
-namespace {
 
-/// The size alone, of a file that is cut short somewhere behind it.
-JpegGlance size_of_cut(std::span<const std::byte> jpeg) {
+JpegGlance glance_at_jpeg_header(std::span<const std::byte> jpeg) {
   JpegGlance glance;
   try {
     MarkerReader reader(jpeg, "");
@@ -32,14 +30,12 @@ JpegGlance size_of_cut(std::span<const std::byte> jpeg) {
   }
 }
 
-}  // namespace
-
 JpegGlance glance_at_jpeg(std::span<const std::byte> jpeg) {
   try {
     const JpegLayout layout = parse_jpeg_layout(jpeg, "");
     return {.width = layout.width, .height = layout.height, .whole = true};
   } catch (const Error&) {
-    return size_of_cut(jpeg);
+    return glance_at_jpeg_header(jpeg);
   }
 }
 

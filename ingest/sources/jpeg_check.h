@@ -15,4 +15,7 @@ struct JpegGlance {
 /// Damage within the entropy-coded bytes that leaves all markers in place goes unnoticed.
 JpegGlance glance_at_jpeg(std::span<const std::byte> jpeg);
 
+/// The size alone, a microsecond: what comes after it may be cut short, `whole` stays false.
+JpegGlance glance_at_jpeg_header(std::span<const std::byte> jpeg);
+
 }  // namespace raystage

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/fixity/repair.h"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
+#include <atomic>
 #include <optional>
 #include <system_error>
 
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
+#include "schemas/parallel.h"
 #include "store/fixity/verify.h"
 #include "store/posix_file.h"
 #include "store/timeline.h"
@@ -152,22 +156,27 @@ void write_salvaged(const ArchivePair& pair, const Salvage& salvaged, const fs::
 RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
   RepairReport report;
   const Take take(folder);
-  report.cameras.resize(static_cast<std::size_t>(take.camera_count()));
-  for (int i = 0; i < take.camera_count(); ++i) {
-    if (options.stop.stop_requested()) {
-      report.stopped = true;
-      break;
-    }
-    RepairReport::Camera& camera = report.cameras[static_cast<std::size_t>(i)];
-    camera.id = take.document().cameras[static_cast<std::size_t>(i)].id;
-    // One camera after the other: a second archive's room on the disk, no more.
-    try {
-      CameraRepair(take, i, options).run(camera);
-    } catch (const Error& error) {
-      camera.error = error.what();
-    }
-    if (options.progress) options.progress((i + 1.0) / take.camera_count());
-  }
+  const auto cameras = static_cast<std::size_t>(take.camera_count());
+  report.cameras.resize(cameras);
+  std::atomic<std::size_t> done = 0;
+  // One camera a thread: each has files of its own.
+  const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  for_each_in_flight(
+      cameras, threads, [&] { return options.stop.stop_requested(); },
+      [&](std::size_t i) {
+        RepairReport::Camera& camera = report.cameras[i];
+        camera.id = take.document().cameras[i].id;
+        try {
+          CameraRepair(take, static_cast<int>(i), options).run(camera);
+        } catch (const Error& error) {
+          camera.error = error.what();
+        }
+        const std::size_t so_far = ++done;
+        if (options.progress) {
+          options.progress(static_cast<double>(so_far) / static_cast<double>(cameras));
+        }
+      });
+  report.stopped = done < cameras;
   if (!options.dry_run && !report.stopped && !report.failed()) {
     report.old_timeline = set_aside_timeline(folder);
   }

@@ -13,9 +13,10 @@
 namespace raystage {
 
 struct RepairOptions {
-  bool dry_run = false;                  ///< say what would be done, change nothing
-  std::function<void(double)> progress;  ///< called with the share of cameras done, 0 to 1
-  std::stop_token stop;                  ///< heeded between cameras
+  bool dry_run = false;  ///< say what would be done, change nothing
+  /// Called with the share of cameras done, 0 to 1, from any thread.
+  std::function<void(double)> progress;
+  std::stop_token stop;  ///< heeded between cameras
 };
 
 /// What was done to a take, or would be.
@@ -41,7 +42,8 @@ struct RepairReport {
 /// Writes each damaged archive and journal of a take anew from what can be saved of them. Each pair
 /// is written beside the originals under temporary names, verified, brought to the disk and renamed
 /// over them. Originals of which anything was lost or is in doubt stay, as CAMERA.mkv.damaged and
-/// CAMERA.journal.damaged. Needs free room for the largest damaged archive.
+/// CAMERA.journal.damaged. Works on as many cameras at once as TBB has threads here, and needs free
+/// room for so many of the largest damaged archives.
 /// Throws Error (bad input) where take.json or rig.json cannot be read.
 RepairReport repair_take(const std::filesystem::path& folder, const RepairOptions& options);
 

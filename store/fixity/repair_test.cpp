@@ -3,8 +3,10 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <map>
 #include <random>
 #include <set>
@@ -239,6 +241,14 @@ struct RepairTake : testing::Test {
     bytes.resize(static_cast<std::size_t>(last.offset) + last.size);
     test::overwrite(archive(camera), bytes);
   }
+  // One bit of one frame, which is returned.
+  FrameRecord rot_a_frame(int camera) const {
+    const FrameRecord frame = Take(take).archive(camera).frames()[5];
+    auto bytes = test::bytes_of(archive(camera));
+    bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
+    test::overwrite(archive(camera), bytes);
+    return frame;
+  }
   std::set<std::string> names() const {
     std::set<std::string> found;
     for (const auto& entry : std::filesystem::recursive_directory_iterator(take)) {
@@ -277,10 +287,8 @@ TEST_F(RepairTake, ACrashedTakeIsClosedAndLeavesNothingBehind) {
 }
 
 TEST_F(RepairTake, TheOriginalsOfALossStay) {
-  const FrameRecord frame = Take(take).archive(2).frames()[5];
-  auto bytes = test::bytes_of(archive(2));
-  bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
-  test::overwrite(archive(2), bytes);
+  const FrameRecord frame = rot_a_frame(2);
+  const auto bytes = test::bytes_of(archive(2));
   const auto lines = test::bytes_of(journal(2));
   const auto before = names();
 
@@ -317,10 +325,7 @@ TEST_F(RepairTake, TheOriginalsOfALossStay) {
 
 // The machine stopped when the archive had been renamed and the journal had not.
 TEST_F(RepairTake, CanBeInterruptedBetweenTheTwoRenames) {
-  const FrameRecord frame = Take(take).archive(2).frames()[5];
-  auto bytes = test::bytes_of(archive(2));
-  bytes[static_cast<std::size_t>(frame.offset) + 4] ^= std::byte{8};
-  test::overwrite(archive(2), bytes);
+  rot_a_frame(2);
   const auto old_journal = test::bytes_of(journal(2));
   repair_take(take, {});
   const auto new_archive = test::bytes_of(archive(2)), new_journal = test::bytes_of(journal(2));
@@ -355,6 +360,31 @@ TEST_F(RepairTake, WhatCannotBeRepairedIsSaidAndTheRestGoesOn) {
   EXPECT_THAT(report.cameras[1].error, HasSubstr("archive is missing"));
   EXPECT_THAT(report.cameras[2].error, HasSubstr("another program is writing"));
   recording.append(test::fake_jpeg(1), 900'000'000);
+}
+
+TEST_F(RepairTake, IsTheSameForAnyNumberOfThreads) {
+  for (int camera = 0; camera < 3; ++camera) rot_a_frame(camera);
+  const auto repaired_by = [&](int threads) {
+    const TestFolder elsewhere;
+    const auto copy = elsewhere.path() / "take";
+    std::filesystem::copy(take, copy, std::filesystem::copy_options::recursive);
+    std::atomic<int> done = 0;
+    RepairOptions options;
+    options.progress = [&](double) { ++done; };
+    tbb::task_arena(threads).execute([&] {
+      const RepairReport report = repair_take(copy, options);
+      EXPECT_FALSE(report.failed() || report.stopped);
+    });
+    EXPECT_EQ(done, 3);
+    std::map<std::string, std::vector<std::byte>> files;
+    for (const auto& entry : std::filesystem::directory_iterator(copy / "archive")) {
+      files[entry.path().filename().string()] = test::bytes_of(entry.path());
+    }
+    return files;
+  };
+  const auto by_one = repaired_by(1);
+  EXPECT_EQ(by_one.size(), 12U);  // each camera's pair, new and damaged
+  EXPECT_EQ(repaired_by(2), by_one);
 }
 
 TEST_F(RepairTake, RandomDamageThenRepairThenVerify) {

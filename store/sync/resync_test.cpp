@@ -14,22 +14,12 @@
 namespace raystage {
 namespace {
 
+using test::cameras_of;
 using test::SimulatedStamps;
 using Jitter = SimulatedStamps::Jitter;
 using Settings = SimulatedStamps::Settings;
 
 constexpr Nanoseconds kMs = 1'000'000;
-
-std::vector<CameraStamps> cameras_of(const SimulatedStamps& truth) {
-  std::vector<CameraStamps> cameras;
-  for (const auto& camera : truth.cameras) {
-    cameras.push_back({"c" + std::to_string(cameras.size()),
-                       "node" + std::to_string(camera.node),
-                       camera.stamps,
-                       {}});
-  }
-  return cameras;
-}
 
 std::vector<CameraStamps> cameras_at(std::vector<std::vector<Nanoseconds>> stamps) {
   std::vector<CameraStamps> cameras;

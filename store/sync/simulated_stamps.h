@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "schemas/time.h"
+#include "store/sync/resync.h"
 
 namespace raystage::test {
 
@@ -79,5 +80,17 @@ struct SimulatedStamps {
     }
   }
 };
+
+/// The stamps as resynchronisation is given them: cameras c0, c1, ... of node0, node1, ...
+inline std::vector<CameraStamps> cameras_of(const SimulatedStamps& truth) {
+  std::vector<CameraStamps> cameras;
+  for (const auto& camera : truth.cameras) {
+    cameras.push_back({"c" + std::to_string(cameras.size()),
+                       "node" + std::to_string(camera.node),
+                       camera.stamps,
+                       {}});
+  }
+  return cameras;
+}
 
 }  // namespace raystage::test

@@ -19,18 +19,9 @@ using testing::Contains;
 using testing::HasSubstr;
 using testing::Not;
 
-std::vector<CameraStamps> cameras_of(const SimulatedStamps& truth) {
-  std::vector<CameraStamps> cameras;
-  for (const auto& camera : truth.cameras) {
-    const std::string number = std::to_string(cameras.size());
-    cameras.push_back({"c" + number, "node" + std::to_string(camera.node), camera.stamps, {}});
-  }
-  return cameras;
-}
-
 struct Verdict : testing::Test {
   SimulatedStamps truth{{.seed = 2, .drop = 0}};
-  std::vector<CameraStamps> cameras = cameras_of(truth);
+  std::vector<CameraStamps> cameras = test::cameras_of(truth);
 };
 
 TEST_F(Verdict, SaysWhatIsTheMatter) {

@@ -16,16 +16,8 @@ namespace raystage {
 namespace {
 
 std::vector<CameraStamps> half_an_hour(test::SimulatedStamps::Jitter jitter) {
-  const test::SimulatedStamps truth(
-      {.seed = 1, .seconds = 1800, .step_at_s = 936, .jitter = jitter});
-  std::vector<CameraStamps> cameras;
-  for (const auto& camera : truth.cameras) {
-    cameras.push_back({"c" + std::to_string(cameras.size()),
-                       "node" + std::to_string(camera.node),
-                       camera.stamps,
-                       {}});
-  }
-  return cameras;
+  return test::cameras_of(
+      test::SimulatedStamps({.seed = 1, .seconds = 1800, .step_at_s = 936, .jitter = jitter}));
 }
 
 double peak_megabytes() {

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "schemas/error.h"
 #include "schemas/import_manifest.h"
@@ -16,6 +17,7 @@
 #include "schemas/take_document.h"
 #include "schemas/time.h"
 #include "schemas/views.h"
+#include "store/sync/node_offsets.h"
 
 namespace {
 
@@ -31,12 +33,26 @@ void round_trip(std::string_view text, Parse parse, Format format) {
   if (format(parse(written, "written")) != written) std::abort();
 }
 
+/// Offsets of clocks are only read: one a camera, each within a day.
+void read_offsets(std::string_view text) {
+  const std::vector<raystage::CameraStamps> cameras{{"a", "one", {}, {}}, {"b", "two", {}, {}}};
+  try {
+    const auto offsets = raystage::parse_node_offsets(text, "input", cameras);
+    constexpr raystage::Nanoseconds kDay = 86'400 * raystage::kNanosecondsPerSecond;
+    if (offsets.size() != cameras.size()) std::abort();
+    for (const auto offset : offsets) {
+      if (offset < -kDay || offset > kDay) std::abort();
+    }
+  } catch (const raystage::Error&) {
+  }
+}
+
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 8) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 9) {
     case 0:
       round_trip(text, raystage::parse_rig, raystage::format_rig);
       break;
@@ -57,6 +73,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 7:
       round_trip(text, raystage::parse_recording, raystage::format_recording);
+      break;
+    case 8:
+      read_offsets(text);
       break;
     default:
       round_trip(

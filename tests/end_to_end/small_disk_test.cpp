@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// Recording onto a real disk that is nearly full, fills up, or is read-only: a file system of a few
+// megabytes, mounted where nobody else sees it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/end_to_end/disk_test_data.h"
+
+namespace raystage {
+namespace {
+
+using testing::CommandResult;
+using ::testing::HasSubstr;
+
+const std::string kRecord = "raystage record ../record.json -o take --status none --duration ";
+const std::string kSay = "; echo \"exit $?\"; ";
+
+class SmallDisk : public testing::DiskRecording {
+ protected:
+  void SetUp() override {
+    std::filesystem::create_directory(folder() / "disk");
+    std::filesystem::create_directory(folder() / "kept");
+    const CommandResult mounted = on_disk("1m", "true");
+    if (mounted.exit_code != 0) {
+      GTEST_SKIP() << "no file system can be mounted here: " << mounted.err;
+    }
+  }
+  /// Runs a script on a disk of that size; in the end what is on it goes to kept().
+  CommandResult on_disk(const std::string& size, const std::string& script) const {
+    return here("unshare --user --map-root-user --mount bash -c 'mount -t tmpfs -o size=" + size +
+                " none disk && cd disk && { " + script + "\ncp -a . ../kept; }'");
+  }
+  /// A script: gives the disk that size, or another property.
+  static std::string now(const std::string& option) {
+    return "mount -o remount," + option + " \"$PWD\"; ";
+  }
+  static std::string fill_up() {
+    return "{ dd if=/dev/zero of=big bs=4k 2>&1 || :; } >/dev/null; ";
+  }
+  std::filesystem::path kept() const { return folder() / "kept"; }
+};
+
+TEST_F(SmallDisk, FullToTheEndEveryLossIsRecordedAndARoomierOneGoesOn) {
+  const CommandResult result =
+      on_disk("3m", kRecord + "4" + kSay + "raystage verify -q take >/dev/null" + kSay +
+                        now("size=16m") + kRecord + "0.5 --resume" + kSay);
+  EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\nexit 0\n")) << result.err;
+  EXPECT_THAT(result.out, ::testing::EndsWith("The audit holds.\nexit 0\n")) << result.err;
+  const auto first = session(kept() / "take", 0), second = session(kept() / "take", 1);
+  expect_account(first, 4);
+  expect_account(second, 0.5);
+  for (int camera = 0; camera < kCameras; ++camera) {
+    const auto& account = first.at("cameras")[camera];
+    EXPECT_GT(account.at("stored"), 5);
+    EXPECT_GT(account.at("dropped").at("dropped, could not be written"), 0);
+    EXPECT_GT(account.at("dropped").at("dropped, memory full"), 0);
+    EXPECT_EQ(dropped(second.at("cameras")[camera]), 0);
+    const auto all = records(kept() / "take", camera);
+    EXPECT_EQ(count(all, FrameStatus::kDroppedDiskFull),
+              account.at("dropped").at("dropped, could not be written"));
+    EXPECT_EQ(count(all, FrameStatus::kDroppedRamFull),
+              account.at("dropped").at("dropped, memory full"));
+  }
+  EXPECT_EQ(here("raystage verify -q --decode kept/take").exit_code, 0);
+  EXPECT_FALSE(std::filesystem::exists(kept() / "take" / ".reserve"));
+}
+
+TEST_F(SmallDisk, RoomThatIsMadeMeanwhileIsUsed) {
+  const CommandResult result =
+      on_disk("3m", "{ " + kRecord +
+                        "5 & }; while [ ! -e take/take.json ]; do sleep 0.05; done; "
+                        "sleep 2.7; " +
+                        now("size=16m") + "wait $!" + kSay);
+  EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\n")) << result.err;
+  const auto account = session(kept() / "take");
+  expect_account(account, 5);
+  for (int camera = 0; camera < kCameras; ++camera) {
+    EXPECT_FALSE(
+        account.at("cameras")[camera].at("dropped").contains("dropped, could not be written"));
+    const auto all = records(kept() / "take", camera);
+    EXPECT_GT(count(all, FrameStatus::kDroppedRamFull), 0);
+    ASSERT_GT(all.size(), 20U);
+    for (const FrameRecord& frame : std::span(all).last(10)) {
+      EXPECT_EQ(frame.status, FrameStatus::kStored);
+    }
+  }
+}
+
+// Less room than is set aside on other disks, and more records than fit what frames leave over.
+TEST_F(SmallDisk, NearlyFullFromTheStartEveryLossIsRecorded) {
+  write_config("drop_newest", 32);
+  const CommandResult result = on_disk("400k", kRecord + "8" + kSay);
+  EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\n")) << result.err;
+  expect_account(session(kept() / "take"), 8);
+  EXPECT_EQ(here("raystage verify -q kept/take").exit_code, 0);
+}
+
+TEST_F(SmallDisk, FullFromTheStartNothingIsBegunAndNothingChanged) {
+  const CommandResult result =
+      on_disk("6m", kRecord + "0.5" + kSay + fill_up() + "cp -a take ../before; " + kRecord +
+                        "0.5 --resume" + kSay + "diff -r take ../before" + kSay +
+                        testing::replaced(kRecord, "-o take", "-o new") + "0.5" + kSay + "ls -A");
+  EXPECT_THAT(result.out, ::testing::EndsWith("exit 1\nexit 0\nexit 1\nbig\ntake\n")) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("one.json: cannot write the file: No space left on device"));
+}
+
+TEST_F(SmallDisk, ReadOnlyFromTheStartIsSaid) {
+  const CommandResult result =
+      on_disk("6m", kRecord + "0.5" + kSay + now("ro") + kRecord + "0.5 --resume" + kSay +
+                        "raystage verify -q take >/dev/null" + kSay +
+                        testing::replaced(kRecord, "-o take", "-o new") + "0.5" + kSay + now("rw") +
+                        "ls -A");
+  EXPECT_THAT(result.out, ::testing::EndsWith("exit 1\nexit 0\nexit 1\ntake\n")) << result.err;
+  EXPECT_THAT(result.err, HasSubstr("a.mkv: the file cannot be opened for writing: Read-only"));
+  EXPECT_THAT(result.err, HasSubstr("cannot create the folder: Read-only file system"));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,58 +1,73 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "ingest/record/encoders.h"
 
+#include <exception>
+#include <optional>
 #include <utility>
 
-#include "schemas/error.h"
-
 namespace raystage {
+namespace {
 
-Encoders::Encoders(const JpegEncodeSettings& settings, int threads)
-    // TBB counts the calling thread too, but sources never encode themselves: one worker more, and
-    // no slot kept for callers.
-    : settings_(settings),
-      parallelism_(tbb::global_control::max_allowed_parallelism,
-                   static_cast<std::size_t>(threads) + 1),
-      arena_(threads, 0) {}
+void encode_one(FrameQueue& queue, RawJpegEncoder& encoder) {
+  const FrameQueue::Frame frame = queue.start_encoding();
+  if (!frame) return;  // given up meanwhile
+  std::optional<std::vector<std::byte>> jpeg(std::in_place);
+  // Nothing may end the thread; whatever goes wrong, the frame is recorded as missing.
+  try {
+    encoder.encode(frame->raw, *jpeg);
+  } catch (const std::exception&) {
+    jpeg.reset();
+  }
+  queue.finish_encoding(frame, std::move(jpeg));
+}
 
-Encoders::~Encoders() { wait(); }
+}  // namespace
+
+Encoders::Encoders(const JpegEncodeSettings& settings, int threads) {
+  for (int i = 0; i < threads; ++i) encoders_.emplace_back(settings);
+  for (RawJpegEncoder& encoder : encoders_) {
+    threads_.emplace_back([this, &encoder](const std::stop_token& stop) { work(stop, encoder); });
+  }
+}
 
 void Encoders::encode_one_of(FrameQueue& queue) {
-  arena_.enqueue(group_.defer([this, &queue] { work_on(queue); }));
+  {
+    const std::scoped_lock lock(mutex_);
+    asked_.push_back(&queue);
+    if (idle_ == 0) return;
+  }
+  asked_for_.notify_one();
 }
 
 void Encoders::wait() {
-  arena_.execute([this] { group_.wait(); });
+  std::unique_lock lock(mutex_);
+  done_.wait(lock, [this] { return asked_.empty() && busy_ == 0; });
 }
 
-std::unique_ptr<RawJpegEncoder> Encoders::borrow() {
-  {
-    const std::scoped_lock lock(mutex_);
-    if (!idle_.empty()) {
-      auto encoder = std::move(idle_.back());
-      idle_.pop_back();
-      return encoder;
+/// The queue whose turn it is; null at a stop.
+FrameQueue* Encoders::next(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (!stop.stop_requested()) {
+    if (!asked_.empty()) {
+      FrameQueue* queue = asked_.front();
+      asked_.pop_front();
+      ++busy_;
+      return queue;
     }
+    ++idle_;
+    asked_for_.wait(lock, stop, [this] { return !asked_.empty(); });
+    --idle_;
   }
-  return std::make_unique<RawJpegEncoder>(settings_);
+  return nullptr;
 }
 
-void Encoders::work_on(FrameQueue& queue) {
-  const FrameQueue::Frame frame = queue.start_encoding();
-  if (!frame) return;  // given up meanwhile
-  std::optional<std::vector<std::byte>> result;
-  // Nothing may leave a TBB task; whatever goes wrong, the frame is recorded as missing.
-  try {
-    auto encoder = borrow();
-    thread_local std::vector<std::byte> scratch;
-    encoder->encode(frame->raw, scratch);
-    result.emplace(scratch);  // a copy without spare room: it may stay in memory for long
+void Encoders::work(const std::stop_token& stop, RawJpegEncoder& encoder) {
+  while (FrameQueue* queue = next(stop)) {
+    encode_one(*queue, encoder);
     const std::scoped_lock lock(mutex_);
-    idle_.push_back(std::move(encoder));
-  } catch (const std::exception&) {
-    result.reset();
+    --busy_;
+    if (asked_.empty() && busy_ == 0) done_.notify_all();
   }
-  queue.finish_encoding(frame, std::move(result));
 }
 
 }  // namespace raystage

@@ -1,26 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <tbb/global_control.h>
-#include <tbb/task_arena.h>
-#include <tbb/task_group.h>
-
-#include <memory>
+#include <condition_variable>
+#include <deque>
 #include <mutex>
+#include <stop_token>
+#include <thread>
 #include <vector>
 
 #include "ingest/record/frame_queue.h"
+#include "store/jpeg/encode.h"
 #include "store/jpeg/raw_encoder.h"
 
 namespace raystage {
 
-/// Encodes the raw frames of all cameras on TBB's threads. A source never waits: it says that its
-/// queue holds a frame more, and goes on.
+/// Encodes the raw frames of all cameras, each thread with an encoder of its own. A source never
+/// waits: it says that its queue holds a frame more, and goes on.
 class Encoders {
  public:
-  /// `threads`: as many frames at once.
+  /// `threads`: as many frames at once. Throws Error (bad input) for a wrong quality.
   Encoders(const JpegEncodeSettings& settings, int threads);
-  ~Encoders();
+  /// Drops what was asked for and is not begun.
+  ~Encoders() = default;
   Encoders(const Encoders&) = delete;
   Encoders& operator=(const Encoders&) = delete;
 
@@ -30,15 +31,15 @@ class Encoders {
   void wait();
 
  private:
-  void work_on(FrameQueue& queue);
-  std::unique_ptr<RawJpegEncoder> borrow();
+  void work(const std::stop_token& stop, RawJpegEncoder& encoder);
+  FrameQueue* next(const std::stop_token& stop);
 
-  const JpegEncodeSettings settings_;
   std::mutex mutex_;
-  std::vector<std::unique_ptr<RawJpegEncoder>> idle_;
-  tbb::global_control parallelism_;
-  tbb::task_arena arena_;
-  tbb::task_group group_;
+  std::condition_variable_any done_, asked_for_;
+  std::deque<FrameQueue*> asked_;    // each once per frame
+  std::size_t busy_ = 0, idle_ = 0;  // threads that encode, that wait to be called
+  std::vector<RawJpegEncoder> encoders_;
+  std::vector<std::jthread> threads_;  // last: they use all of the above
 };
 
 }  // namespace raystage

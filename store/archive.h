@@ -51,6 +51,14 @@ struct FrameRecord {
   bool operator==(const FrameRecord&) const = default;
 };
 
+/// One frame to append, or the record that it is missing.
+struct NewFrame {
+  Nanoseconds time_ns = 0;          ///< since the take's epoch
+  std::span<const std::byte> jpeg;  ///< of a frame to store; else not looked at
+  FrameStatus status = FrameStatus::kStored;
+  FrameOrigin origin;
+};
+
 /// Writes one camera's Matroska archive and its journal: 1 ns time scale, one cluster per frame,
 /// each frame whole on disk (in the page cache) when append returns. Cues, duration and sizes are
 /// filled in by close(); without it the file is readable all the same.
@@ -86,10 +94,14 @@ class ArchiveWriter {
   /// record before it, stored or missing, but not less: for a frame that came late give
   /// last_time(), its origin says the rest.
   void append_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin = {});
+  /// Appends several by the same rules, all or none, for the price of one: in one write to each
+  /// file. Throws as the others do.
+  void append(std::span<const NewFrame> frames);
   /// Time of the last record, stored or missing; -1 before the first.
   Nanoseconds last_time() const;
   /// Returns when the disk has every frame whose append returned before the call: such frames
-  /// survive a power loss. May be called from another thread than the one that appends, but not
+  /// survive a power loss. They leave the kernel's cache, which serves better for what is read
+  /// again. May be called from another thread than the one that appends, but not
   /// beside close(). Throws Error (failed) where the disk refuses.
   void flush();
   /// Throws Error (failed) for the disk; the frames are safe and readable then all the same. Does

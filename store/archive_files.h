@@ -28,13 +28,13 @@ struct ArchiveWriter::Files {
   /// Opens both as they are; the rest is up to resume().
   Files(Existing, const std::filesystem::path& archive_path, const Description& description);
 
-  void append(const FrameRecord& record, std::span<const std::byte> jpeg);
+  void append(std::span<const NewFrame> frames);
   void close();
   void flush();
 
   /// Cuts both files back to the last whole frame and says so in an Error with errno's text.
   Error roll_back(const OutputFile& failed);
-  void check_time(Nanoseconds time, bool stored) const;
+  void check(std::span<const NewFrame> frames) const;
 
   OutputFile archive;
   // Made second; if that fails the archive is taken away again.

@@ -41,6 +41,46 @@ Error error_of(Call&& call) {
   return Error::failed("", "", "");
 }
 
+TEST_F(Archive, SeveralAtOnceAreTheSameBytesAsOneByOne) {
+  const auto a = fake_jpeg(1), b = fake_jpeg(2, 90'000), c = fake_jpeg(3);
+  const std::array frames{NewFrame{10, a, FrameStatus::kStored, {11, 1}},
+                          NewFrame{20, {}, FrameStatus::kDroppedBySource, {kUnknownTime, 2}},
+                          NewFrame{20, b, FrameStatus::kStored, {21, 3}},
+                          NewFrame{30, c, FrameStatus::kStored, {31, 4}}};
+  ArchiveWriter together = writer();
+  together.append(frames);
+  together.append(std::span<const NewFrame>());
+  EXPECT_EQ(together.last_time(), 30);
+  together.close();
+  const auto mkv_bytes = bytes_of(mkv), journal_bytes = bytes_of(journal);
+  std::filesystem::remove(mkv);
+  std::filesystem::remove(journal);
+  ArchiveWriter single = writer();
+  single.append(a, 10, {11, 1});
+  single.append_missing(FrameStatus::kDroppedBySource, 20, {kUnknownTime, 2});
+  single.append(b, 20, {21, 3});
+  single.append(c, 30, {31, 4});
+  single.close();
+  EXPECT_EQ(bytes_of(mkv), mkv_bytes);
+  EXPECT_EQ(bytes_of(journal), journal_bytes);
+}
+
+TEST_F(Archive, SeveralAtOnceAreRefusedAsAWhole) {
+  const auto jpeg = fake_jpeg(1);
+  ArchiveWriter out = writer();
+  out.append(jpeg, 5);
+  const auto before = bytes_of(mkv), journal_before = bytes_of(journal);
+  const std::array same_time{NewFrame{10, jpeg, FrameStatus::kStored, {}},
+                             NewFrame{10, jpeg, FrameStatus::kStored, {}}};
+  const std::array empty{NewFrame{10, jpeg, FrameStatus::kStored, {}},
+                         NewFrame{20, {}, FrameStatus::kStored, {}}};
+  EXPECT_THAT(error_of([&] { out.append(same_time); }).what(), HasSubstr("does not follow"));
+  EXPECT_THAT(error_of([&] { out.append(empty); }).what(), HasSubstr("0 bytes"));
+  EXPECT_EQ(out.last_time(), 5);
+  EXPECT_EQ(bytes_of(mkv), before);
+  EXPECT_EQ(bytes_of(journal), journal_before);
+}
+
 TEST_F(Archive, GivesBackWhatWentIn) {
   ArchiveWriter out = writer();
   out.append_missing(FrameStatus::kStartUp, 0);

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <xxhash.h>
 
+#include <array>
 #include <cerrno>
 #include <limits>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "schemas/error.h"
 #include "store/archive_files.h"
@@ -70,19 +72,32 @@ ArchiveWriter::Files::Files(const std::filesystem::path& archive_path,
   }
 }
 
-void ArchiveWriter::Files::check_time(Nanoseconds time, bool stored) const {
+void ArchiveWriter::Files::check(std::span<const NewFrame> frames) const {
   const auto refuse = [&](const std::string& what) {
     return Error::bad_input(what, archive.path().string(),
                             "Give each frame its time since the take's epoch, in order");
   };
-  if (time < 0 || time > matroska::kMaxTime) {
-    throw refuse("a frame at " + std::to_string(time) +
-                 " ns is outside of 0 to 104 days since the epoch");
-  }
-  const Nanoseconds last = stored && last_stored_time == last_time ? last_time + 1 : last_time;
-  if (time < last) {
-    throw refuse("a frame at " + std::to_string(time) + " ns does not follow the one at " +
-                 std::to_string(last_time) + " ns");
+  Nanoseconds last = last_time, last_stored = last_stored_time;
+  for (const NewFrame& frame : frames) {
+    const Nanoseconds time = frame.time_ns;
+    const bool stored = frame.status == FrameStatus::kStored;
+    if (time < 0 || time > matroska::kMaxTime) {
+      throw refuse("a frame at " + std::to_string(time) +
+                   " ns is outside of 0 to 104 days since the epoch");
+    }
+    if (time < last || (stored && time == last_stored)) {
+      throw refuse("a frame at " + std::to_string(time) + " ns does not follow the one at " +
+                   std::to_string(last) + " ns");
+    }
+    if (stored &&
+        (frame.jpeg.empty() || frame.jpeg.size() > std::numeric_limits<std::uint32_t>::max())) {
+      throw Error::bad_input(
+          "a frame of " + std::to_string(frame.jpeg.size()) + " bytes cannot be stored",
+          archive.path().string(),
+          "Record what is missing as missing; a frame has 1 byte to 4 GiB");
+    }
+    last = time;
+    if (stored) last_stored = time;
   }
 }
 
@@ -97,21 +112,39 @@ Error ArchiveWriter::Files::roll_back(const OutputFile& failed) {
       failed.path().string(), kMakeRoom);
 }
 
-void ArchiveWriter::Files::append(const FrameRecord& record, std::span<const std::byte> jpeg) {
+void ArchiveWriter::Files::append(std::span<const NewFrame> frames) {
+  check(frames);
+  std::vector<std::array<std::byte, matroska::kClusterHeaderBytes>> heads(frames.size());
+  std::vector<std::span<const std::byte>> parts;
+  std::vector<std::byte> lines;
+  std::vector<matroska::CuePoint> points;
+  std::uint64_t end = archive_end;
+  Nanoseconds last_stored = last_stored_time;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    const NewFrame& frame = frames[i];
+    FrameRecord record{frame.time_ns,        0, 0, frame.status, 0, frame.origin.arrival_ns,
+                       frame.origin.sequence};
+    if (frame.status == FrameStatus::kStored) {
+      record.offset = end + matroska::kClusterHeaderBytes;
+      record.size = static_cast<std::uint32_t>(frame.jpeg.size());
+      record.xxh3 = XXH3_64bits(frame.jpeg.data(), frame.jpeg.size());
+      heads[i] = matroska::make_cluster_header(frame.time_ns, frame.jpeg.size());
+      parts.insert(parts.end(), {heads[i], frame.jpeg});
+      points.push_back({frame.time_ns, end});
+      end = record.offset + record.size;
+      last_stored = frame.time_ns;
+    }
+    const auto line = journal::encode_record(record);
+    lines.insert(lines.end(), line.begin(), line.end());
+  }
   // The archive first: a journal record then always has its frame.
-  if (!jpeg.empty()) {
-    const auto cluster = matroska::make_cluster_header(record.time_ns, jpeg.size());
-    if (!archive.write_at(archive_end, cluster, jpeg)) throw roll_back(archive);
-  }
-  const auto line = journal::encode_record(record);
-  if (!journal->write_at(journal_end, line)) throw roll_back(*journal);
-  journal_end += line.size();
-  if (!jpeg.empty()) {
-    cues.push_back({record.time_ns, archive_end});
-    archive_end = record.offset + record.size;
-    last_stored_time = record.time_ns;
-  }
-  last_time = record.time_ns;
+  if (!archive.write_parts_at(archive_end, parts)) throw roll_back(archive);
+  if (!journal->write_at(journal_end, lines)) throw roll_back(*journal);
+  journal_end += lines.size();
+  archive_end = end;
+  cues.insert(cues.end(), points.begin(), points.end());
+  last_stored_time = last_stored;
+  if (!frames.empty()) last_time = frames.back().time_ns;
 }
 
 void ArchiveWriter::Files::close() {
@@ -135,6 +168,7 @@ void ArchiveWriter::Files::flush() {
                             "Check the disk");
   };
   bring(archive);
+  archive.uncache();
   bring(*journal);
   // Once: the files' names, or a power loss leaves files that no folder lists.
   if (!names_are_safe.exchange(true)) {
@@ -183,28 +217,21 @@ ArchiveWriter::Files& ArchiveWriter::open_files() const {
   return *files_;
 }
 
+void ArchiveWriter::append(std::span<const NewFrame> frames) { open_files().append(frames); }
+
 void ArchiveWriter::append(std::span<const std::byte> jpeg, Nanoseconds time, FrameOrigin origin) {
-  Files& files = open_files();
-  files.check_time(time, true);
-  if (jpeg.empty() || jpeg.size() > std::numeric_limits<std::uint32_t>::max()) {
-    throw Error::bad_input("a frame of " + std::to_string(jpeg.size()) + " bytes cannot be stored",
-                           files.archive.path().string(),
-                           "Record what is missing as missing; a frame has 1 byte to 4 GiB");
-  }
-  files.append({time, files.archive_end + matroska::kClusterHeaderBytes,
-                static_cast<std::uint32_t>(jpeg.size()), FrameStatus::kStored,
-                XXH3_64bits(jpeg.data(), jpeg.size()), origin.arrival_ns, origin.sequence},
-               jpeg);
+  const NewFrame frame{time, jpeg, FrameStatus::kStored, origin};
+  append(std::span(&frame, 1));
 }
 
 void ArchiveWriter::append_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin) {
-  Files& files = open_files();
-  files.check_time(time, false);
   if (status == FrameStatus::kStored) {
     throw Error::bad_input("a missing frame needs the reason why it is missing",
-                           files.journal->path().string(), "Give another status than stored");
+                           open_files().journal->path().string(),
+                           "Give another status than stored");
   }
-  files.append({time, 0, 0, status, 0, origin.arrival_ns, origin.sequence}, {});
+  const NewFrame frame{time, {}, status, origin};
+  append(std::span(&frame, 1));
 }
 
 Nanoseconds ArchiveWriter::last_time() const { return open_files().last_time; }

@@ -7,10 +7,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
+#include <climits>
 #include <system_error>
 #include <utility>
+#include <vector>
 
 #include "schemas/error.h"
 
@@ -47,22 +49,33 @@ OutputFile::~OutputFile() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
-bool OutputFile::write_at(std::uint64_t offset, std::span<const std::byte> head,
-                          std::span<const std::byte> body) {
-  while (!head.empty() || !body.empty()) {
-    const std::array parts{part(head), part(body)};
-    const ssize_t count = pwritev(descriptor_, parts.data(), static_cast<int>(parts.size()),
-                                  static_cast<off_t>(offset));
-    if (count < 0 && errno == EINTR) continue;
-    if (count <= 0) {
-      if (count == 0) errno = ENOSPC;
+bool OutputFile::write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
+  return write_parts_at(offset, std::span(&bytes, 1));
+}
+
+bool OutputFile::write_parts_at(std::uint64_t offset,
+                                std::span<const std::span<const std::byte>> parts) {
+  std::vector<iovec> left;
+  for (const auto& bytes : parts) {
+    if (!bytes.empty()) left.push_back(part(bytes));
+  }
+  for (std::size_t first = 0; first < left.size();) {
+    const auto count = static_cast<int>(std::min<std::size_t>(left.size() - first, IOV_MAX));
+    const ssize_t written = pwritev(descriptor_, &left[first], count, static_cast<off_t>(offset));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) {
+      if (written == 0) errno = ENOSPC;
       return false;
     }
-    auto done = static_cast<std::size_t>(count);
-    offset += done;
-    const std::size_t of_head = done < head.size() ? done : head.size();
-    head = head.subspan(of_head);
-    body = body.subspan(done - of_head);
+    offset += static_cast<std::uint64_t>(written);
+    auto done = static_cast<std::size_t>(written);
+    for (; first < left.size() && done >= left[first].iov_len; ++first) {
+      done -= left[first].iov_len;
+    }
+    if (done > 0) {
+      left[first].iov_base = static_cast<std::byte*>(left[first].iov_base) + done;
+      left[first].iov_len -= done;
+    }
   }
   return true;
 }
@@ -72,6 +85,8 @@ bool OutputFile::truncate(std::uint64_t size) {
 }
 
 bool OutputFile::sync() const { return fdatasync(descriptor_) == 0; }
+
+void OutputFile::uncache() const { posix_fadvise(descriptor_, 0, 0, POSIX_FADV_DONTNEED); }
 
 void OutputFile::discard() {
   close(std::exchange(descriptor_, -1));

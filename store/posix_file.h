@@ -23,14 +23,18 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
+  /// False, with errno, when not everything could be written.
+  [[nodiscard]] bool write_at(std::uint64_t offset, std::span<const std::byte> bytes);
   /// Writes all parts one after the other from `offset`, in one system call where the kernel lets
   /// it. False, with errno, when not everything could be written.
-  [[nodiscard]] bool write_at(std::uint64_t offset, std::span<const std::byte> head,
-                              std::span<const std::byte> body = {});
+  [[nodiscard]] bool write_parts_at(std::uint64_t offset,
+                                    std::span<const std::span<const std::byte>> parts);
   [[nodiscard]] bool truncate(std::uint64_t size);
   /// Waits until the disk has what was written before the call; another thread may be writing
   /// meanwhile. False, with errno, when the disk refuses.
   [[nodiscard]] bool sync() const;
+  /// Takes what the disk has out of the kernel's cache: nobody will read it soon. A hint.
+  void uncache() const;
   /// Closes and removes the file; for what failed half way.
   void discard();
 

@@ -15,9 +15,11 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kRetryAfter = 100ms;  // while the disk refuses
-// The writer looks instead of being called: thousands of calls a second cost more than the writing.
-constexpr auto kLookAfter = 5ms;
-constexpr int kTurn = 16;  // frames of one camera before the next has its turn
+// The writer looks instead of being called, and seldom: thousands of calls a second cost more than
+// the writing, and several frames of a camera in one go cost little more than one.
+constexpr auto kLookAfter = 30ms;
+constexpr auto kLookAfterWhenTight = 5ms;
+constexpr std::size_t kTurn = 16;  // frames of one camera before the next has its turn
 
 }  // namespace
 
@@ -34,8 +36,17 @@ ArchiveFlow::~ArchiveFlow() = default;
 
 void ArchiveFlow::write_on(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
-    if (write_some()) continue;
-    std::this_thread::sleep_for(trouble().empty() ? kLookAfter : kRetryAfter);
+    if (write_some() != Wrote::kSome) rest(stop);
+  }
+}
+
+void ArchiveFlow::rest(const std::stop_token& stop) {
+  if (!trouble().empty()) {
+    std::this_thread::sleep_for(kRetryAfter);
+  } else if (settings_.memory == nullptr || settings_.memory->is_tight()) {
+    std::this_thread::sleep_for(kLookAfterWhenTight);
+  } else {
+    settings_.memory->wait_while_roomy(stop, kLookAfter);
   }
 }
 
@@ -57,35 +68,49 @@ void ArchiveFlow::flush_on(const std::stop_token& stop) {
   }
 }
 
-/// True where something was written.
-bool ArchiveFlow::write_some() {
-  bool any = false;
+/// One turn for each camera; kSome where there is more to write, and the disk takes it.
+ArchiveFlow::Wrote ArchiveFlow::write_some() {
+  Wrote wrote = Wrote::kNothing;
+  bool more = false;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
-    for (int turn = 0; turn < kTurn; ++turn) {
-      const FrameQueue::Frame frame = cameras_[i].queue.front_ready();
-      if (!frame) break;
-      if (!write(i, *frame)) return any;
-      cameras_[i].queue.pop_front();
-      any = true;
-    }
+    FrameQueue& queue = cameras_[i].queue;
+    const auto frames = queue.start_writing(kTurn);
+    if (frames.empty()) continue;
+    const std::size_t written = write(i, frames);
+    queue.finish_writing(written);
+    if (written > 0) wrote = Wrote::kAll;
+    if (written < frames.size()) return wrote;
+    more = more || written == kTurn;
   }
-  return any;
+  return more ? Wrote::kSome : wrote;
 }
 
-bool ArchiveFlow::write(std::size_t camera, const QueuedFrame& frame) {
+/// How many of the frames are on disk: all, or as many as fit.
+std::size_t ArchiveFlow::write(std::size_t camera, std::span<const FrameQueue::Frame> frames) {
+  if (append(camera, frames)) return frames.size();
+  std::size_t written = 0;
+  if (frames.size() == 1) return written;
+  while (written < frames.size() && append(camera, frames.subspan(written, 1))) ++written;
+  return written;
+}
+
+bool ArchiveFlow::append(std::size_t camera, std::span<const FrameQueue::Frame> frames) {
+  std::vector<NewFrame> batch;
+  std::uint64_t bytes = 0;
+  for (const auto& frame : frames) {
+    batch.push_back({frame->time_ns, frame->jpeg, frame->status, frame->origin});
+    bytes += frame->jpeg.size();
+  }
   try {
-    ArchiveWriter& archive = cameras_[camera].archive;
-    if (frame.holds_picture()) {
-      archive.append(frame.jpeg, frame.time_ns, frame.origin);
-      bytes_written_.fetch_add(frame.jpeg.size(), std::memory_order_relaxed);
-    } else {
-      archive.append_missing(frame.status, frame.time_ns, frame.origin);
-    }
+    cameras_[camera].archive.append(batch);
   } catch (const Error& error) {
     set_trouble(error.what());
     return false;
   }
-  tallies_[camera].count[static_cast<std::size_t>(frame.status)].fetch_add(1);
+  bytes_written_.fetch_add(bytes, std::memory_order_relaxed);
+  for (const auto& frame : frames) {
+    tallies_[camera].count[static_cast<std::size_t>(frame->status)].fetch_add(1);
+  }
   set_trouble({});
   return true;
 }
@@ -118,7 +143,7 @@ void ArchiveFlow::drain(const std::function<void(double)>& progress) {
   auto last_success = Clock::now();
   while (const std::size_t left = waiting()) {
     if (progress) progress(1 - static_cast<double>(left) / static_cast<double>(all));
-    if (write_some()) {
+    if (write_some() != Wrote::kNothing) {
       last_success = Clock::now();
       continue;
     }
@@ -136,13 +161,13 @@ void ArchiveFlow::give_up_rest() {
   settings_.release_reserve();
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     FrameQueue& queue = cameras_[i].queue;
-    while (const FrameQueue::Frame frame = queue.front_ready()) {
-      if (frame->holds_picture()) {
-        frame->become_missing(FrameStatus::kDroppedDiskFull);
+    for (auto front = queue.start_writing(1); !front.empty(); front = queue.start_writing(1)) {
+      if (front[0]->holds_picture()) {
+        front[0]->become_missing(FrameStatus::kDroppedDiskFull);
         ++cameras_[i].counters.dropped;
       }
-      if (!write(i, *frame)) ++cameras_[i].counters.unrecorded;
-      queue.pop_front();
+      if (!append(i, front)) ++cameras_[i].counters.unrecorded;
+      queue.finish_writing(1);
     }
   }
 }

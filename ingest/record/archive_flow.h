@@ -6,12 +6,14 @@
 #include <cstdint>
 #include <functional>
 #include <mutex>
+#include <span>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "ingest/record/camera_intake.h"
 #include "ingest/record/frame_queue.h"
+#include "ingest/record/memory_budget.h"
 #include "store/archive.h"
 
 namespace raystage {
@@ -34,6 +36,9 @@ class ArchiveFlow {
     double patience = 3;
     /// How often what is written is made safe against power loss, seconds; 0: never.
     double flush_every = 1;
+    /// What the frames are counted in: where it gets tight, they are written at once instead of
+    /// several of a camera together.
+    MemoryBudget* memory = nullptr;
   };
 
   ArchiveFlow(std::vector<Camera> cameras, Settings settings);
@@ -59,8 +64,11 @@ class ArchiveFlow {
   };
   void write_on(const std::stop_token& stop);
   void flush_on(const std::stop_token& stop);
-  bool write_some();
-  bool write(std::size_t camera, const QueuedFrame& frame);
+  enum class Wrote { kNothing, kAll, kSome };
+  Wrote write_some();
+  std::size_t write(std::size_t camera, std::span<const FrameQueue::Frame> frames);
+  bool append(std::size_t camera, std::span<const FrameQueue::Frame> frames);
+  void rest(const std::stop_token& stop);
   void set_trouble(std::string text);
   std::size_t waiting() const;
   void give_up_rest();

@@ -50,9 +50,7 @@ void Encoders::work_on(FrameQueue& queue) {
   // Nothing may leave a TBB task; whatever goes wrong, the frame is recorded as missing.
   try {
     auto encoder = borrow();
-    thread_local std::vector<std::byte> scratch;
-    encoder->encode(frame->raw, scratch);
-    result.emplace(scratch);  // a copy without spare room: it may stay in memory for long
+    encoder->encode(frame->raw, result.emplace());
     const std::scoped_lock lock(mutex_);
     idle_.push_back(std::move(encoder));
   } catch (const std::exception&) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <iterator>
 #include <utility>
 
 namespace raystage {
@@ -49,17 +50,23 @@ void FrameQueue::finish_encoding(const Frame& frame, std::optional<std::vector<s
   frame->memory.resize_down(frame->jpeg.capacity() + kRecordMemory);
 }
 
-FrameQueue::Frame FrameQueue::front_ready() const {
+std::vector<FrameQueue::Frame> FrameQueue::start_writing(std::size_t most) {
+  std::vector<Frame> ready;
   const std::scoped_lock lock(mutex_);
-  if (frames_.empty() || frames_.front()->stage != QueuedFrame::Stage::kReady) return nullptr;
-  return frames_.front();
+  for (const Frame& frame : frames_) {
+    if (ready.size() == most || frame->stage != QueuedFrame::Stage::kReady) break;
+    ready.push_back(frame);
+  }
+  writing_ = ready.size();
+  return ready;
 }
 
-void FrameQueue::pop_front() {
-  Frame done;  // freed outside of the lock
+void FrameQueue::finish_writing(std::size_t written) {
   const std::scoped_lock lock(mutex_);
-  std::swap(done, frames_.front());
-  frames_.pop_front();
+  assert(written <= writing_);
+  // Their pictures are freed outside of the lock, with the writer's own references.
+  frames_.erase(frames_.begin(), frames_.begin() + static_cast<std::ptrdiff_t>(written));
+  writing_ = 0;
 }
 
 bool FrameQueue::give_up(bool oldest, FrameStatus reason) {
@@ -67,16 +74,15 @@ bool FrameQueue::give_up(bool oldest, FrameStatus reason) {
   const auto waits = [](const Frame& frame) {
     return frame->holds_picture() && frame->stage != QueuedFrame::Stage::kEncoding;
   };
-  if (oldest) {
-    // Not the very front: the writer may be writing it.
-    const auto found =
-        std::find_if(frames_.begin() + (frames_.empty() ? 0 : 1), frames_.end(), waits);
-    if (found == frames_.end()) return false;
-    (*found)->become_missing(reason);
-    return true;
-  }
-  const auto found = std::find_if(frames_.rbegin(), frames_.rend(), waits);
-  if (found == frames_.rend() || *found == frames_.front()) return false;
+  // The very front stays, also between two turns of the writer: it is next to be written.
+  const std::size_t kept = std::min(frames_.size(), std::max<std::size_t>(writing_, 1));
+  const auto first = frames_.begin() + static_cast<std::ptrdiff_t>(kept);
+  const auto newest = [&] {
+    const auto found = std::find_if(frames_.rbegin(), std::make_reverse_iterator(first), waits);
+    return found.base() == first ? frames_.end() : std::prev(found.base());
+  };
+  const auto found = oldest ? std::find_if(first, frames_.end(), waits) : newest();
+  if (found == frames_.end()) return false;
   (*found)->become_missing(reason);
   return true;
 }

@@ -55,12 +55,14 @@ class FrameQueue {
   /// The encoder's result. Without `jpeg` the frame is missing: kDroppedEncoder.
   void finish_encoding(const Frame& frame, std::optional<std::vector<std::byte>> jpeg);
 
-  /// The front where it is ready, without taking it away; null otherwise.
-  Frame front_ready() const;
-  void pop_front();
+  /// The frames at the front that are ready, at most so many. They stay in the queue, and as they
+  /// are, until finish_writing().
+  std::vector<Frame> start_writing(std::size_t most);
+  /// Takes the first `written` of those away; the others wait to be written again.
+  void finish_writing(std::size_t written);
 
   /// Turns a waiting frame, the oldest or the newest, into a record that it was dropped. False
-  /// where no frame can be given up (none there, or all in the hands of encoders).
+  /// where no frame can be given up (none there, or all in the hands of encoders or the writer).
   bool give_up(bool oldest, FrameStatus reason);
 
   std::uint64_t encoder_failures() const { return encoder_failures_; }
@@ -70,6 +72,7 @@ class FrameQueue {
  private:
   mutable std::mutex mutex_;
   std::deque<Frame> frames_;
+  std::size_t writing_ = 0;  // so many at the front are in the writer's hands
   std::atomic<std::uint64_t> encoder_failures_ = 0;
   std::deque<Frame> to_encode_;  // those of frames_ that no encoder has taken yet
 };

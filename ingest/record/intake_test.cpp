@@ -53,6 +53,26 @@ TEST(MemoryBudget, HoldsUnderManyThreads) {
   EXPECT_LE(budget.peak(), 10000U);
 }
 
+TEST(MemoryBudget, WakesWhoWaitsWhenItBecomesTight) {
+  using namespace std::chrono_literals;
+  MemoryBudget budget(1000);
+  const auto half = budget.try_take(500);
+  EXPECT_FALSE(budget.is_tight());
+  budget.wait_while_roomy({}, 1ms);  // in vain
+  EXPECT_FALSE(budget.is_tight());
+  MemoryBudget::Share more;
+  {
+    const std::jthread taker([&] {
+      std::this_thread::sleep_for(20ms);
+      more = budget.try_take(1);
+    });
+    const auto start = std::chrono::steady_clock::now();
+    budget.wait_while_roomy({}, 60000ms);
+    EXPECT_LT(std::chrono::steady_clock::now() - start, 30s);
+  }
+  EXPECT_TRUE(budget.is_tight());
+}
+
 TEST(CheckJpeg, KnowsWholeTornAndForeign) {
   const Bytes jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, 64, 48), {});
   EXPECT_EQ(check_jpeg(jpeg, 64, 48), FrameStatus::kStored);
@@ -126,6 +146,13 @@ FrameQueue::Frame queued(Nanoseconds time, QueuedFrame::Stage stage) {
   return frame;
 }
 
+/// Takes the front away, where it is ready; null otherwise.
+FrameQueue::Frame written(FrameQueue& queue) {
+  const auto frames = queue.start_writing(1);
+  queue.finish_writing(frames.size());
+  return frames.empty() ? nullptr : frames.front();
+}
+
 TEST(FrameQueue, WaitsForTheFrontAndKeepsTheOrder) {
   FrameQueue queue;
   queue.push(queued(1, QueuedFrame::Stage::kToEncode));
@@ -134,14 +161,27 @@ TEST(FrameQueue, WaitsForTheFrontAndKeepsTheOrder) {
   const auto first = queue.start_encoding(), second = queue.start_encoding();
   EXPECT_EQ(queue.start_encoding(), nullptr);
   queue.finish_encoding(second, Bytes(5));
-  EXPECT_EQ(queue.front_ready(), nullptr);
+  EXPECT_EQ(written(queue), nullptr);
   queue.finish_encoding(first, std::nullopt);
-  EXPECT_EQ(queue.front_ready()->status, FrameStatus::kDroppedEncoder);
+  EXPECT_EQ(written(queue)->status, FrameStatus::kDroppedEncoder);
   EXPECT_EQ(queue.encoder_failures(), 1U);
-  queue.pop_front();
-  EXPECT_EQ(queue.front_ready()->time_ns, 2);
-  queue.pop_front();
-  EXPECT_EQ(queue.front_ready()->time_ns, 3);
+  EXPECT_EQ(written(queue)->time_ns, 2);
+  EXPECT_EQ(written(queue)->time_ns, 3);
+  EXPECT_TRUE(queue.empty());
+}
+
+TEST(FrameQueue, KeepsWhatTheWriterCouldNotWrite) {
+  FrameQueue queue;
+  for (Nanoseconds time = 1; time <= 5; ++time) {
+    queue.push(queued(time, QueuedFrame::Stage::kReady));
+  }
+  EXPECT_EQ(queue.start_writing(4).size(), 4U);
+  queue.finish_writing(1);
+  const auto again = queue.start_writing(100);
+  ASSERT_EQ(again.size(), 4U);
+  EXPECT_EQ(again.front()->time_ns, 2);
+  queue.finish_writing(4);
+  EXPECT_TRUE(queue.empty());
 }
 
 TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
@@ -150,6 +190,7 @@ TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
   queue.push(queued(2, QueuedFrame::Stage::kToEncode));
   queue.push(queued(3, QueuedFrame::Stage::kReady));
   queue.push(queued(4, QueuedFrame::Stage::kToEncode));
+  EXPECT_EQ(queue.start_writing(5).size(), 1U);
   const auto encoding = queue.start_encoding();
   EXPECT_EQ(encoding->time_ns, 2);
   EXPECT_TRUE(queue.give_up(true, FrameStatus::kDroppedRamFull));   // 3
@@ -158,11 +199,9 @@ TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
   EXPECT_FALSE(queue.give_up(false, FrameStatus::kDroppedRamFull));
   EXPECT_EQ(queue.start_encoding(), nullptr);  // 4 was given up meanwhile
   queue.finish_encoding(encoding, Bytes(5));
+  queue.finish_writing(0);
   std::vector<FrameStatus> statuses;
-  while (const auto front = queue.front_ready()) {
-    statuses.push_back(front->status);
-    queue.pop_front();
-  }
+  while (const auto front = written(queue)) statuses.push_back(front->status);
   EXPECT_EQ(statuses, (std::vector{FrameStatus::kStored, FrameStatus::kStored,
                                    FrameStatus::kDroppedRamFull, FrameStatus::kDroppedRamFull}));
 }
@@ -184,10 +223,9 @@ TEST(Encoders, WhatCannotBeEncodedIsMissing) {
   encoders.wait();
   EXPECT_EQ(queue.encoder_failures(), 10U);
   for (int i = 0; i < 20; ++i) {
-    ASSERT_NE(queue.front_ready(), nullptr);
-    EXPECT_EQ(queue.front_ready()->status,
-              i % 2 == 0 ? FrameStatus::kDroppedEncoder : FrameStatus::kStored);
-    queue.pop_front();
+    const auto frame = written(queue);
+    ASSERT_NE(frame, nullptr);
+    EXPECT_EQ(frame->status, i % 2 == 0 ? FrameStatus::kDroppedEncoder : FrameStatus::kStored);
   }
 }
 

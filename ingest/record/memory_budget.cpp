@@ -19,7 +19,17 @@ MemoryBudget::Share MemoryBudget::try_take(std::size_t bytes) {
   std::size_t peak = peak_.load(std::memory_order_relaxed);
   while (peak < now && !peak_.compare_exchange_weak(peak, now, std::memory_order_relaxed)) {
   }
+  // One call at the border, not one per frame.
+  if (used <= limit_ / 2 && now > limit_ / 2) {
+    { const std::scoped_lock lock(mutex_); }
+    became_tight_.notify_all();
+  }
   return {this, bytes};
+}
+
+void MemoryBudget::wait_while_roomy(const std::stop_token& stop, std::chrono::milliseconds most) {
+  std::unique_lock lock(mutex_);
+  became_tight_.wait_for(lock, stop, most, [this] { return is_tight(); });
 }
 
 }  // namespace raystage

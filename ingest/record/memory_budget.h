@@ -2,7 +2,11 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
+#include <condition_variable>
 #include <cstddef>
+#include <mutex>
+#include <stop_token>
 #include <utility>
 
 namespace raystage {
@@ -42,6 +46,11 @@ class MemoryBudget {
   /// Never waits: an empty Share where there is no room.
   Share try_take(std::size_t bytes);
 
+  /// More than half is used.
+  bool is_tight() const { return used() > limit_ / 2; }
+  /// Returns early when it becomes tight, or at a stop.
+  void wait_while_roomy(const std::stop_token& stop, std::chrono::milliseconds most);
+
   std::size_t limit() const { return limit_; }
   std::size_t used() const { return used_.load(std::memory_order_relaxed); }
   std::size_t peak() const { return peak_.load(std::memory_order_relaxed); }
@@ -49,6 +58,8 @@ class MemoryBudget {
  private:
   const std::size_t limit_;
   std::atomic<std::size_t> used_ = 0, peak_ = 0;
+  std::mutex mutex_;
+  std::condition_variable_any became_tight_;
 };
 
 }  // namespace raystage

@@ -185,7 +185,8 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
   ArchiveFlow flow(std::move(flows), {.hold = s.settings.hold,
                                       .release_reserve = [&] { s.take.release_room(); },
                                       .patience = s.settings.disk_patience_s,
-                                      .flush_every = s.settings.flush_every_s});
+                                      .flush_every = s.settings.flush_every_s,
+                                      .memory = &s.memory});
   Encoders encoders(s.settings.jpeg, s.settings.threads);
 
   // Frames that waited in a source since it was opened are of before.

@@ -56,7 +56,7 @@ struct RecorderStatus {
   std::string trouble;                            ///< of the disk; empty: none
 };
 
-/// Runs one recording on one node: a thread per source, encoders on TBB, one writer.
+/// Runs one recording on one node: a thread per source, encoders, one writer.
 class Recorder {
  public:
   /// Throws Error (bad input) where the memory cannot hold even a few frames a camera.

@@ -71,6 +71,7 @@ std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettin
     jpeg_finish_compress(&info);
   });
   if (!encoded) libjpeg::throw_error(compressor.errors, "JPEG encoder");
+  bytes.resize(destination.file().size());
   return bytes;
 }
 
@@ -106,6 +107,7 @@ std::vector<std::byte> add_restart_markers(std::span<const std::byte> jpeg, int 
   const bool finished =
       libjpeg::guarded(source.errors, [&] { jpeg_finish_decompress(&source.info); });
   if (!finished) libjpeg::throw_error(source.errors, name);
+  bytes.resize(destination.file().size());
   return bytes;
 }
 

@@ -86,8 +86,8 @@ Compressor::Compressor() {
 
 Compressor::~Compressor() { jpeg_destroy_compress(&info); }
 
-VectorDestination::VectorDestination(jpeg_compress_struct& info, std::vector<std::byte>& bytes)
-    : bytes_(bytes) {
+VectorDestination::VectorDestination(jpeg_compress_struct& info, std::vector<std::byte>& room)
+    : room_(room) {
   base_.init_destination = init;
   base_.empty_output_buffer = grow;
   base_.term_destination = finish;
@@ -98,28 +98,32 @@ VectorDestination::VectorDestination(jpeg_compress_struct& info, std::vector<std
 
 void VectorDestination::init(j_compress_ptr info) {
   auto& self = *reinterpret_cast<VectorDestination*>(info->dest);
-  self.bytes_.clear();
-  grow(info);
+  if (self.room_.empty()) {
+    grow(info);
+    return;
+  }
+  self.base_.next_output_byte = reinterpret_cast<JOCTET*>(self.room_.data());
+  self.base_.free_in_buffer = self.room_.size();
 }
 
 boolean VectorDestination::grow(j_compress_ptr info) {
   auto& self = *reinterpret_cast<VectorDestination*>(info->dest);
-  const std::size_t used = self.bytes_.size();  // libjpeg calls when the buffer is full
+  const std::size_t used = self.room_.size();  // libjpeg calls when the buffer is full
   bool grown = false;
   try {
-    self.bytes_.resize(std::max<std::size_t>(used * 2, 65536));
+    self.room_.resize(std::max<std::size_t>(used * 2, 65536));
     grown = true;
   } catch (const std::bad_alloc&) {
   }
   if (!grown) ERREXIT1(info, JERR_OUT_OF_MEMORY, 0);
-  self.base_.next_output_byte = reinterpret_cast<JOCTET*>(self.bytes_.data() + used);
-  self.base_.free_in_buffer = self.bytes_.size() - used;
+  self.base_.next_output_byte = reinterpret_cast<JOCTET*>(self.room_.data() + used);
+  self.base_.free_in_buffer = self.room_.size() - used;
   return TRUE;
 }
 
 void VectorDestination::finish(j_compress_ptr info) {
   auto& self = *reinterpret_cast<VectorDestination*>(info->dest);
-  self.bytes_.resize(self.bytes_.size() - self.base_.free_in_buffer);
+  self.size_ = self.room_.size() - self.base_.free_in_buffer;
 }
 
 }  // namespace raystage::libjpeg

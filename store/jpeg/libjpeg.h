@@ -69,11 +69,13 @@ class Compressor {
   ErrorManager errors;
 };
 
-/// Makes `info` write into `bytes`, which must outlive the compression and then has the file's
-/// size.
+/// Makes `info` write into `room`, which must outlive the compression and grows as needed. Its
+/// bytes are not set to zero before each file: give the same one again.
 class VectorDestination {
  public:
-  VectorDestination(jpeg_compress_struct& info, std::vector<std::byte>& bytes);
+  VectorDestination(jpeg_compress_struct& info, std::vector<std::byte>& room);
+  /// The file, once the compression has finished.
+  std::span<const std::byte> file() const { return std::span(room_).first(size_); }
 
  private:
   static void init(j_compress_ptr info);
@@ -81,7 +83,8 @@ class VectorDestination {
   static void finish(j_compress_ptr info);
 
   jpeg_destination_mgr base_;  // first: libjpeg hands back a pointer to it
-  std::vector<std::byte>& bytes_;
+  std::vector<std::byte>& room_;
+  std::size_t size_ = 0;
 };
 
 /// Whether the `count` bytes before `end` are filler (0x00 or 0xFF), as some cameras put at the end

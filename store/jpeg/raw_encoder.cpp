@@ -85,6 +85,7 @@ struct RawJpegEncoder::State {
 
   JpegEncodeSettings settings;
   libjpeg::Compressor compressor;
+  std::vector<std::byte> room;  // where the JPEG grows
   // Where a plane's rows are shorter than whole MCUs, they are copied here and their last sample is
   // repeated: libjpeg reads whole MCUs.
   std::array<std::vector<std::byte>, 3> padding;
@@ -185,7 +186,7 @@ void RawJpegEncoder::encode(const RawImage& image, std::vector<std::byte>& bytes
       state.padding[static_cast<std::size_t>(plane)].resize(16 * (image.row_bytes(plane) + 16));
     }
   }
-  libjpeg::VectorDestination destination(state.compressor.info, bytes);
+  libjpeg::VectorDestination destination(state.compressor.info, state.room);
   const bool encoded = libjpeg::guarded(state.compressor.errors, [&] {
     state.start(image);
     if (is_yuv(image.format)) {
@@ -195,7 +196,11 @@ void RawJpegEncoder::encode(const RawImage& image, std::vector<std::byte>& bytes
     }
     jpeg_finish_compress(&state.compressor.info);
   });
-  if (encoded) return;
+  if (encoded) {
+    const auto file = destination.file();
+    bytes.assign(file.begin(), file.end());
+    return;
+  }
   jpeg_abort_compress(&state.compressor.info);
   libjpeg::throw_error(state.compressor.errors, "JPEG encoder");
 }

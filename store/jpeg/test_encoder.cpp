@@ -60,6 +60,7 @@ std::vector<std::byte> encode_odd(const RgbImage& image, const OddJpeg& what) {
     jpeg_finish_compress(&info);
   });
   if (!encoded) throw std::runtime_error(compressor.errors.text);
+  bytes.resize(destination.file().size());
   return bytes;
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // How much one node can record, against libjpeg-turbo alone and FFmpeg's recorder, in one run.
-// Usage: record_bench [SECONDS [THREADS]]: length of each measurement (default 10), encoder threads
-// (default 2). RAYSTAGE_BENCH_PICTURES: a folder of JPEG photographs; without it painted pictures.
+// Usage: record_bench [SECONDS [THREADS [ROW...]]]: length of each measurement (default 10),
+// encoder threads (default 2), and which rows (default all): raw load small held jpeg.
+// RAYSTAGE_BENCH_PICTURES: a folder of JPEG photographs; without it painted pictures.
 #include <fmt/format.h>
 #include <sys/resource.h>
 #include <turbojpeg.h>
@@ -14,6 +15,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <thread>
 
 #include "ingest/record/record_setup.h"
@@ -21,120 +23,39 @@
 #include "schemas/atomic_file.h"
 #include "schemas/test_folder.h"
 #include "store/jpeg/decode.h"
-#include "store/jpeg/encode.h"
-#include "store/jpeg/raw_encoder.h"
-#include "store/jpeg/test_images.h"
+#include "tests/bench/bench_frames.h"
 
 namespace raystage {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using Bytes = std::vector<std::byte>;
 
-constexpr int kPictures = 16, kQuality = 90;
+constexpr int kCameras = 64, kQuality = 90;
+constexpr int kThesisQuality = 27;  // some 10 KB a frame of 320x240, as the thesis had
 
 double seconds_since(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-/// CPU time of this process, or of its children, seconds.
-double cpu_seconds(int who) {
+/// What this process, or its children, took of the machine so far.
+struct Usage {
+  double user = 0, system = 0;         ///< CPU time, seconds
+  double page_faults = 0, sleeps = 0;  ///< times
+  double cpu() const { return user + system; }
+};
+
+Usage usage(int who) {
   rusage usage{};
   getrusage(who, &usage);
   const auto seconds = [](const timeval& t) {
     return static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_usec) * 1e-6;
   };
-  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+  return {seconds(usage.ru_utime), seconds(usage.ru_stime), static_cast<double>(usage.ru_minflt),
+          static_cast<double>(usage.ru_nvcsw)};
 }
 
-/// The middle of a picture, every `step`-th pixel.
-RgbImage cut(const RgbImage& image, int width, int height, int step) {
-  RgbImage out{width, height, {}};
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      const auto at = static_cast<std::size_t>(
-          3 * ((y * step + (image.height - height * step) / 2) * image.width + x * step +
-               (image.width - width * step) / 2));
-      for (std::size_t c = 0; c < 3; ++c) out.pixels.push_back(image.pixels[at + c]);
-    }
-  }
-  return out;
-}
-
-std::vector<RgbImage> pictures(int width, int height, int step) {
-  std::vector<RgbImage> result;
-  if (const char* folder = std::getenv("RAYSTAGE_BENCH_PICTURES")) {
-    std::vector<std::filesystem::path> files;
-    for (const auto& file : std::filesystem::directory_iterator(folder)) {
-      if (file.path().extension() == ".jpg") files.push_back(file.path());
-    }
-    std::ranges::sort(files);
-    for (const auto& file : files) {
-      const std::string bytes = read_file(file);
-      const RgbImage image = JpegDecoder().decode(std::as_bytes(std::span(bytes)), file.string());
-      if (image.width >= width * step && image.height >= height * step) {
-        result.push_back(cut(image, width, height, step));
-      }
-      if (result.size() == kPictures) return result;
-    }
-  }
-  while (result.size() < kPictures) {
-    result.push_back(test_images::make(test_images::Kind::kMixed, width, height,
-                                       static_cast<std::uint32_t>(result.size())));
-  }
-  return result;
-}
-
-/// Full-range 4:2:0 (JFIF), chroma averaged over 2x2.
-RawImage yuv420(const RgbImage& rgb) {
-  const int width = rgb.width, height = rgb.height;
-  auto bytes = std::make_shared<Bytes>(static_cast<std::size_t>(width * height * 3 / 2));
-  const auto store = [&](std::size_t at, double value) {
-    (*bytes)[at] = static_cast<std::byte>(std::lround(std::clamp(value, 0.0, 255.0)));
-  };
-  const auto channel = [&](int x, int y, int c) -> double {
-    return rgb.pixels[static_cast<std::size_t>(3 * (y * width + x) + c)];
-  };
-  for (int y = 0; y < height; ++y) {
-    for (int x = 0; x < width; ++x) {
-      store(static_cast<std::size_t>(y * width + x),
-            0.299 * channel(x, y, 0) + 0.587 * channel(x, y, 1) + 0.114 * channel(x, y, 2));
-    }
-  }
-  const auto chroma_size = static_cast<std::size_t>(width * height / 4);
-  for (int y = 0; y < height; y += 2) {
-    for (int x = 0; x < width; x += 2) {
-      std::array<double, 3> mean{};
-      for (int c = 0; c < 3; ++c) {
-        mean[static_cast<std::size_t>(c)] = (channel(x, y, c) + channel(x + 1, y, c) +
-                                             channel(x, y + 1, c) + channel(x + 1, y + 1, c)) /
-                                            4;
-      }
-      const auto at = static_cast<std::size_t>(width * height + y / 2 * (width / 2) + x / 2);
-      store(at, 128 - 0.168736 * mean[0] - 0.331264 * mean[1] + 0.5 * mean[2]);
-      store(at + chroma_size, 128 + 0.5 * mean[0] - 0.418688 * mean[1] - 0.081312 * mean[2]);
-    }
-  }
-  RawImage image;
-  image.format = PixelFormat::kYuv420;
-  image.width = width;
-  image.height = height;
-  const auto w = static_cast<std::size_t>(width);
-  const auto luma = w * static_cast<std::size_t>(height);
-  image.planes = {RawImage::Plane{bytes->data(), w},
-                  {bytes->data() + luma, w / 2},
-                  {bytes->data() + luma + chroma_size, w / 2}};
-  image.owner = bytes;
-  return image;
-}
-
-std::vector<SourceFrame> raw_frames(const std::vector<RgbImage>& images) {
-  std::vector<SourceFrame> frames;
-  for (const RgbImage& image : images) {
-    frames.emplace_back();
-    frames.back().raw = yuv420(image);
-  }
-  return frames;
+Usage operator-(const Usage& a, const Usage& b) {
+  return {a.user - b.user, a.system - b.system, a.page_faults - b.page_faults, a.sleeps - b.sleeps};
 }
 
 /// libjpeg-turbo alone: frames a second on so many threads.
@@ -167,11 +88,25 @@ double turbojpeg_rate(const std::vector<SourceFrame>& frames, int threads, doubl
 }
 
 struct Result {
-  double fps = 0, cpu = 0;  ///< stored a second; CPU seconds a second
-  std::uint64_t arrived = 0, dropped = 0;
+  double seconds = 0;  ///< until all frames were on disk
+  Usage used;
+  std::uint64_t arrived = 0, stored = 0, dropped = 0;
   double megabytes = 0, peak_mb = 0;
   bool audit = false;
   std::string complaint;
+
+  double fps() const { return static_cast<double>(stored) / seconds; }
+  double cores() const { return used.cpu() / seconds; }
+  double kilobytes() const { return 1e3 * megabytes / static_cast<double>(stored); }
+  /// Why it takes what it takes.
+  std::string costs() const {
+    const auto frames = static_cast<double>(stored);
+    return fmt::format(
+        "{:.0f} us of CPU a frame, {:.0f} of them in the kernel; {:.1f} page faults, "
+        "{:.2f} sleeps",
+        1e6 * used.cpu() / frames, 1e6 * used.system / frames, used.page_faults / frames,
+        used.sleeps / frames);
+  }
 };
 
 Result record(const std::vector<SourceFrame>& frames, int cameras, double fps, double seconds,
@@ -193,20 +128,15 @@ Result record(const std::vector<SourceFrame>& frames, int cameras, double fps, d
                                              rig_for(config, {}, opened), "n");
   settings.duration_s = seconds;
   Recorder recorder(settings, std::move(opened), take, "bench");
-  const double cpu = cpu_seconds(RUSAGE_SELF);
+  const Usage before = usage(RUSAGE_SELF);
   const auto start = Clock::now();
-  std::uint64_t stored_at_end = 0;
-  const auto session = recorder.run({}, [&](const RecorderStatus& status) {
-    if (status.seconds > seconds) return;
-    stored_at_end = 0;
-    for (const auto& camera : status.cameras) stored_at_end += camera.stored;
-  });
-  const double wall = seconds_since(start);
+  const auto session = recorder.run({});
   Result result;
-  result.cpu = (cpu_seconds(RUSAGE_SELF) - cpu) / wall;
+  result.seconds = seconds_since(start);
+  result.used = usage(RUSAGE_SELF) - before;
   for (const auto& camera : session.cameras) {
     result.arrived += camera.arrived;
-    result.fps += static_cast<double>(camera.stored) / wall;
+    result.stored += camera.stored;
     for (const auto& [reason, count] : camera.dropped) result.dropped += count;
     result.dropped += camera.skipped_by_source;
   }
@@ -217,29 +147,6 @@ Result record(const std::vector<SourceFrame>& frames, int cameras, double fps, d
   result.audit = session.audit && session.audit->holds;
   if (!result.audit && session.audit) result.complaint = session.audit->complaints.at(0);
   return result;
-}
-
-double psnr(const std::vector<RgbImage>& a, const std::vector<RgbImage>& b) {
-  double sum = 0, count = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    for (std::size_t p = 0; p < a[i].pixels.size(); ++p) {
-      sum += std::pow(a[i].pixels[p] - b[i].pixels[p], 2);
-    }
-    count += static_cast<double>(a[i].pixels.size());
-  }
-  return 10 * std::log10(255 * 255 / (sum / count));
-}
-
-/// What a JPEG of each frame is worth, against the same planes without loss (quality 100).
-std::vector<RgbImage> decoded(const std::vector<SourceFrame>& frames, int quality) {
-  RawJpegEncoder encoder({quality, JpegEncodeSettings::Chroma::k420, 0});
-  std::vector<RgbImage> images;
-  Bytes bytes;
-  for (const SourceFrame& frame : frames) {
-    encoder.encode(frame.raw, bytes);
-    images.push_back(JpegDecoder().decode(bytes, "bench"));
-  }
-  return images;
 }
 
 struct Ffmpeg {
@@ -264,13 +171,13 @@ Ffmpeg ffmpeg_recorder(const std::vector<SourceFrame>& frames, double wanted_psn
     }
   };
   const auto run = [&](int scale, const std::string& output) {
-    const double before = cpu_seconds(RUSAGE_CHILDREN);
+    const double before = usage(RUSAGE_CHILDREN).cpu();
     const std::string command = fmt::format(
         "ffmpeg -v error -y -f rawvideo -pix_fmt yuvj420p -s {}x{} -r 30 -i '{}' -c:v "
         "mjpeg -q:v {} '{}/{}'",
         first.width, first.height, raw.string(), scale, folder.path().string(), output);
     if (std::system(command.c_str()) != 0) std::exit(1);
-    return cpu_seconds(RUSAGE_CHILDREN) - before;
+    return usage(RUSAGE_CHILDREN).cpu() - before;
   };
   Ffmpeg best;
   write_raw(1);
@@ -293,67 +200,132 @@ Ffmpeg ffmpeg_recorder(const std::vector<SourceFrame>& frames, double wanted_psn
   return best;
 }
 
-void print(const std::string& what, const std::string& value) {
-  fmt::print("| {} | {} |\n", what, value);
+/// What 64 threads cost that wake up so often and do nothing.
+double idle_cores(double wakes_per_second, double seconds) {
+  const Usage before = usage(RUSAGE_SELF);
+  const auto start = Clock::now();
+  {
+    std::vector<std::jthread> threads;
+    for (int t = 0; t < kCameras; ++t) {
+      threads.emplace_back([&] {
+        const std::chrono::duration<double> interval(1 / wakes_per_second);
+        auto next = start;
+        while (seconds_since(start) < seconds) {
+          next += std::chrono::duration_cast<Clock::duration>(interval);
+          std::this_thread::sleep_until(next);
+        }
+      });
+    }
+  }
+  return (usage(RUSAGE_SELF) - before).cpu() / seconds_since(start);
+}
+
+void print(const std::string& what, const std::string& value, const Result& result) {
+  fmt::print("| {} | {} | {} |\n", what, value, result.costs());
   std::fflush(stdout);
 }
 
-void run(double seconds, int threads) {
-  RecorderSettings settings;
-  settings.threads = threads;
-  settings.jpeg = {kQuality, JpegEncodeSettings::Chroma::k420, -1};
-  settings.memory_bytes = 500'000'000;
-  const auto vga = raw_frames(pictures(640, 480, 1));
-  const auto small = raw_frames(pictures(320, 240, 2));
-  fmt::print("| measured for {:.0f} s each, {} threads | |\n| --- | --- |\n", seconds, threads);
-
-  const double alone = turbojpeg_rate(vga, threads, seconds);
-  const Result full = record(vga, 64, 1.15 * alone / 64, seconds, settings);
-  print("64 raw streams 640x480 4:2:0, more than fits",
-        fmt::format("{:.0f} frames/s stored, {:.0f} MB/s; libjpeg-turbo alone {:.0f} frames/s: "
-                    "{:.1f} %; audit {}{}",
-                    full.fps, full.megabytes / seconds, alone, 100 * full.fps / alone,
-                    full.audit ? "holds" : "FAILS: ", full.complaint));
-  const double wanted = psnr(decoded(vga, kQuality), decoded(vga, 100));
-  const Ffmpeg ffmpeg = ffmpeg_recorder(vga, wanted);
-  const double ours = full.fps / full.cpu;
-  print("frames per CPU second",
-        fmt::format(
-            "{:.0f} at {:.2f} dB; ffmpeg -c:v mjpeg -q:v {} {:.0f} at {:.2f} dB: {:.2f} times",
-            ours, wanted, ffmpeg.scale, ffmpeg.frames_per_cpu_second, ffmpeg.psnr_db,
-            ours / ffmpeg.frames_per_cpu_second));
-  const Result load = record(vga, 64, 0.9 * full.fps / 64, 6 * seconds, settings);
-  print(fmt::format("the same at 90 % of that for {:.0f} s", 6 * seconds),
-        fmt::format("{} of {} frames dropped, {:.0f} MB of RAM at most (limit {:.0f})",
-                    load.dropped, load.arrived, load.peak_mb, settings.memory_bytes / 1e6));
-  const Result thesis = record(small, 64, 15, seconds, settings);
-  print("64 raw streams 320x240 at 15 fps",
-        fmt::format("{:.1f} % of a core, {} dropped", 100 * thesis.cpu, thesis.dropped));
-  settings.hold = true;
-  const Result held = record(small, 16, 15, seconds, settings);
-  print("16 of them held in memory",
-        fmt::format("{:.1f} minutes per GB ({:.1f} KB a frame)",
-                    1e9 / (held.peak_mb * 1e6 / seconds) / 60,
-                    1e3 * held.megabytes / static_cast<double>(held.arrived)));
-  settings.hold = false;
-  std::vector<SourceFrame> jpegs;
-  // As webcams compress: some 50 KB a frame.
-  RawJpegEncoder encoder({70, JpegEncodeSettings::Chroma::k420, -1});
-  for (const SourceFrame& frame : vga) {
-    jpegs.emplace_back();
-    encoder.encode(frame.raw, jpegs.back().jpeg);
+class Bench {
+ public:
+  Bench(double seconds, int threads) : seconds_(seconds), threads_(threads) {
+    settings_.threads = threads;
+    settings_.jpeg = {kQuality, JpegEncodeSettings::Chroma::k420, -1};
+    settings_.memory_bytes = 500'000'000;
   }
-  const Result passed = record(jpegs, 64, 30, seconds, settings);
-  print("64 JPEG streams 640x480 at 30 fps passed through",
-        fmt::format("{:.1f} % of a core, {:.0f} MB/s, {:.0f} KB a frame, {} dropped",
-                    100 * passed.cpu, passed.megabytes / seconds,
-                    1e3 * passed.megabytes / static_cast<double>(passed.arrived), passed.dropped));
+
+  void raw() {
+    const double alone = turbojpeg_rate(vga_, threads_, seconds_);
+    const Result full = record(vga_, kCameras, 1.15 * alone / kCameras, seconds_, settings_);
+    capacity_ = full.fps();
+    print("64 raw streams 640x480 4:2:0, more than fits",
+          fmt::format("{:.0f} frames/s stored, {:.0f} MB/s; libjpeg-turbo alone {:.0f} frames/s: "
+                      "{:.1f} %; audit {}{}",
+                      capacity_, full.megabytes / full.seconds, alone, 100 * capacity_ / alone,
+                      full.audit ? "holds" : "FAILS: ", full.complaint),
+          full);
+    const double wanted = psnr(decoded(vga_, kQuality), decoded(vga_, 100));
+    const Ffmpeg ffmpeg = ffmpeg_recorder(vga_, wanted);
+    const double ours = static_cast<double>(full.stored) / full.used.cpu();
+    print("frames per CPU second",
+          fmt::format("{:.0f} at {:.2f} dB; ffmpeg -c:v mjpeg -q:v {} {:.0f} at {:.2f} dB: {:.2f} "
+                      "times",
+                      ours, wanted, ffmpeg.scale, ffmpeg.frames_per_cpu_second, ffmpeg.psnr_db,
+                      ours / ffmpeg.frames_per_cpu_second),
+          full);
+  }
+
+  void load() {
+    if (capacity_ == 0) raw();
+    const double length = 12 * seconds_;
+    const Result load = record(vga_, kCameras, 0.9 * capacity_ / kCameras, length, settings_);
+    print(fmt::format("the same at 90 % of that for {:.0f} s", length),
+          fmt::format("{} of {} frames dropped, {:.0f} MB of RAM at most (limit {:.0f})",
+                      load.dropped, load.arrived, load.peak_mb, settings_.memory_bytes / 1e6),
+          load);
+  }
+
+  void small() {
+    constexpr double kFps = 15;
+    const Result result = record(small_, kCameras, kFps, seconds_, settings_);
+    print("64 raw streams 320x240 at 15 fps",
+          fmt::format("{:.1f} % of a core (waking alone {:.1f} %), {} dropped",
+                      100 * result.cores(), 100 * idle_cores(kFps, seconds_), result.dropped),
+          result);
+  }
+
+  void held() {
+    RecorderSettings settings = settings_;
+    settings.hold = true;
+    for (const int quality : {kQuality, kThesisQuality}) {
+      settings.jpeg.quality = quality;
+      const Result held = record(small_, 16, 15, seconds_, settings);
+      print(fmt::format("16 of them held in memory, quality {}", quality),
+            fmt::format("{:.1f} minutes per GB ({:.1f} KB a frame), {} dropped",
+                        1e9 / (held.peak_mb * 1e6 / seconds_) / 60, held.kilobytes(), held.dropped),
+            held);
+    }
+  }
+
+  void jpeg() {
+    constexpr int kWebcamQuality = 70;  // some 50 KB a frame
+    constexpr double kFps = 30;
+    const auto jpegs = jpeg_frames(vga_, kWebcamQuality);
+    const Result passed = record(jpegs, kCameras, kFps, seconds_, settings_);
+    print("64 JPEG streams 640x480 at 30 fps passed through",
+          fmt::format("{:.1f} % of a core (waking alone {:.1f} %), {:.0f} MB/s, {:.0f} KB a frame, "
+                      "{} dropped",
+                      100 * passed.cores(), 100 * idle_cores(kFps, seconds_),
+                      passed.megabytes / passed.seconds, passed.kilobytes(), passed.dropped),
+          passed);
+  }
+
+ private:
+  const double seconds_;
+  const int threads_;
+  RecorderSettings settings_;
+  const std::vector<SourceFrame> vga_ = raw_frames(bench_pictures(640, 480, 1)),
+                                 small_ = raw_frames(bench_pictures(320, 240, 2));
+  double capacity_ = 0;
+};
+
+void run(double seconds, int threads, std::vector<std::string> rows) {
+  if (rows.empty()) rows = {"raw", "load", "small", "held", "jpeg"};
+  fmt::print("| measured for {:.0f} s each, {} threads | | a frame costs |\n| --- | --- | --- |\n",
+             seconds, threads);
+  Bench bench(seconds, threads);
+  const std::map<std::string, void (Bench::*)()> known{{"raw", &Bench::raw},
+                                                       {"load", &Bench::load},
+                                                       {"small", &Bench::small},
+                                                       {"held", &Bench::held},
+                                                       {"jpeg", &Bench::jpeg}};
+  for (const std::string& row : rows) (bench.*known.at(row))();
 }
 
 }  // namespace
 }  // namespace raystage
 
 int main(int argc, char** argv) {
-  raystage::run(argc > 1 ? std::atof(argv[1]) : 10, argc > 2 ? std::atoi(argv[2]) : 2);
+  const std::vector<std::string> rows(argv + std::min(argc, 3), argv + argc);
+  raystage::run(argc > 1 ? std::atof(argv[1]) : 10, argc > 2 ? std::atoi(argv[2]) : 2, rows);
   return 0;
 }

@@ -171,7 +171,7 @@ float visibility(float x, float y, int width, int height, const cv::Vec2f& own, 
     return 0;
   }
   const float dx = sign * own[0] - shift.x, dy = sign * own[1] - shift.y;
-  const float same = kSameShift + kSamePerShift * std::hypot(shift.x, shift.y);
+  const float same = kSameShift + kSamePerShift * std::sqrt(shift.x * shift.x + shift.y * shift.y);
   const float ratio = (dx * dx + dy * dy) / (same * same);
   return 1 / (1 + ratio * ratio);
 }

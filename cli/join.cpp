@@ -20,7 +20,10 @@ int main(int argc, char** argv) {
   std::vector<std::filesystem::path> parts;
   std::filesystem::path output;
   bool quiet = false;
-  app.add_option("PART", parts, "Takes of the nodes, two or more")->required()->expected(2, 10000);
+  app.add_option("PART", parts, "Takes of the nodes, two or more")
+      ->required()
+      ->expected(2, 10000)
+      ->option_text("PART ...");
   app.add_option("-o,--output", output, "Folder of the new take; must not exist")
       ->required()
       ->type_name("TAKE");

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
 
@@ -84,7 +85,6 @@ FlashOffsets find_flashes(const Take& take, const std::vector<CameraStamps>& cam
 
 RetimeReport retime(const Take& take, const Resync& resync, const Options& options,
                     const std::stop_token& stop) {
-  const ThreadLimit limit(options.threads);
   RetimeSettings settings;
   settings.method = options.retime;
   settings.longest_gap = from_ms(options.longest_gap_ms);
@@ -101,15 +101,32 @@ void print_text(const RetimeReport& report, const std::string& output) {
   if (report.moved > 0) fmt::print("Moving     {:.1f} ms a frame\n", report.ms_per_moved);
 }
 
+void print_json(const Resync& resync, const std::optional<FlashOffsets>& flash,
+                const std::optional<RetimeReport>& retimed) {
+  auto json = nlohmann::ordered_json::parse(json_of(resync, flash));
+  if (retimed) {
+    json["retimed"] = {{"moved", retimed->moved},
+                       {"as_they_were", retimed->as_were},
+                       {"missing", retimed->missing},
+                       {"ms_per_moved", retimed->ms_per_moved}};
+  }
+  fmt::print("{}\n", json.dump(2));
+}
+
 ExitCode sync(const Options& options, std::stop_token stop) {
   if (options.retime != RetimeMethod::kNearest && options.output.empty()) {
     throw Error::bad_input("frames are moved into a new take, and none is named", "--retime",
                            "Give -o NEWTAKE; TAKE itself stays as it is");
   }
+  if (!options.flash_window.empty() && options.flash_window[0] >= options.flash_window[1]) {
+    throw Error::bad_input("the window ends before it begins", "--flash-window",
+                           "Give BEGIN before END, seconds");
+  }
   if (!options.output.empty() && std::filesystem::exists(options.output)) {
     throw Error::bad_input("the folder exists already", options.output,
                            "Choose another name, or remove it");
   }
+  const ThreadLimit limit(options.threads);
   const Take take(options.take);
   const std::vector<CameraStamps> cameras = stamps_of(take);
   ResyncSettings settings;
@@ -130,14 +147,14 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     add_offsets(*flash, options.flash_per == "node", cameras, settings.offsets);
   }
   const Resync resync = resynchronise(cameras, settings, options.take);
-  write_timeline(resync.timeline, take.folder());
+  if (options.output.empty()) write_timeline(resync.timeline, take.folder());
   if (!options.report.empty()) {
     write_file_atomically(options.report, report_html(resync, flash, take.document().name));
   }
   std::optional<RetimeReport> retimed;
   if (!options.output.empty()) retimed = retime(take, resync, options, stop);
   if (options.json) {
-    fmt::print("{}\n", json_of(resync, flash));
+    print_json(resync, flash, retimed);
   } else {
     print_text(resync, verdict_of(resync, flash));
     if (retimed) print_text(*retimed, options.output);
@@ -158,9 +175,10 @@ void add_retime_options(CLI::App& app, Options& options) {
                                                           {"flow", RetimeMethod::kFlow}})
                       .description(""))
       ->type_name("nearest|blend|flow");
-  auto* output = app.add_option("-o,--output", options.output,
-                                "New take with the retimed frames (TAKE stays as it is)")
-                     ->type_name("NEWTAKE");
+  auto* output =
+      app.add_option("-o,--output", options.output,
+                     "New take with the retimed frames and the timeline (TAKE is only read)")
+          ->type_name("NEWTAKE");
   app.add_option(
          "--longest-gap", options.longest_gap_ms,
          "Frames further apart get nothing made between them, ms (default: 2.5 ticks, which "
@@ -211,6 +229,7 @@ void add_options(CLI::App& app, Options& options) {
   app.add_option("--flash-window", options.flash_window,
                  "Where to look for flashes, s since the take's epoch (default: everywhere)")
       ->expected(2)
+      ->check(CLI::Range(-1e9, 1e9).description(""))
       ->option_text("BEGIN END")
       ->needs(flash);
   app.add_option("--report", options.report, "Write an HTML page with charts and the verdict")
@@ -228,7 +247,9 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Align the free-running cameras of a take in time: ticks at a constant rate, each with the\n"
       "nearest frame of every camera. Finds each camera's period and phase, steps of clocks and\n"
-      "lost frames. Written to TAKE/timeline.zst; the archives stay as they are.",
+      "lost frames. Written to TAKE/timeline.zst, or with -o into a new take; the archives stay "
+      "as\n"
+      "they are.",
       "raystage sync");
   Options options;
   add_options(app, options);

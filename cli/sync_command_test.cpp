@@ -103,6 +103,11 @@ TEST_F(SyncCommand, RetimesIntoANewTake) {
     EXPECT_EQ(test::run_raystage("verify -q '" + made.string() + "'").exit_code, 0);
   }
   EXPECT_EQ(read_file(take / "archive/c3.mkv"), before);
+  EXPECT_FALSE(std::filesystem::exists(take / "timeline.zst"));  // only read
+  const auto [exit_code, output] =
+      run("-q --json --retime blend -o '" + (folder.path() / "json").string() + "' " + quoted);
+  ASSERT_EQ(exit_code, 0) << output;
+  EXPECT_GT(nlohmann::json::parse(output)["retimed"]["moved"].get<int>(), 300);
 }
 
 TEST_F(SyncCommand, RetimingNeedsANewFolder) {
@@ -112,6 +117,7 @@ TEST_F(SyncCommand, RetimingNeedsANewFolder) {
   const auto existing = run("--retime flow -o " + quoted + " " + quoted);
   EXPECT_EQ(existing.exit_code, 2);
   EXPECT_THAT(existing.output, HasSubstr("exists already"));
+  EXPECT_EQ(run("--flash --flash-window 2 1 " + quoted).exit_code, 2);
   EXPECT_NE(run("--quality 200 -o x " + quoted).exit_code, 0);
   EXPECT_NE(run("--longest-gap 100 " + quoted).exit_code, 0);  // of nothing
 }

@@ -55,7 +55,10 @@ class TakeWriter {
   ArchiveWriter& archive(int camera);
   /// The folder under its temporary name, for further files (truth images, views.json).
   const std::filesystem::path& working_folder() const;
-  /// Closes the archives, writes the documents, renames the folder.
+  /// Closes the archives and writes the documents: the working folder is a whole take then, and
+  /// what is derived from it may be added. commit() does it where it was not called.
+  void finish();
+  /// Finishes, renames the folder.
   void commit();
 
  private:

@@ -84,7 +84,7 @@ struct TakeWriter::State {
   TakeDocument take;
   RigDocument rig;
   std::vector<std::optional<ArchiveWriter>> archives;
-  bool committed = false;
+  bool finished = false, committed = false;
 };
 
 TakeWriter::TakeWriter(const fs::path& folder, TakeDocument take, RigDocument rig)
@@ -139,11 +139,17 @@ ArchiveWriter& TakeWriter::archive(int camera) {
 
 const fs::path& TakeWriter::working_folder() const { return state_->working; }
 
-void TakeWriter::commit() {
-  assert(!state_->committed);
+void TakeWriter::finish() {
+  assert(!state_->finished);
   for (int i = 0; i < static_cast<int>(state_->archives.size()); ++i) archive(i).close();
   write_rig(state_->rig, state_->working / "rig.json");
   write_take(state_->take, state_->working / "take.json");
+  state_->finished = true;
+}
+
+void TakeWriter::commit() {
+  assert(!state_->committed);
+  if (!state_->finished) finish();
   // A take that has its name must be whole after a power cut too.
   sync_files_below(state_->working);
   if (rename_to_new(state_->working, state_->target) != 0) {

@@ -15,6 +15,8 @@ namespace {
 constexpr float kUnset = std::numeric_limits<float>::max();
 // Motions that differ by less are of one surface: pixels, and per pixel of motion.
 constexpr float kSameShift = 1, kSamePerShift = 0.05F;
+// No motion goes further, pixels.
+constexpr float kFarthest = 65536;
 // What remains of a picture where it seems hidden: decides only where both do.
 constexpr float kHidden = 1e-3F;
 
@@ -34,6 +36,8 @@ class MotionBetween {
     for (int y = 0; y < height_; ++y) {
       for (int x = 0; x < width_; ++x, ++i) {
         const Shift s = motion.shift[i];
+        // Flow may run away where pictures have nothing in common.
+        if (!(std::abs(s.x) < kFarthest && std::abs(s.y) < kFarthest)) continue;
         const float there_x = static_cast<float>(x) + s.x, there_y = static_cast<float>(y) + s.y;
         const float difference =
             std::abs(static_cast<float>(from.luma[i]) - luma_at(to, there_x, there_y));
@@ -83,7 +87,9 @@ class MotionBetween {
     const int x1 = std::min(x0 + 1, width - 1), y1 = std::min(y0 + 1, height - 1);
     const float u = x - static_cast<float>(x0), v = y - static_cast<float>(y0);
     const auto at = [&](int column, int row) {
-      return static_cast<float>(picture.luma[static_cast<std::size_t>(row * width + column)]);
+      return static_cast<float>(
+          picture.luma[static_cast<std::size_t>(row) * static_cast<std::size_t>(width) +
+                       static_cast<std::size_t>(column)]);
     };
     return (1 - v) * ((1 - u) * at(x0, y0) + u * at(x1, y0)) +
            v * ((1 - u) * at(x0, y1) + u * at(x1, y1));
@@ -93,18 +99,23 @@ class MotionBetween {
     const int column = static_cast<int>(std::floor(x + 0.5F));
     const int row = static_cast<int>(std::floor(y + 0.5F));
     if (column < 0 || row < 0 || column >= width_ || row >= height_) return;
-    const auto i = static_cast<std::size_t>(row * width_ + column);
+    const std::size_t i = index(column, row);
     if (difference >= difference_[i]) return;
     difference_[i] = difference;
     shift_[i] = shift;
   }
 
+  std::size_t index(int column, int row) const {
+    return static_cast<std::size_t>(row) * static_cast<std::size_t>(width_) +
+           static_cast<std::size_t>(column);
+  }
   template <class Visit>
   void for_neighbours(std::size_t i, const Visit& visit) const {
-    const int x = static_cast<int>(i) % width_, y = static_cast<int>(i) / width_;
+    const int x = static_cast<int>(i % static_cast<std::size_t>(width_));
+    const int y = static_cast<int>(i / static_cast<std::size_t>(width_));
     for (int row = std::max(0, y - 1); row <= std::min(height_ - 1, y + 1); ++row) {
       for (int column = std::max(0, x - 1); column <= std::min(width_ - 1, x + 1); ++column) {
-        const auto n = static_cast<std::size_t>(row * width_ + column);
+        const std::size_t n = index(column, row);
         if (n != i) visit(n);
       }
     }

@@ -11,7 +11,8 @@
 namespace raystage {
 namespace {
 
-constexpr int kSmallest = 12;  // below, DIS has no pyramid
+constexpr int kSmallest = 12;    // below, DIS has no pyramid
+constexpr int kLargest = 32766;  // above, OpenCV cannot look pictures up
 
 // OpenCV's matrices do not know const; the ones made here are only read.
 cv::Mat luma_of(const Picture& picture) {
@@ -55,6 +56,10 @@ MotionField MotionEstimator::estimate(const Picture& from, const Picture& to) {
   if (to.rgb.width != width || to.rgb.height != height) {
     throw Error::bad_input("two pictures of one camera differ in size", "retiming",
                            "Check the take with raystage verify --decode");
+  }
+  if (std::max(width, height) > kLargest) {
+    throw Error::bad_input("pictures of more than 32766 pixels in width or height cannot be moved",
+                           "retiming", "Use --retime nearest or blend");
   }
   MotionField field{width, height, std::vector<Shift>(from.luma.size())};
   if (std::min(width, height) < kSmallest) return field;

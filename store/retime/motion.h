@@ -37,7 +37,8 @@ class MotionEstimator {
   MotionEstimator(MotionEstimator&&) noexcept;
   MotionEstimator& operator=(MotionEstimator&&) noexcept;
 
-  /// Both of one size, else Error (bad input). Pictures below 12 pixels either way show no motion.
+  /// Both of one size and at most 32766 pixels either way, else Error (bad input). Pictures below
+  /// 12 pixels either way show no motion.
   MotionField estimate(const Picture& from, const Picture& to);
 
  private:

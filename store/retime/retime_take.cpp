@@ -69,6 +69,14 @@ class MissingReasons {
   std::map<Nanoseconds, FrameStatus> by_time_;
 };
 
+// Rot must not become a picture that is as good as any other.
+void check_frame(const ArchiveReader& archive, std::int32_t frame, const std::string& name) {
+  if (archive.frames()[static_cast<std::size_t>(frame)].xxh3 == 0) return;  // of a torn journal
+  if (archive.verify_frame(frame)) return;
+  throw Error::bad_input(fmt::format("frame {} is damaged: its hash is another", frame), name,
+                         "Run raystage verify, and raystage repair on it");
+}
+
 // Makes pictures between the frames of one camera, in order of time: of a frame wanted again
 // nothing is done twice.
 class Retimer {
@@ -119,6 +127,7 @@ class Retimer {
   }
   void load(Side& side, std::int32_t frame) {
     if (side.frame == frame) return;
+    check_frame(archive_, frame, name_);
     side.picture = picture_of(
         decoder_.decode(archive_.jpeg(frame), fmt::format("{}, frame {}", name_, frame)));
     side.frame = frame;
@@ -195,6 +204,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
         ++report.missing;
       } else {
         if (frame.kind == Kind::kAsItIs) {
+          check_frame(from, frame.first, name);
           to.append(from.jpeg(frame.first), frame.time + later, sequence(frame.first));
           ++report.as_were;
         } else {
@@ -219,8 +229,9 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     throw Error::failed("retiming was stopped", folder.string(),
                         "Start it again; no take was left behind");
   }
+  writer.finish();
+  write_timeline(retimed, writer.working_folder());
   writer.commit();
-  write_timeline(retimed, folder);
 
   RetimeReport sum;
   double moving_ms = 0;

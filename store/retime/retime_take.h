@@ -17,16 +17,18 @@ struct RetimeReport {
   std::uint64_t moved = 0;    ///< pictures made for their tick
   std::uint64_t as_were = 0;  ///< frames taken over byte for byte, at their own times
   std::uint64_t missing = 0;
-  double ms_per_moved = 0;  ///< one thread's time for each picture made: decode, motion, encode
+  double ms_per_moved =
+      0;  ///< time for each picture made, by one thread or two: decode, motion, encode
 };
 
 /// Writes a new take whose frames lie on the ticks of `timeline`, with a timeline of its own.
 /// `take` stays as it is. Cameras are made side by side, about 60 bytes a pixel of memory for each
 /// thread; the files do not depend on the number of threads. Pictures that are made are 4:4:4 with
 /// restart markers; their journal's sequence is the index of the nearer of the two frames they come
-/// from. `times`: Resync::times. `created_by` goes into take.json, with the take's name and the
-/// method. Throws Error: bad input where the folder exists or a frame is damaged; failed for the
-/// disk or when stopped; nothing is left behind then.
+/// from. A missing frame has the reason that the journal gives for the time around the tick, or
+/// else "dropped by the source", and sequence 0. `times`: Resync::times. `created_by` goes into
+/// take.json, with the take's name and the method. Throws Error: bad input where the folder exists
+/// or a frame is damaged; failed for the disk or when stopped; nothing is left behind then.
 RetimeReport retime_take(const Take& take, const Timeline& timeline,
                          const std::vector<std::vector<Nanoseconds>>& times,
                          const RetimeSettings& settings, const std::filesystem::path& folder,

@@ -227,6 +227,20 @@ TEST_F(RetimeTake, RefusesDamagedFramesAndNamesThem) {
   EXPECT_FALSE(std::filesystem::exists(folder.path() / "flow"));
 }
 
+TEST_F(RetimeTake, RefusesAFrameWithOneBitFlipped) {
+  write();
+  const std::filesystem::path archive = folder.path() / "take/archive/c1.mkv";
+  std::string bytes = read_file(archive);
+  const FrameRecord frame = take->archive(1).frames()[2];
+  bytes[frame.offset + frame.size * 2 / 3] ^= 4;
+  test::overwrite(archive, std::as_bytes(std::span(bytes)));
+  take.emplace(folder.path() / "take");
+  for (const auto method : {RetimeMethod::kNearest, RetimeMethod::kBlend, RetimeMethod::kFlow}) {
+    EXPECT_THROW(retime(method, "new"), Error);
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "new"));
+  }
+}
+
 TEST_F(RetimeTake, RefusesAFolderThatIsThere) {
   write();
   EXPECT_THROW(retime(RetimeMethod::kBlend, "take"), Error);

@@ -63,7 +63,8 @@ void declare(CLI::App& app, Options& options) {
   app.footer(
       "Exit codes: 0 every frame seen is stored; 1 failed, or frames are unaccounted for; 2 bad "
       "usage\n"
-      "or input; 3 frames were dropped or a camera was lost, and the take says which.");
+      "or input; 3 frames were dropped, or a camera was lost or gave none, and the take says "
+      "which.");
 }
 
 std::string host_name() {
@@ -120,16 +121,16 @@ RecordingTake open_take(const Options& options, const RecordConfig& config,
                                rig_for(config, options.config.parent_path(), cameras), node);
 }
 
-void say_how_long_memory_lasts(std::vector<RecorderCamera>& cameras,
-                               const RecorderSettings& settings) {
-  constexpr double kMeasure = 2;  // seconds
-  const double rate = measure_bytes_per_second(cameras, settings.jpeg, kMeasure);
-  const std::string lasts =
-      rate > 0 ? duration_text(static_cast<double>(settings.memory_bytes) / rate) : "unknown";
-  std::fputs(fmt::format("{:.0f} MB of memory hold {} of this ({:.1f} MB/s)\n",
-                         static_cast<double>(settings.memory_bytes) / 1e6, lasts, rate / 1e6)
-                 .c_str(),
-             stderr);
+/// `rate`: bytes a second, where it could be measured.
+void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate) {
+  const double memory = static_cast<double>(bytes);
+  const std::string text =
+      rate && *rate > 0
+          ? fmt::format("{:.0f} MB of memory hold {} of this ({:.1f} MB/s)\n", memory / 1e6,
+                        duration_text(memory / *rate), *rate / 1e6)
+          : fmt::format("How long {:.0f} MB of memory last is not known before {}\n", memory / 1e6,
+                        rate ? "frames come" : "files and pipes are read");
+  std::fputs(text.c_str(), stderr);
 }
 
 ExitCode record(const Options& options, const std::stop_token& stop) {
@@ -147,9 +148,12 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   const std::filesystem::path folder = options.config.parent_path();
   auto cameras = open_cameras(
       config, [folder](const RecordConfig::Camera& camera) { return open_source(camera, folder); });
-  if (config.hold) say_how_long_memory_lasts(cameras, settings);
+  constexpr double kMeasure = 2;  // seconds
+  const auto rate = config.hold ? measure_bytes_per_second(cameras, settings.jpeg, kMeasure)
+                                : std::optional<double>();
   RecordingTake take = open_take(options, config, cameras, node, settings.start_utc);
   Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION);
+  if (config.hold) say_how_long_memory_lasts(recorder.memory_for_frames(), rate);
   StatusPrinter printer(options.status);
   Progress writing(config.hold && options.status == "auto");
   const RecordingDocument::Session session = recorder.run(
@@ -167,7 +171,8 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   for (const RecordingDocument::Camera& camera : session.cameras) {
     const bool lost = std::ranges::any_of(
         camera.events, [](const auto& event) { return event.what.starts_with("lost"); });
-    whole = whole && camera.dropped.empty() && camera.skipped_by_source == 0 && !lost;
+    whole = whole && camera.arrived > 0 && camera.dropped.empty() &&
+            camera.skipped_by_source == 0 && !lost;
   }
   return whole ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed;
 }

@@ -133,6 +133,7 @@ std::string session_text(const RecordingDocument::Session& session) {
     if (camera.skipped_by_source > 0) {
       reasons += fmt::format(", {} skipped by the source", camera.skipped_by_source);
     }
+    if (camera.arrived == 0) reasons += ", gave no frame";
     if (reasons.empty() && camera.events.empty() && camera.arrived > 0) continue;
     cameras += fmt::format("  {:<10}{} seen, {} stored{}\n", camera.id, camera.arrived,
                            camera.stored, reasons);

@@ -43,10 +43,18 @@ CameraIntake::CameraIntake(const Settings& settings, std::unique_ptr<FrameSource
 void CameraIntake::run(const std::stop_token& stop) {
   const std::stop_callback interrupt(stop, [this] {
     const std::scoped_lock lock(source_mutex_);
-    source_->interrupt();
+    if (source_) source_->interrupt();
   });
   auto last_frame = Clock::now();
   bool silent = false;
+  const auto go_on_after = [&](const std::string& why, bool source_is_gone) {
+    const After after = lost(stop, why, source_is_gone);
+    if (after == After::kStartAnew) {
+      silent = false;
+      last_frame = Clock::now();
+    }
+    return after != After::kFinish;
+  };
   while (!stop.stop_requested()) {
     SourceFrame frame;
     switch (source_->next(frame, kPatience)) {
@@ -63,8 +71,8 @@ void CameraIntake::run(const std::stop_token& stop) {
       case FrameSource::Outcome::kNothing:
         if (silent || Clock::now() - last_frame < settings_.lost_after) break;
         silent = true;
-        if (lost(stop, fmt::format("no frame for {:.1f} s", seconds(Clock::now() - last_frame)),
-                 false) == After::kFinish) {
+        if (!go_on_after(fmt::format("no frame for {:.1f} s", seconds(Clock::now() - last_frame)),
+                         false)) {
           return;
         }
         break;
@@ -73,8 +81,7 @@ void CameraIntake::run(const std::stop_token& stop) {
         return;
       case FrameSource::Outcome::kLost:
         if (stop.stop_requested()) return;
-        if (lost(stop, source_->why_lost(), true) == After::kFinish) return;
-        last_frame = Clock::now();
+        if (!go_on_after(source_->why_lost(), true)) return;
         break;
     }
   }
@@ -89,7 +96,7 @@ CameraIntake::After CameraIntake::lost(const std::stop_token& stop, const std::s
       to_.stop_all();
       return After::kFinish;
     case WhenLost::kReconnect:
-      return reconnect(stop) ? After::kGoOn : After::kFinish;
+      return reconnect(stop) ? After::kStartAnew : After::kFinish;
     case WhenLost::kContinue:
       break;
   }
@@ -99,13 +106,11 @@ CameraIntake::After CameraIntake::lost(const std::stop_token& stop, const std::s
 
 bool CameraIntake::reconnect(const std::stop_token& stop) {
   const auto start = Clock::now();
+  // First of all: most devices serve one at a time.
+  exchange_source(nullptr);
   while (!stop.stop_requested()) {
     try {
-      auto source = reopen_();
-      {
-        const std::scoped_lock lock(source_mutex_);
-        std::swap(source, source_);
-      }
+      exchange_source(reopen_());
       clock_.forget_device();
       to_.counters.state = CameraCounters::State::kRunning;
       to_.counters.add_event(
@@ -117,6 +122,14 @@ bool CameraIntake::reconnect(const std::stop_token& stop) {
     while (!stop.stop_requested() && Clock::now() < next_try) std::this_thread::sleep_for(20ms);
   }
   return false;
+}
+
+void CameraIntake::exchange_source(std::unique_ptr<FrameSource> source) {
+  {
+    const std::scoped_lock lock(source_mutex_);
+    std::swap(source, source_);
+  }
+  // The old one, which may take its time, is closed here.
 }
 
 FrameStatus CameraIntake::check(const SourceFrame& frame) {

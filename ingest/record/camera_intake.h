@@ -77,16 +77,17 @@ class CameraIntake {
   void take(SourceFrame frame);
 
  private:
-  enum class After { kGoOn, kFinish };
+  enum class After { kGoOn, kStartAnew, kFinish };
   After lost(const std::stop_token& stop, const std::string& why, bool source_is_gone);
   bool reconnect(const std::stop_token& stop);
+  void exchange_source(std::unique_ptr<FrameSource> source);
   FrameStatus check(const SourceFrame& frame);
   MemoryBudget::Share make_room(std::size_t bytes);
   void push_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin);
 
   const Settings settings_;
-  std::mutex source_mutex_;  // held while the source is exchanged or interrupted
-  std::unique_ptr<FrameSource> source_;
+  std::mutex source_mutex_;              // held while the source is exchanged or interrupted
+  std::unique_ptr<FrameSource> source_;  // null while the next one is not open yet
   const Open reopen_;
   Plumbing to_;
   FrameClock clock_;

@@ -18,6 +18,8 @@ Encoders::Encoders(const JpegEncodeSettings& settings, int threads)
 Encoders::~Encoders() { wait(); }
 
 void Encoders::encode_one_of(FrameQueue& queue) {
+  // Else tasks for frames that were given up would pile up where encoding never catches up.
+  if (!queue.call_encoder()) return;
   handed_over_.fetch_add(1, std::memory_order_release);
   arena_.enqueue(group_.defer([this, &queue] {
     handed_over_.load(std::memory_order_acquire);

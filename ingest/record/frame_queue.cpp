@@ -19,17 +19,29 @@ void QueuedFrame::become_missing(FrameStatus reason) {
 void FrameQueue::push(Frame frame) {
   const std::scoped_lock lock(mutex_);
   assert(frames_.empty() || frames_.back()->time_ns < frame->time_ns);
-  if (frame->stage == QueuedFrame::Stage::kToEncode) to_encode_.push_back(frame);
+  if (frame->stage == QueuedFrame::Stage::kToEncode) {
+    to_encode_.push_back(frame);
+    ++waiting_;
+  }
   frames_.push_back(std::move(frame));
+}
+
+bool FrameQueue::call_encoder() {
+  const std::scoped_lock lock(mutex_);
+  if (encoders_called_ >= waiting_) return false;
+  ++encoders_called_;
+  return true;
 }
 
 FrameQueue::Frame FrameQueue::start_encoding() {
   const std::scoped_lock lock(mutex_);
+  if (encoders_called_ > 0) --encoders_called_;
   while (!to_encode_.empty()) {
     const Frame frame = std::move(to_encode_.front());
     to_encode_.pop_front();
     if (frame->stage != QueuedFrame::Stage::kToEncode) continue;  // given up meanwhile
     frame->stage = QueuedFrame::Stage::kEncoding;
+    --waiting_;
     return frame;
   }
   return nullptr;
@@ -83,6 +95,7 @@ bool FrameQueue::give_up(bool oldest, FrameStatus reason) {
   };
   const auto found = oldest ? std::find_if(first, frames_.end(), waits) : newest();
   if (found == frames_.end()) return false;
+  if ((*found)->stage == QueuedFrame::Stage::kToEncode) --waiting_;
   (*found)->become_missing(reason);
   return true;
 }

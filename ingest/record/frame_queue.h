@@ -50,6 +50,9 @@ class FrameQueue {
 
   void push(Frame frame);
 
+  /// Whether one more start_encoding() must be arranged for: true until as many are to come as
+  /// there are frames in kToEncode. Those that are given up need none.
+  bool call_encoder();
   /// The oldest frame in kToEncode, set to kEncoding; null where there is none.
   Frame start_encoding();
   /// The encoder's result. Without `jpeg` the frame is missing: kDroppedEncoder.
@@ -75,6 +78,8 @@ class FrameQueue {
   std::size_t writing_ = 0;  // so many at the front are in the writer's hands
   std::atomic<std::uint64_t> encoder_failures_ = 0;
   std::deque<Frame> to_encode_;  // those of frames_ that no encoder has taken yet
+  std::size_t waiting_ = 0;      // of these so many have not been given up
+  std::size_t encoders_called_ = 0;
 };
 
 }  // namespace raystage

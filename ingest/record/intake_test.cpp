@@ -206,6 +206,28 @@ TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
                                    FrameStatus::kDroppedRamFull, FrameStatus::kDroppedRamFull}));
 }
 
+TEST(FrameQueue, CallsNoEncoderForWhatWasGivenUp) {
+  FrameQueue queue;
+  EXPECT_FALSE(queue.call_encoder());
+  queue.push(queued(1, QueuedFrame::Stage::kReady));
+  EXPECT_FALSE(queue.call_encoder());
+  int called = 0;
+  for (Nanoseconds time = 2; time < 1000; ++time) {  // encoders that never come
+    queue.push(queued(time, QueuedFrame::Stage::kToEncode));
+    if (time > 3) {
+      EXPECT_TRUE(queue.give_up(true, FrameStatus::kDroppedRamFull));
+    }
+    called += queue.call_encoder() ? 1 : 0;
+  }
+  EXPECT_EQ(called, 2);
+  EXPECT_NE(queue.start_encoding(), nullptr);
+  queue.push(queued(1000, QueuedFrame::Stage::kToEncode));
+  EXPECT_TRUE(queue.call_encoder());
+  EXPECT_NE(queue.start_encoding(), nullptr);
+  EXPECT_NE(queue.start_encoding(), nullptr);
+  EXPECT_EQ(queue.start_encoding(), nullptr);
+}
+
 TEST(Encoders, WhatCannotBeEncodedIsMissing) {
   FrameQueue queue;
   Encoders encoders({}, 2);

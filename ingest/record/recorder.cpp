@@ -170,6 +170,8 @@ Recorder::Recorder(const RecorderSettings& settings, std::vector<RecorderCamera>
 
 Recorder::~Recorder() = default;
 
+std::size_t Recorder::memory_for_frames() const { return state_->memory.limit(); }
+
 RecordingDocument::Session Recorder::run(const std::stop_token& stop,
                                          const std::function<void(const RecorderStatus&)>& status,
                                          const std::function<void(double)>& writing) {
@@ -247,8 +249,11 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
   return session;
 }
 
-double measure_bytes_per_second(std::vector<RecorderCamera>& cameras,
-                                const JpegEncodeSettings& jpeg, double seconds) {
+std::optional<double> measure_bytes_per_second(std::vector<RecorderCamera>& cameras,
+                                               const JpegEncodeSettings& jpeg, double seconds) {
+  for (const RecorderCamera& camera : cameras) {
+    if (!camera.source->description().live) return std::nullopt;
+  }
   std::atomic<std::uint64_t> sum = 0;
   const auto start = Clock::now();
   {

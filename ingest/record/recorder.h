@@ -66,6 +66,9 @@ class Recorder {
   Recorder(const Recorder&) = delete;
   Recorder& operator=(const Recorder&) = delete;
 
+  /// Bytes that all frames together may take: less than the settings' memory.
+  std::size_t memory_for_frames() const;
+
   /// Until stopped, the duration is over, or every source has ended. Returns the account, which is
   /// in the take too, or says in its audit why not. `status` is called that often, `writing` with
   /// the part done while what is left in memory goes to disk.
@@ -79,8 +82,8 @@ class Recorder {
 };
 
 /// Bytes of JPEG a second that the sources will make, from `seconds` of their frames, which are
-/// thrown away.
-double measure_bytes_per_second(std::vector<RecorderCamera>& cameras,
-                                const JpegEncodeSettings& jpeg, double seconds);
+/// thrown away. Nothing where a source is not live: its frames would be missing.
+std::optional<double> measure_bytes_per_second(std::vector<RecorderCamera>& cameras,
+                                               const JpegEncodeSettings& jpeg, double seconds);
 
 }  // namespace raystage

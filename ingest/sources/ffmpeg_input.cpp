@@ -169,13 +169,13 @@ void FfmpegInput::read_all() {
 }
 
 void FfmpegInput::end(int code) {
-  // Files and pipes end. A camera does not, unless it said how much it would send.
-  const bool may_end = !address_.is_live() || context_->duration > 0;
+  const bool network = address_.kind == FfmpegAddress::Kind::kNetwork;
+  const char* at_end = network ? "the other side closed the connection" : "the source ended";
   {
     const std::scoped_lock lock(mutex_);
     over_ = true;
-    lost_ = code != AVERROR_EOF || !may_end;
-    why_lost_ = code == AVERROR_EOF ? "the other side closed the connection" : av_reason(code);
+    lost_ = code != AVERROR_EOF || !may_end();
+    why_lost_ = code == AVERROR_EOF ? at_end : av_reason(code);
   }
   changed_.notify_all();
 }

@@ -41,6 +41,8 @@ class FfmpegInput {
   const FfmpegAddress& address() const { return address_; }
   const AVInputFormat& format() const { return *context_->iformat; }
   const AVStream& stream() const { return *context_->streams[stream_]; }
+  /// Files and pipes end. A camera does not, unless it said how much it would send.
+  bool may_end() const { return !address_.is_live() || context_->duration > 0; }
   /// Nominal frames per second; 0: unknown.
   double fps() const;
 

@@ -63,6 +63,7 @@ class FfmpegSource final : public FrameSource {
 
   Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) override {
     const Clock::time_point deadline = Clock::now() + patience;
+    if (asked_utc_ == 0) asked_utc_ = host_utc_now();
     if (!has_held_) {
       if (const Outcome outcome = produce(deadline); outcome != Outcome::kFrame) return outcome;
       has_held_ = true;
@@ -74,6 +75,9 @@ class FfmpegSource final : public FrameSource {
       }
       held_.arrival_utc = host_utc_now();
     }
+    // Read ahead, but it would not have come by itself: no recording may take it for the past.
+    if (!description_.live && held_.arrival_utc <= asked_utc_) held_.arrival_utc = host_utc_now();
+    asked_utc_ = 0;
     frame = std::move(held_);
     held_ = {};
     has_held_ = false;
@@ -118,6 +122,7 @@ class FfmpegSource final : public FrameSource {
     description_.height = parameters.height;
     description_.fps = input_.fps();
     description_.delivers_jpeg = !codec_;
+    description_.live = !input_.may_end();
     description_.clock = stamps_ == Stamps::kDevice ? "device" : "host";
     description_.time_marks = stamps_ == Stamps::kNone ? "arrival" : "unknown";
   }
@@ -250,6 +255,7 @@ class FfmpegSource final : public FrameSource {
   SourceDescription description_;
   SourceFrame held_;
   bool has_held_ = false;
+  Nanoseconds asked_utc_ = 0;  ///< since when the next frame is waited for; 0: not yet
   Nanoseconds packet_arrival_ = 0;
   bool packet_torn_ = false;
   Outcome ending_ = Outcome::kEnded;

@@ -49,6 +49,21 @@ TEST(FfmpegFile, NumberedImagesComeByteForByte) {
   EXPECT_TRUE(source->why_lost().empty());
 }
 
+TEST(FfmpegFile, WhatWasReadAheadArrivesWhenItIsTaken) {
+  const TestFolder folder;
+  numbered(folder.path(), std::vector<int>(20, 32));
+  const auto source = ffmpeg_source(
+      {.url = "%03d.jpg", .format = "", .options = {}, .realtime = false}, folder.path());
+  EXPECT_FALSE(source->description().live);
+  std::this_thread::sleep_for(50ms);
+  Nanoseconds before = host_utc_now();
+  SourceFrame frame;
+  while (source->next(frame, 2000ms) == Outcome::kFrame) {
+    EXPECT_GT(frame.arrival_utc, before);
+    before = frame.arrival_utc;
+  }
+}
+
 TEST(FfmpegFile, RealtimeKeepsThePaceOfTheFile) {
   const TestFolder folder;
   numbered(folder.path(), {32, 32, 32, 32, 32, 32});

@@ -52,6 +52,7 @@ TEST(FfmpegStream, MultipartJpegComesByteForByteAndSizesMayChange) {
   EXPECT_EQ(source->description().width, 64);
   EXPECT_EQ(source->description().height, 48);
   EXPECT_TRUE(source->description().delivers_jpeg);
+  EXPECT_TRUE(source->description().live);
   EXPECT_EQ(source->description().time_marks, "arrival");
   EXPECT_THAT(source->description().what, ::testing::HasSubstr("mpjpeg http://127.0.0.1"));
   SourceFrame frame;
@@ -374,6 +375,7 @@ TEST(FfmpegStream, DevicesAreLoadedWhenAskedFor) {
     ++frames;
   }
   EXPECT_EQ(frames, 10);
+  EXPECT_EQ(source->why_lost(), "the source ended");
 }
 
 }  // namespace

@@ -18,7 +18,9 @@ namespace raystage {
 struct SourceFrame {
   std::vector<std::byte> jpeg;  ///< empty where `raw` is the picture
   RawImage raw;
-  Nanoseconds arrival_utc = 0;             ///< host clock when it was whole, since 1970
+  /// Host clock when it was whole, since 1970. What waited in a source that is not live arrives
+  /// when it is taken.
+  Nanoseconds arrival_utc = 0;
   std::optional<Nanoseconds> device_time;  ///< by the device's own clock, from its own zero
   std::optional<std::uint64_t> sequence;   ///< the device's frame counter: a gap is a drop
   bool torn = false;                       ///< arrived incomplete (lost packets, cut JPEG)
@@ -30,6 +32,7 @@ struct SourceDescription {
   int width = 0, height = 0;  ///< pixels
   double fps = 0;             ///< nominal; 0 where unknown
   bool delivers_jpeg = false;
+  bool live = true;  ///< goes on where nobody reads; else it waits, and has an end: a file, a pipe
   std::string clock = "host";          ///< take.json's words: "host", "device", "simulated"
   std::string time_marks = "arrival";  ///< what device_time (or else arrival) marks
 };

@@ -37,6 +37,7 @@ class Record : public ::testing::Test {
   json account(const std::string& name) const {
     return json::parse(testing::text_of(folder_.path() / name));
   }
+  const std::filesystem::path& folder() const { return folder_.path(); }
 
  private:
   TestFolder folder_;
@@ -96,8 +97,63 @@ TEST_F(Record, HoldSaysHowLongTheMemoryLasts) {
   const CommandResult held =
       here("raystage record other.json -o take --hold --duration 1 --status none");
   EXPECT_EQ(held.exit_code, 0) << held.err;
-  EXPECT_THAT(held.err, HasSubstr("of memory hold"));
+  // Of the 50 some are for the frames in hand, and for the records of what is missing.
+  EXPECT_THAT(held.err, HasSubstr("48 MB of memory hold"));
   EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
+}
+
+/// A file, a sequence of images and a pipe: none of them comes by itself, each has an end.
+class RecordFinite : public Record {
+ protected:
+  void SetUp() override {
+    if (std::system("ffmpeg -version > /dev/null 2>&1") != 0) GTEST_SKIP() << "there is no ffmpeg";
+    ASSERT_EQ(here("ffmpeg -v error -f lavfi -i testsrc=size=96x64:rate=25 -frames:v 50 "
+                   "-c:v mpeg4 movie.mkv -frames:v 30 %03d.jpg")
+                  .exit_code,
+              0);
+    configure("movie", R"({"url": "movie.mkv"})");
+    configure("images", R"({"url": "%03d.jpg"})");
+    configure("pipe", R"({"url": "pipe:0", "format": "rawvideo", "options": {
+              "pixel_format": "yuvj420p", "video_size": "32x24", "framerate": "50"}})");
+  }
+  /// Stdin has `piped` raw frames.
+  CommandResult record(const std::string& name, const std::string& options, int piped = 20) const {
+    constexpr int kRawBytes = 32 * 24 * 3 / 2;
+    return here("head -c " + std::to_string(piped * kRawBytes) + " /dev/zero | raystage record " +
+                name + ".json -o " + name + " --status none " + options);
+  }
+
+ private:
+  void configure(const std::string& name, const std::string& source) const {
+    write_text(folder() / (name + ".json"),
+               R"({"schema": "raystage/record/1", "name": "test", "node": "one", "memory_mb": 50,
+               "cameras": [{"id": "a", "ffmpeg": )" +
+                   source + "}]}");
+  }
+};
+
+TEST_F(RecordFinite, EveryFrameIsStored) {
+  for (const std::string hold : {"", "--hold"}) {
+    for (const auto& [name, frames] :
+         {std::pair{"movie", "50"}, std::pair{"images", "30"}, std::pair{"pipe", "20"}}) {
+      const CommandResult result = record(name, hold);
+      EXPECT_EQ(result.exit_code, 0) << result.err;
+      EXPECT_THAT(result.out,
+                  HasSubstr(std::string(frames) + " frames seen = " + frames + " stored"))
+          << name << hold;
+      const json camera =
+          account(std::string(name) + "/recording/one.json").at("sessions")[0].at("cameras")[0];
+      EXPECT_EQ(camera.value("corrected_times", 0), 0) << name;
+      EXPECT_EQ(result.err.find("is not known") == std::string::npos, hold.empty()) << result.err;
+      std::filesystem::remove_all(folder() / name);
+    }
+  }
+}
+
+TEST_F(RecordFinite, ACameraWithoutAFrameIsNoSuccess) {
+  const CommandResult result = record("pipe", "", 0);
+  EXPECT_EQ(result.exit_code, 3) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("gave no frame"));
 }
 
 }  // namespace

@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// A lost camera is opened again.
+#include <gtest/gtest.h>
+
+#include <thread>
+
+#include "ingest/record/camera_intake.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using namespace std::chrono_literals;
+using Outcome = FrameSource::Outcome;
+
+/// A camera that serves one program at a time, and what its owner has seen of it.
+struct Device {
+  int opened = 0;
+  bool taken = false;
+  std::vector<Outcome> outcomes;  ///< what the n-th source that is opened says all the time
+  int patience = 2000;            ///< questions, of about 1 ms, before the test is given up
+  std::stop_source stop;
+};
+
+class DeviceSource final : public FrameSource {
+ public:
+  explicit DeviceSource(Device& device) : device_(device) {
+    if (device.taken) throw Error::failed("busy", "device", "close it");
+    device.taken = true;
+    outcome_ = device.outcomes.at(static_cast<std::size_t>(device.opened++));
+  }
+  ~DeviceSource() override { device_.taken = false; }
+  const SourceDescription& description() const override { return description_; }
+  Outcome next(SourceFrame& /*frame*/, std::chrono::milliseconds /*patience*/) override {
+    std::this_thread::sleep_for(1ms);
+    if (--device_.patience < 0) device_.stop.request_stop();
+    return outcome_;
+  }
+
+ private:
+  Device& device_;
+  SourceDescription description_;
+  Outcome outcome_;
+};
+
+class Reconnect : public ::testing::Test {
+ protected:
+  void run() {
+    CameraIntake::Settings settings;
+    settings.when_lost = CameraIntake::WhenLost::kReconnect;
+    settings.lost_after = 30ms;
+    FrameQueue queue;
+    MemoryBudget memory(1000), records(1000);
+    Encoders encoders({}, 1);
+    CameraIntake intake(settings, std::make_unique<DeviceSource>(device), reopen,
+                        {queue, memory, records, encoders, counters, [] {}});
+    intake.run(device.stop.get_token());
+  }
+
+  Device device;
+  CameraCounters counters;
+  CameraIntake::Open reopen = [this, tries = 0]() mutable {
+    if (++tries > 5) device.stop.request_stop();
+    return std::make_unique<DeviceSource>(device);
+  };
+};
+
+TEST_F(Reconnect, LetsGoOfTheDeviceBeforeItIsOpenedAgain) {
+  device.outcomes = {Outcome::kLost, Outcome::kEnded};
+  run();
+  EXPECT_EQ(device.opened, 2);
+  EXPECT_EQ(counters.state, CameraCounters::State::kEnded);
+}
+
+TEST_F(Reconnect, TriesAgainWhereTheNewSourceIsSilentToo) {
+  device.outcomes = {Outcome::kNothing, Outcome::kNothing, Outcome::kNothing, Outcome::kEnded};
+  run();
+  EXPECT_EQ(device.opened, 4);
+  EXPECT_EQ(counters.state, CameraCounters::State::kEnded);
+}
+
+TEST_F(Reconnect, MayBeStoppedWhileThereIsNoSource) {
+  device.outcomes = {Outcome::kLost};
+  reopen = [this]() -> std::unique_ptr<FrameSource> {
+    EXPECT_FALSE(device.taken);
+    device.stop.request_stop();
+    throw Error::failed("gone", "device", "wait");
+  };
+  run();
+  EXPECT_EQ(counters.state, CameraCounters::State::kLost);
+}
+
+}  // namespace
+}  // namespace raystage

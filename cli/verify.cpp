@@ -157,7 +157,8 @@ int main(int argc, char** argv) {
       ->check(CLI::IsMember({"sizes", "journal", "hashes"}))
       ->capture_default_str();
   app.add_flag("--decode", options.decode,
-               "Also decode every JPEG and look at its size (default: off)");
+               "Also decode every JPEG and look at its size; the depth is hashes then, whatever "
+               "--depth says (default: off)");
   app.add_option("--json", options.json,
                  "Write the result to this file as JSON; -: to stdout, and nothing else there "
                  "(default: none)");
@@ -165,6 +166,8 @@ int main(int argc, char** argv) {
                  "Cameras looked at at the same time (default: 0, one per processor)")
       ->check(CLI::Range(0, 1024).description(""));
   app.add_flag("-q,--quiet", options.quiet, "No progress on stderr (default: off)");
-  return parse_and_run(app, argc, argv, "verify",
-                       [&](std::stop_token stop) { return verify(options, stop); });
+  return parse_and_run(app, argc, argv, "verify", [&](std::stop_token stop) {
+    if (options.decode) options.depth = "hashes";
+    return verify(options, stop);
+  });
 }

@@ -4,9 +4,8 @@
 #include <algorithm>
 #include <chrono>
 #include <condition_variable>
+#include <exception>
 #include <utility>
-
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -14,7 +13,8 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-constexpr auto kRetryAfter = 100ms;  // while the disk refuses
+constexpr auto kRetryAfter = 100ms;  // what was refused
+constexpr auto kLookWhileDraining = 5ms;
 // The writer looks instead of being called, and seldom: thousands of calls a second cost more than
 // the writing, and several frames of a camera in one go cost little more than one.
 constexpr auto kLookAfter = 30ms;
@@ -23,8 +23,21 @@ constexpr std::size_t kTurn = 16;  // frames of one camera before the next has i
 
 }  // namespace
 
+std::string trouble_in(const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return {};
+}
+
 ArchiveFlow::ArchiveFlow(std::vector<Camera> cameras, Settings settings)
-    : cameras_(std::move(cameras)), settings_(std::move(settings)), tallies_(cameras_.size()) {
+    : cameras_(std::move(cameras)),
+      settings_(std::move(settings)),
+      tallies_(cameras_.size()),
+      turns_(cameras_.size()),
+      troubles_(cameras_.size()) {
   if (settings_.hold) return;
   writer_ = std::jthread([this](const std::stop_token& stop) { write_on(stop); });
   if (settings_.flush_every > 0) {
@@ -41,9 +54,7 @@ void ArchiveFlow::write_on(const std::stop_token& stop) {
 }
 
 void ArchiveFlow::rest(const std::stop_token& stop) {
-  if (!trouble().empty()) {
-    std::this_thread::sleep_for(kRetryAfter);
-  } else if (settings_.memory == nullptr || settings_.memory->is_tight()) {
+  if (settings_.memory == nullptr || settings_.memory->is_tight()) {
     std::this_thread::sleep_for(kLookAfterWhenTight);
   } else {
     settings_.memory->wait_while_roomy(stop, kLookAfter);
@@ -56,33 +67,47 @@ void ArchiveFlow::flush_on(const std::stop_token& stop) {
   const auto interval = std::chrono::duration<double>(settings_.flush_every);
   std::unique_lock lock(mutex);
   while (!never.wait_for(lock, stop, interval, [] { return false; }) && !stop.stop_requested()) {
-    for (const Camera& camera : cameras_) {
-      try {
-        camera.archive.flush();
-      } catch (const Error& error) {
-        set_trouble(error.what());
-        const std::scoped_lock failure_lock(trouble_mutex_);
-        if (flush_failure_.empty()) flush_failure_ = error.what();
-      }
+    for (std::size_t i = 0; i < cameras_.size(); ++i) {
+      const std::string failure = trouble_in([&] { cameras_[i].archive.flush(); });
+      if (failure.empty()) continue;
+      set_trouble(i, failure);
+      const std::scoped_lock failure_lock(trouble_mutex_);
+      if (flush_failure_.empty()) flush_failure_ = failure;
     }
   }
 }
 
-/// One turn for each camera; kSome where there is more to write, and the disk takes it.
+/// One turn for each camera; kSome where there is more to write, and the disk takes it. An archive
+/// that refuses (a file may have reached its greatest size) holds up no other.
 ArchiveFlow::Wrote ArchiveFlow::write_some() {
   Wrote wrote = Wrote::kNothing;
   bool more = false;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
-    FrameQueue& queue = cameras_[i].queue;
-    const auto frames = queue.start_writing(kTurn);
-    if (frames.empty()) continue;
-    const std::size_t written = write(i, frames);
-    queue.finish_writing(written);
-    if (written > 0) wrote = Wrote::kAll;
-    if (written < frames.size()) return wrote;
-    more = more || written == kTurn;
+    if (Clock::now() < turns_[i].retry_at) continue;
+    const Turn turn = write_turn(i);
+    if (turn.written > 0) {
+      wrote = Wrote::kAll;
+      turns_[i].last_success = Clock::now();
+    }
+    if (turn.refused) turns_[i].retry_at = Clock::now() + kRetryAfter;
+    more = more || turn.written == kTurn;
   }
   return more ? Wrote::kSome : wrote;
+}
+
+/// The frames at the front of a camera's queue: all, or as many as its archive takes.
+ArchiveFlow::Turn ArchiveFlow::write_turn(std::size_t camera) {
+  FrameQueue& queue = cameras_[camera].queue;
+  std::vector<FrameQueue::Frame> frames;
+  const std::string trouble = trouble_in([&] { frames = queue.start_writing(kTurn); });
+  if (!trouble.empty()) {
+    set_trouble(camera, trouble);
+    return {0, true};
+  }
+  if (frames.empty()) return {};
+  const std::size_t written = write(camera, frames);
+  queue.finish_writing(written);
+  return {written, written < frames.size()};
 }
 
 /// How many of the frames are on disk: all, or as many as fit.
@@ -95,34 +120,35 @@ std::size_t ArchiveFlow::write(std::size_t camera, std::span<const FrameQueue::F
 }
 
 bool ArchiveFlow::append(std::size_t camera, std::span<const FrameQueue::Frame> frames) {
-  std::vector<NewFrame> batch;
   std::uint64_t bytes = 0;
-  for (const auto& frame : frames) {
-    batch.push_back({frame->time_ns, frame->jpeg, frame->status, frame->origin});
-    bytes += frame->jpeg.size();
-  }
-  try {
+  std::string trouble = trouble_in([&] {
+    std::vector<NewFrame> batch;
+    for (const auto& frame : frames) {
+      batch.push_back({frame->time_ns, frame->jpeg, frame->status, frame->origin});
+      bytes += frame->jpeg.size();
+    }
     cameras_[camera].archive.append(batch);
-  } catch (const Error& error) {
-    set_trouble(error.what());
-    return false;
-  }
+  });
+  const bool written = trouble.empty();
+  set_trouble(camera, std::move(trouble));
+  if (!written) return false;
   bytes_written_.fetch_add(bytes, std::memory_order_relaxed);
   for (const auto& frame : frames) {
     tallies_[camera].count[static_cast<std::size_t>(frame->status)].fetch_add(1);
   }
-  set_trouble({});
   return true;
 }
 
-void ArchiveFlow::set_trouble(std::string text) {
+void ArchiveFlow::set_trouble(std::size_t camera, std::string text) {
   const std::scoped_lock lock(trouble_mutex_);
-  trouble_ = std::move(text);
+  troubles_[camera] = std::move(text);
 }
 
 std::string ArchiveFlow::trouble() const {
   const std::scoped_lock lock(trouble_mutex_);
-  return trouble_;
+  const auto found =
+      std::ranges::find_if(troubles_, [](const std::string& text) { return !text.empty(); });
+  return found == troubles_.end() ? std::string() : *found;
 }
 
 std::string ArchiveFlow::flush_failure() const {
@@ -140,33 +166,51 @@ void ArchiveFlow::drain(const std::function<void(double)>& progress) {
   writer_ = {};  // joins: from here on this thread writes
   flusher_ = {};
   const std::size_t all = waiting();
-  auto last_success = Clock::now();
+  for (CameraTurns& turns : turns_) turns = {.last_success = Clock::now(), .retry_at = {}};
   while (const std::size_t left = waiting()) {
     if (progress) progress(1 - static_cast<double>(left) / static_cast<double>(all));
-    if (write_some() != Wrote::kNothing) {
-      last_success = Clock::now();
-      continue;
-    }
-    if (Clock::now() - last_success > std::chrono::duration<double>(settings_.patience)) {
+    if (write_some() != Wrote::kNothing) continue;
+    if (patience_is_over()) {
       give_up_rest();
       break;
     }
-    std::this_thread::sleep_for(kRetryAfter);
+    std::this_thread::sleep_for(kLookWhileDraining);
   }
   if (progress) progress(1);
 }
 
-/// The disk refuses for good: what is left becomes records, for which there is a reserve.
+/// Of every camera that still waits: while one may yet write its frames, the reserve is not touched
+/// for another.
+bool ArchiveFlow::patience_is_over() const {
+  const auto patience = std::chrono::duration<double>(settings_.patience);
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    if (cameras_[i].queue.empty()) continue;
+    if (Clock::now() - turns_[i].last_success <= patience) return false;
+  }
+  return true;
+}
+
+/// The disk refuses for good: what is left becomes records, for which there is a reserve. Until
+/// that is needed each frame is tried once more: a smaller one may fit.
 void ArchiveFlow::give_up_rest() {
-  settings_.release_reserve();
+  bool reserve_is_whole = true;
+  const auto append_record = [&](std::size_t camera, std::span<const FrameQueue::Frame> record) {
+    if (append(camera, record)) return true;
+    if (!std::exchange(reserve_is_whole, false)) return false;
+    settings_.release_reserve();
+    return append(camera, record);
+  };
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     FrameQueue& queue = cameras_[i].queue;
     for (auto front = queue.start_writing(1); !front.empty(); front = queue.start_writing(1)) {
-      if (front[0]->holds_picture()) {
-        front[0]->become_missing(FrameStatus::kDroppedDiskFull);
-        ++cameras_[i].counters.dropped;
+      const bool picture = front[0]->holds_picture();
+      if (!picture || !reserve_is_whole || !append(i, front)) {
+        if (picture) {
+          front[0]->become_missing(FrameStatus::kDroppedDiskFull);
+          ++cameras_[i].counters.dropped;
+        }
+        if (!append_record(i, front)) ++cameras_[i].counters.unrecorded;
       }
-      if (!append(i, front)) ++cameras_[i].counters.unrecorded;
       queue.finish_writing(1);
     }
   }

@@ -52,6 +52,11 @@ bool is_running(std::string_view program) {
   return false;
 }
 
+/// phc2sys leaves the kernel's own offset at 0, whatever it is: only ptp4l knows.
+std::optional<double> ptp_offset() {
+  return offset_from_pmc(output_of("pmc -u -b 0 'GET CURRENT_DATA_SET' 2>/dev/null"));
+}
+
 }  // namespace
 
 RecordingDocument::Clock clock_from_chrony(std::string_view answer) {
@@ -71,6 +76,19 @@ RecordingDocument::Clock clock_from_chrony(std::string_view answer) {
   return clock;
 }
 
+std::optional<double> offset_from_pmc(std::string_view answer) {
+  constexpr std::string_view kField = "offsetFromMaster", kBlank = " \t\r\n";
+  const std::size_t field = answer.find(kField);
+  if (field == std::string_view::npos) return {};
+  answer.remove_prefix(field + kField.size());
+  const std::size_t begin = std::min(answer.find_first_not_of(kBlank), answer.size());
+  answer.remove_prefix(begin);
+  if (begin == 0) return {};  // another field's name goes on
+  const auto nanoseconds = number_in(answer.substr(0, answer.find_first_of(kBlank)));
+  if (!nanoseconds) return {};
+  return *nanoseconds * 1e-9;
+}
+
 RecordingDocument::Clock read_clock_state() {
   RecordingDocument::Clock clock = clock_from_chrony(output_of("chronyc -c tracking 2>/dev/null"));
   if (clock.source == "chrony") return clock;
@@ -80,9 +98,14 @@ RecordingDocument::Clock read_clock_state() {
     if (is_running("phc2sys")) clock.source = "ptp";
     return clock;
   }
-  clock.source = is_running("phc2sys") ? "ptp" : "kernel";
   const double unit = (kernel.status & STA_NANO) != 0 ? 1e-9 : 1e-6;
-  clock.offset_s = static_cast<double>(kernel.offset) * unit;
+  if (is_running("phc2sys")) {
+    clock.source = "ptp";
+    clock.offset_s = ptp_offset();
+  } else {
+    clock.source = "kernel";
+    clock.offset_s = static_cast<double>(kernel.offset) * unit;
+  }
   clock.max_error_s = static_cast<double>(kernel.maxerror) * 1e-6;
   return clock;
 }

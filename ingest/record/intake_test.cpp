@@ -267,5 +267,19 @@ TEST(ClockState, ReadsChronysAnswer) {
   EXPECT_TRUE(here.source == "unknown" || here.max_error_s || here.source == "ptp");
 }
 
+TEST(ClockState, ReadsPmcsAnswer) {
+  const auto offset = offset_from_pmc(
+      "sending: GET CURRENT_DATA_SET\n\t507c6f.fffe.0b5a4d-0 seq 0 RESPONSE MANAGEMENT "
+      "CURRENT_DATA_SET \n\t\tstepsRemoved     1\n\t\toffsetFromMaster -1234.5\n"
+      "\t\tmeanPathDelay    5678.0\n");
+  ASSERT_TRUE(offset);
+  EXPECT_DOUBLE_EQ(*offset, -1234.5e-9);
+  for (const char* answer :
+       {"", "sending: GET CURRENT_DATA_SET\n", "offsetFromMaster", "offsetFromMaster \n",
+        "offsetFromMaster nan\n", "offsetFromMaster 12x\n", "offsetFromMasterClock 3\n"}) {
+    EXPECT_FALSE(offset_from_pmc(answer)) << answer;
+  }
+}
+
 }  // namespace
 }  // namespace raystage

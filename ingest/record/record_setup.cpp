@@ -54,6 +54,21 @@ CameraGeometry uncalibrated(const std::string& id, const SourceDescription& sour
   return geometry;
 }
 
+auto find_camera(const RigDocument& rig, const std::string& id) {
+  return std::ranges::find(rig.cameras, id,
+                           [](const auto& candidate) { return candidate.geometry.id; });
+}
+
+void check_size(const CameraGeometry& geometry, const RecorderCamera& camera,
+                const std::filesystem::path& file, const std::string& what_to_do) {
+  const SourceDescription& source = camera.source->description();
+  if (geometry.width == source.width && geometry.height == source.height) return;
+  throw Error::bad_input(
+      fmt::format("camera \"{}\" is {} x {} pixels, but its source delivers {} x {}", camera.id,
+                  geometry.width, geometry.height, source.width, source.height),
+      file.string(), what_to_do);
+}
+
 /// What all sources say, or `otherwise`.
 std::string common(const std::vector<RecorderCamera>& cameras, std::string SourceDescription::*word,
                    const std::string& otherwise) {
@@ -108,22 +123,30 @@ RigDocument rig_for(const RecordConfig& config, const std::filesystem::path& con
   rig.name = whole.name;
   rig.topology = whole.topology;
   for (const RecorderCamera& camera : cameras) {
-    const auto found = std::ranges::find(
-        whole.cameras, camera.id, [](const auto& candidate) { return candidate.geometry.id; });
+    const auto found = find_camera(whole, camera.id);
     if (found == whole.cameras.end()) {
       throw Error::bad_input("the rig has no camera \"" + camera.id + "\"", file.string(),
                              "Use the rig's ids in the configuration");
     }
-    const SourceDescription& source = camera.source->description();
-    if (found->geometry.width != source.width || found->geometry.height != source.height) {
-      throw Error::bad_input(
-          fmt::format("camera \"{}\" is {} x {} pixels, but its source delivers {} x {}", camera.id,
-                      found->geometry.width, found->geometry.height, source.width, source.height),
-          file.string(), "Set the source to the size that was calibrated, or correct the rig");
-    }
+    check_size(found->geometry, camera, file,
+               "Set the source to the size that was calibrated, or correct the rig");
     rig.cameras.push_back(*found);
   }
   return rig;
+}
+
+RecordingTake resume_take(const std::filesystem::path& folder,
+                          const std::vector<RecorderCamera>& cameras, const std::string& node) {
+  const RigDocument rig = read_rig(folder / "rig.json");
+  for (const RecorderCamera& camera : cameras) {
+    const auto found = find_camera(rig, camera.id);
+    if (found == rig.cameras.end()) continue;  // resume() says which cameras there are
+    check_size(found->geometry, camera, folder / "rig.json",
+               "Set the source to the size that the take began with, or record into a new take");
+  }
+  std::vector<std::string> ids;
+  for (const RecorderCamera& camera : cameras) ids.push_back(camera.id);
+  return RecordingTake::resume(folder, ids, node);
 }
 
 TakeDocument take_for(const RecordConfig& config, const std::vector<RecorderCamera>& cameras,

@@ -29,6 +29,11 @@ RecorderSettings settings_from(const RecordConfig& config);
 RigDocument rig_for(const RecordConfig& config, const std::filesystem::path& config_folder,
                     const std::vector<RecorderCamera>& cameras);
 
+/// RecordingTake::resume with these cameras. Throws Error (bad input) too where a source delivers
+/// another size than the take's rig says: all its frames would be lost.
+RecordingTake resume_take(const std::filesystem::path& folder,
+                          const std::vector<RecorderCamera>& cameras, const std::string& node);
+
 TakeDocument take_for(const RecordConfig& config, const std::vector<RecorderCamera>& cameras,
                       const std::string& node, Nanoseconds epoch_utc,
                       const std::string& created_by);

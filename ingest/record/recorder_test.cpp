@@ -65,11 +65,8 @@ class Recording : public ::testing::Test {
       return memory_source(scripts[static_cast<std::size_t>(std::stoi(camera.id.substr(1)))]);
     };
     auto cameras = open_cameras(config, open);
-    const Nanoseconds epoch = host_utc_now() - kNanosecondsPerSecond;
-    std::vector<std::string> ids;
-    for (const auto& camera : cameras) ids.push_back(camera.id);
     RecordingTake take =
-        resume ? RecordingTake::resume(path(), ids, "node")
+        resume ? resume_take(path(), cameras, "node")
                : RecordingTake::create(path(), take_for(config, cameras, "node", epoch, "test"),
                                        rig_for(config, {}, cameras), "node");
     Recorder recorder(settings, std::move(cameras), take, "test");
@@ -101,6 +98,7 @@ class Recording : public ::testing::Test {
   std::function<void(const RecorderStatus&)> status;
   std::stop_source stop;
   bool resume = false;
+  Nanoseconds epoch = host_utc_now() - kNanosecondsPerSecond;
 
  private:
   static RecorderSettings every_frame_counts() {
@@ -284,10 +282,47 @@ TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
 TEST_F(Recording, RefusesTooLittleMemoryAndWhatIsThere) {
   settings.memory_bytes = 1000;
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);
+  EXPECT_FALSE(std::filesystem::exists(path()));  // the name is free for another try
   settings.memory_bytes = 1 << 30;
+  expect_audit(record({script({jpeg_frame(1)}, 0, 20)}));
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 20)}), Error);  // the folder is there
   resume = true;
   EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 2), script({jpeg_frame(1)}, 0, 2)}), Error);
+  settings.memory_bytes = 1000;
+  EXPECT_THROW(record({script({jpeg_frame(1)}, 0, 2)}), Error);
+  EXPECT_EQ(stored(0).size(), 20U);  // what was there before stays
+}
+
+TEST_F(Recording, RefusesToResumeWithAnotherSize) {
+  expect_audit(record({script({jpeg_frame(1)}, 0, 20)}));
+  resume = true;
+  try {
+    record({script({jpeg_frame(1, kWidth + 16)}, 0, 20)});
+    FAIL() << "resumed";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_THAT(error.what(), HasSubstr("\"c0\" is 96 x 64 pixels"));
+    EXPECT_THAT(error.what(), HasSubstr("112 x 64"));
+  }
+}
+
+// An archive's times go up to 104 days.
+TEST_F(Recording, RefusesAnEpochThatIsTooFarAway) {
+  constexpr Nanoseconds kDay = 86400 * kNanosecondsPerSecond;
+  const Nanoseconds now = host_utc_now();
+  for (const Nanoseconds days : {-106, 106}) {
+    epoch = now + days * kDay;
+    try {
+      record({script({jpeg_frame(1)}, 0, 20)});
+      FAIL() << days;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      EXPECT_THAT(error.what(), HasSubstr("104 days"));
+    }
+    EXPECT_FALSE(std::filesystem::exists(path()));
+  }
+  epoch = now - 100 * kDay;
+  expect_audit(record({script({jpeg_frame(1)}, 0, 20)}));
 }
 
 }  // namespace

@@ -9,8 +9,10 @@
 #include <cerrno>
 #include <utility>
 
+#include "ingest/sources/frame_source.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
+#include "store/matroska.h"
 
 namespace raystage {
 namespace {
@@ -36,7 +38,24 @@ ArchiveWriter::Description description_of(const TakeDocument& take, const RigDoc
   return {take.cameras[camera].id, geometry.width, geometry.height, take.epoch_utc};
 }
 
+/// Frames that arrive now must have times that an archive holds.
+void check_epoch(Nanoseconds epoch_utc, const fs::path& folder, const std::string& what_to_do) {
+  const Nanoseconds now = host_utc_now();
+  const Nanoseconds distance = now > epoch_utc ? now - epoch_utc : epoch_utc - now;
+  if (distance <= matroska::kMaxTime) return;
+  throw Error::bad_input(
+      fmt::format("the take's epoch is {}, more than the 104 days from now ({}) that it can hold",
+                  format_utc(epoch_utc), format_utc(now)),
+      folder.string(), what_to_do);
+}
+
 }  // namespace
+
+RecordingTake::Unused::~Unused() {
+  if (folder_.empty()) return;
+  std::error_code ignored;
+  fs::remove_all(folder_, ignored);
+}
 
 RecordingTake::RecordingTake(fs::path folder, TakeDocument take, RigDocument rig,
                              const std::string& node)
@@ -67,14 +86,10 @@ RecordingTake RecordingTake::create(const fs::path& folder, TakeDocument take,
     throw Error::bad_input("there is something of this name already", folder.string(),
                            "Choose a new name for the take, or go on with it by --resume");
   }
+  check_epoch(take.epoch_utc, folder, "Correct the time to start at, or this machine's clock");
   RecordingTake recording(folder, std::move(take), rig, node);
-  try {
-    recording.create_files();
-  } catch (const Error&) {  // nothing is recorded yet: the name is free for another try
-    std::error_code ignored;
-    fs::remove_all(folder, ignored);
-    throw;
-  }
+  recording.unused_ = Unused(folder);
+  recording.create_files();
   return recording;
 }
 
@@ -103,6 +118,8 @@ RecordingTake RecordingTake::resume(const fs::path& folder,
                     there.size(), camera_ids.size()),
         (folder / "take.json").string(), "Resume with the configuration that the take began with");
   }
+  check_epoch(recording.take_.epoch_utc, folder,
+              "Record into a new take, or correct this machine's clock");
   create_folder(folder / "recording");
   if (fs::exists(recording.recording_file_)) {
     recording.recording_ = read_recording(recording.recording_file_);
@@ -125,6 +142,7 @@ void RecordingTake::write_session(const RecordingDocument::Session& session, boo
     recording_.sessions.back() = session;
   }
   write_recording(recording_, recording_file_);
+  unused_.keep();
 }
 
 void RecordingTake::reserve_room() {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "schemas/recording_document.h"
@@ -19,12 +20,14 @@ namespace raystage {
 /// frame whole, the account of the session last.
 class RecordingTake {
  public:
-  /// A new take. Throws Error: bad input where something of this name is there, failed for the
-  /// disk; nothing is left then.
+  /// A new take. Throws Error: bad input where something of this name is there or the epoch is too
+  /// far from now, failed for the disk; nothing is left then. Nor is it when this object goes
+  /// before a session was written: the name is free for another try.
   static RecordingTake create(const std::filesystem::path& folder, TakeDocument take,
                               const RigDocument& rig, const std::string& node);
-  /// Goes on with one, after a crash or a stop: the same cameras in the same order and size. Throws
-  /// Error (bad input) where that is not so.
+  /// Goes on with one, after a crash or a stop: the same cameras in the same order and size (for
+  /// that see resume_take). Throws Error (bad input) where that is not so, or the epoch is too long
+  /// ago.
   static RecordingTake resume(const std::filesystem::path& folder,
                               const std::vector<std::string>& camera_ids, const std::string& node);
 
@@ -53,12 +56,30 @@ class RecordingTake {
   Counted count(std::size_t camera) const;
 
  private:
+  /// A folder that goes with this object, unless it is kept.
+  class Unused {
+   public:
+    Unused() = default;
+    explicit Unused(std::filesystem::path folder) : folder_(std::move(folder)) {}
+    ~Unused();
+    Unused(Unused&& other) noexcept : folder_(std::exchange(other.folder_, {})) {}
+    Unused& operator=(Unused&& other) noexcept {
+      std::swap(folder_, other.folder_);
+      return *this;
+    }
+    void keep() { folder_.clear(); }
+
+   private:
+    std::filesystem::path folder_;
+  };
+
   RecordingTake(std::filesystem::path folder, TakeDocument take, RigDocument rig,
                 const std::string& node);
   void create_files();
   std::filesystem::path archive_path(std::size_t camera) const;
   std::filesystem::path journal_path(std::size_t camera) const;
 
+  Unused unused_;  // first: goes when the archives are closed
   std::filesystem::path folder_;
   TakeDocument take_;
   RigDocument rig_;

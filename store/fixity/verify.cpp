@@ -11,6 +11,7 @@
 
 #include "schemas/error.h"
 #include "schemas/parallel.h"
+#include "schemas/recording_document.h"
 #include "store/posix_file.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
@@ -85,6 +86,32 @@ void verify_timeline(const Take& take, TakeReport& report) {
   }
 }
 
+/// The nodes' accounts of how they recorded, TAKE/recording/NODE.json.
+void verify_recordings(const Take& take, TakeReport& report) {
+  const fs::path folder = take.folder() / "recording";
+  const auto complain = [&](const fs::path& file, const std::string& what) {
+    report.problems.push_back(
+        {file.lexically_relative(take.folder()).string(), 0, what, {}, false});
+  };
+  std::error_code error;
+  if (fs::symlink_status(folder, error).type() == fs::file_type::not_found) return;
+  std::vector<fs::path> files;
+  // Not a range-based for: its steps would throw.
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end;
+       entry.increment(error)) {
+    if (entry->path().extension() == ".json") files.push_back(entry->path());
+  }
+  if (error) complain(folder, "the folder cannot be read: " + error.message());
+  std::ranges::sort(files);
+  for (const fs::path& file : files) {
+    try {
+      read_recording(file);
+    } catch (const Error& failure) {
+      complain(file, failure.what_happened() + "; no frame depends on this account");
+    }
+  }
+}
+
 }  // namespace
 
 std::uint64_t TakeReport::bytes() const {
@@ -113,8 +140,10 @@ ArchivePair describe_pair(const Take& take, int camera) {
   return pair;
 }
 
-TakeReport verify_take(const fs::path& folder, const TakeVerifyOptions& options) {
+TakeReport verify_take(const fs::path& folder, const TakeVerifyOptions& given) {
   const auto start = std::chrono::steady_clock::now();
+  TakeVerifyOptions options = given;
+  if (options.decode) options.depth = VerifyDepth::kHashes;  // only there frames are read
   const Take take(folder);
   TakeReport report;
   const auto cameras = static_cast<std::size_t>(take.camera_count());
@@ -138,6 +167,7 @@ TakeReport verify_take(const fs::path& folder, const TakeVerifyOptions& options)
   if (!report.stopped && options.depth != VerifyDepth::kSizes && report.whole()) {
     verify_timeline(take, report);
   }
+  if (!report.stopped) verify_recordings(take, report);
   if (options.progress && !report.stopped) options.progress(1);
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;

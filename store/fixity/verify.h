@@ -15,7 +15,7 @@ namespace raystage {
 /// How a take is verified; files are mapped and read once, cameras in parallel.
 struct TakeVerifyOptions {
   VerifyDepth depth = VerifyDepth::kHashes;
-  bool decode = false;
+  bool decode = false;  ///< every JPEG too; looks as closely as kHashes, whatever `depth` says
   std::function<void(double)> progress;  ///< called with the share done, 0 to 1, from any thread
   std::stop_token stop;
 };
@@ -39,7 +39,7 @@ struct TakeReport {
 };
 
 /// Throws Error (bad input) where take.json or rig.json cannot be read.
-TakeReport verify_take(const std::filesystem::path& folder, const TakeVerifyOptions& options);
+TakeReport verify_take(const std::filesystem::path& folder, const TakeVerifyOptions& given);
 
 /// The archive and journal of a camera as the documents describe them, under their names there.
 ArchivePair describe_pair(const Take& take, int camera);

@@ -8,7 +8,9 @@
 #include <mutex>
 #include <random>
 
+#include "schemas/atomic_file.h"
 #include "schemas/error.h"
+#include "schemas/recording_document.h"
 #include "store/fixity/fixity_test_data.h"
 #include "store/jpeg/encode.h"
 #include "store/matroska.h"
@@ -283,6 +285,29 @@ TEST_F(VerifyTake, MissingFilesAndATimelineThatDoesNotFit) {
   EXPECT_THROW(verify(), Error);
 }
 
+TEST_F(VerifyTake, EveryNodesAccountMustBeReadable) {
+  RecordingDocument account;
+  account.node = "one";
+  std::filesystem::create_directory(take / "recording");
+  const std::string whole = format_recording(account);
+  write_file_atomically(take / "recording/one.json", whole);
+  write_file_atomically(take / "recording/two.json", whole);
+  EXPECT_TRUE(verify().whole());
+  std::string future = whole;
+  const auto version = future.find("recording/1");
+  ASSERT_NE(version, std::string::npos);
+  future.replace(version, 11, "recording/9");
+  for (const std::string& damaged : {whole.substr(0, whole.size() / 2), future, std::string()}) {
+    write_file_atomically(take / "recording/two.json", damaged);
+    for (const VerifyDepth depth : kDepths) {
+      const TakeReport report = verify(depth);
+      EXPECT_FALSE(report.whole()) << damaged;
+      ASSERT_EQ(report.problems.size(), 1u);
+      EXPECT_EQ(report.problems[0].file, "recording/two.json");
+    }
+  }
+}
+
 TEST_F(VerifyTake, AFutureJournalCannotBeJudged) {
   const TakeDocument document = test::take_document(3);
   test::overwrite(take / "archive/c1.journal",
@@ -310,6 +335,10 @@ TEST(VerifyDecode, LooksAtThePictures) {
   const TakeReport report = verify_take(take, options);
   const auto& problems = report.cameras[0].report.problems;
   ASSERT_EQ(problems.size(), 2u);
+  for (const VerifyDepth depth : kDepths) {  // decoding is the deepest look, whatever is asked for
+    options.depth = depth;
+    EXPECT_EQ(verify_take(take, options).cameras[0].report.problems.size(), 2u);
+  }
   EXPECT_THAT(problems[0].what, HasSubstr("160 x 240"));
   EXPECT_THAT(problems[0].frames, ElementsAre(AffectedFrame{1, 1}));
   EXPECT_THAT(problems[1].what, HasSubstr("cannot be decoded"));

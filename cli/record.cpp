@@ -64,7 +64,15 @@ void declare(CLI::App& app, Options& options) {
       "Exit codes: 0 every frame seen is stored; 1 failed, or frames are unaccounted for; 2 bad "
       "usage\n"
       "or input; 3 frames were dropped, or a camera was lost or gave none, and the take says "
-      "which.");
+      "which.\n"
+      "CONFIG names each camera and its source, \"ffmpeg\", \"aravis\" or \"simulated\":\n"
+      "  {\"schema\": \"raystage/record/1\", \"memory_mb\": 4000,\n"
+      "   \"when_full\": \"drop_newest\" (default) or \"drop_oldest\": which frame goes when "
+      "memory is full,\n"
+      "   \"when_lost\": \"continue\" (default), \"reconnect\" or \"stop\": what a lost camera "
+      "does,\n"
+      "   \"cameras\": [{\"id\": \"r0c0\", \"ffmpeg\": {\"url\": \"v4l2:/dev/video0\"}}]}\n"
+      "All settings: docs/recording.md and docs/formats/documents.md.");
 }
 
 std::string host_name() {
@@ -110,15 +118,24 @@ Nanoseconds whole_second(Nanoseconds utc) {
 RecordingTake open_take(const Options& options, const RecordConfig& config,
                         const std::vector<RecorderCamera>& cameras, const std::string& node,
                         std::optional<Nanoseconds> start_utc) {
-  if (options.resume) {
-    std::vector<std::string> ids;
-    for (const RecorderCamera& camera : cameras) ids.push_back(camera.id);
-    return RecordingTake::resume(options.take, ids, node);
-  }
+  if (options.resume) return resume_take(options.take, cameras, node);
   const Nanoseconds epoch = whole_second(start_utc.value_or(host_utc_now()));
   return RecordingTake::create(options.take,
                                take_for(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION),
                                rig_for(config, options.config.parent_path(), cameras), node);
+}
+
+/// A time that has passed is a slip, unless it is a node that comes up a little late.
+void check_start(Nanoseconds start, std::optional<double> duration_s) {
+  constexpr double kALittle = 60;  // seconds
+  const double late = static_cast<double>(host_utc_now() - start) / 1e9;
+  if (late <= 0) return;
+  if (late > kALittle || (duration_s && late >= *duration_s)) {
+    throw Error::bad_input(fmt::format("found a time {:.0f} s ago", late), "--start-at",
+                           "Give a time to come, UTC; without it recording starts at once");
+  }
+  fmt::print(stderr, "raystage record: --start-at was {:.1f} s ago: the frames since are missing\n",
+             late);
 }
 
 /// `rate`: bytes a second, where it could be measured.
@@ -144,6 +161,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   settings.threads = thread_count(options.threads);
   if (!options.start_at.empty()) settings.start_utc = parse_utc(options.start_at);
   if (options.duration > 0) settings.duration_s = options.duration;
+  if (settings.start_utc) check_start(*settings.start_utc, settings.duration_s);
 
   const std::filesystem::path folder = options.config.parent_path();
   auto cameras = open_cameras(

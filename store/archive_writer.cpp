@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <xxhash.h>
 
 #include <array>
@@ -136,6 +137,10 @@ void ArchiveWriter::Files::append(std::span<const NewFrame> frames) {
     }
     const auto line = journal::encode_record(record);
     lines.insert(lines.end(), line.begin(), line.end());
+  }
+  // Memory first: once the bytes are on disk nothing may fail but the disk.
+  if (cues.capacity() - cues.size() < points.size()) {
+    cues.reserve(std::max(2 * cues.capacity(), cues.size() + points.size()));
   }
   // The archive first: a journal record then always has its frame.
   if (!archive.write_parts_at(archive_end, parts)) throw roll_back(archive);

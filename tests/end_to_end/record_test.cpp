@@ -93,6 +93,20 @@ TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
   EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
 }
 
+TEST_F(Record, ATimeThatHasPassedIsNoStart) {
+  const CommandResult past = here(
+      "raystage record other.json -o take --start-at $(date -u -d '-1 hour' +%FT%TZ) --status "
+      "none");
+  EXPECT_EQ(past.exit_code, 2) << past.err;
+  EXPECT_THAT(past.err, HasSubstr("--start-at"));
+  EXPECT_FALSE(std::filesystem::exists(folder() / "take"));
+  const CommandResult late = here(
+      "raystage record other.json -o take --start-at $(date -u -d '-3 seconds' +%FT%TZ) "
+      "--duration 4.5 --status none");
+  EXPECT_EQ(late.exit_code, 0) << late.err;
+  EXPECT_THAT(late.err, HasSubstr("s ago"));
+}
+
 TEST_F(Record, HoldSaysHowLongTheMemoryLasts) {
   const CommandResult held =
       here("raystage record other.json -o take --hold --duration 1 --status none");

@@ -75,7 +75,8 @@ TEST_F(BadDisk, ASlowOneFillsMemoryAndEveryDropIsRecorded) {
       const auto used = line.at("memory_used_bytes").get<double>();
       const auto limit = line.at("memory_limit_bytes").get<double>();
       EXPECT_LE(used, limit);
-      full = full || used > 0.8 * limit;
+      // Seen once a second; what a batch held goes free at one moment.
+      full = full || used > 0.5 * limit;
     }
     EXPECT_TRUE(full);
     for (int camera = 0; camera < kCameras; ++camera) {

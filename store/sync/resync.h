@@ -27,10 +27,10 @@ struct ResyncSettings {
   /// Whether stamps say when a frame was exposed (true), or were delayed on their way and the
   /// camera's rhythm knows better.
   bool exact_stamps = false;
-  std::optional<Nanoseconds> tick_at = {};     ///< a tick falls here; none: where the frames lie best
-  bool keep_start_up = false;             ///< ticks begin before the start-up is over, too
-  std::vector<Nanoseconds> offsets = {};  ///< of each camera's clock, taken off; empty: none
-  double nominal_fps = 0;                 ///< for takes with too few frames to tell
+  std::optional<Nanoseconds> tick_at = {};  ///< a tick falls here; none: where the frames lie best
+  bool keep_start_up = false;               ///< ticks begin before the start-up is over, too
+  std::vector<Nanoseconds> offsets = {};    ///< of each camera's clock, taken off; empty: none
+  double nominal_fps = 0;                   ///< for takes with too few frames to tell
 };
 
 /// Frames that a camera's rhythm says there were, one after the other, and that are not there.

@@ -157,6 +157,11 @@ void print_text(const Take& take, const TakeSummary& summary) {
     line("Duration", "a still light field");
     line("On disk", fmt::format("{:.1f} MB", megabytes));
   }
+  for (const Nanoseconds restart : summary.restarts) {
+    line("Resumed",
+         fmt::format("at {:.3f} s, after recording was stopped or killed", seconds(restart)));
+  }
+  if (!summary.restarts_error.empty()) line("Resumed", summary.restarts_error);
   line("Colour", document.color_space);
   line("Clock", fmt::format("{}; a time marks: {}", document.clock, document.time_marks));
   line("JPEG", restart_markers(summary));
@@ -224,6 +229,7 @@ void print_json(const Take& take, const TakeSummary& summary) {
             {"fps", summary.fps},
             {"first_ns", summary.first},
             {"duration_ns", summary.duration},
+            {"resumed_at_ns", summary.restarts},
             {"frames", summary.frames()},
             {"bytes_on_disk", summary.bytes_on_disk},
             {"megabytes_per_second", megabytes_per_second(summary)},

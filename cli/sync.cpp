@@ -2,6 +2,7 @@
 // raystage sync: the timeline of a take.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -56,8 +57,11 @@ void print_text(const Resync& resync, const std::vector<std::string>& verdict) {
              statistics.mean_spread_ns / kNsPerMs,
              static_cast<double>(statistics.median_spread) / kNsPerMs,
              static_cast<double>(statistics.max_spread) / kNsPerMs);
-  fmt::print("Absent     {} of {:.0f} frames ({:.2f} %)\n", absent, all,
+  fmt::print("Absent     {} of {:.0f} frames ({:.2f} %)", absent, all,
              100 * static_cast<double>(absent) / all);
+  const auto nobody = std::ranges::count(timeline.ticks, 0, &FrameSelection::present);
+  if (nobody > 0) fmt::print("; at {} ticks no camera has one", nobody);
+  fmt::print("\n");
 }
 
 FlashOffsets find_flashes(const Take& take, const std::vector<CameraStamps>& cameras,

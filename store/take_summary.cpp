@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <set>
 
 #include "schemas/error.h"
 #include "store/jpeg/layout.h"
+#include "store/recorder_restarts.h"
 #include "store/tick_phase.h"
 
 namespace raystage {
@@ -98,6 +100,18 @@ void add_times(const Take& take, TakeSummary& summary) {
   }
 }
 
+void add_restarts(const Take& take, TakeSummary& summary) {
+  try {
+    std::set<Nanoseconds> all;
+    for (const auto& of_camera : recorder_restarts(take)) {
+      all.insert(of_camera.begin(), of_camera.end());
+    }
+    summary.restarts.assign(all.begin(), all.end());
+  } catch (const Error& error) {
+    summary.restarts_error = error.what();
+  }
+}
+
 }  // namespace
 
 std::uint64_t TakeSummary::frames() const {
@@ -125,6 +139,7 @@ TakeSummary summarise(const Take& take) {
   }
   summary.bytes_on_disk = size_below(take.folder());
   add_times(take, summary);
+  add_restarts(take, summary);
   summary.spacing = spacing_of(take.rig());
   summary.alias_free_distance =
       alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));

@@ -37,6 +37,7 @@ class PhaseSums {
   std::size_t size() const { return times_.size(); }
   double time(std::size_t i) const { return times_[i]; }
   double period() const { return period_; }
+  bool runs_at(double time) const { return times_.front() <= time && time <= times_.back(); }
   std::size_t first_at(double time) const {
     return static_cast<std::size_t>(std::ranges::lower_bound(times_, time) - times_.begin());
   }
@@ -88,9 +89,11 @@ struct Pooled {
 
 Pooled pool(std::span<const PhaseSums> cameras, double time) {
   std::vector<Difference> differences;
+  std::size_t running = 0;
   Phasor sum = 0;
   double weight = 0;
   for (const PhaseSums& camera : cameras) {
+    running += camera.runs_at(time) ? 1 : 0;
     const auto d = difference_at(camera, time);
     if (!d) continue;
     differences.push_back(*d);
@@ -98,7 +101,8 @@ Pooled pool(std::span<const PhaseSums> cameras, double time) {
     weight += 1 / d->variance;
   }
   // A few cameras that happen to have frames speak for the group; one of many does not.
-  if (2 * differences.size() < cameras.size() || differences.empty()) return {};
+  if (2 * differences.size() < running || differences.empty()) return {};
+  if (cameras.size() > 1 && differences.size() == 1) return {};
   Pooled pooled;
   pooled.angle = std::arg(sum);
   pooled.score = std::abs(pooled.angle) * std::sqrt(weight);

@@ -56,6 +56,15 @@ std::vector<LostRun> lost_runs(const CameraStamps& camera, const ClockFit& fit,
   return runs;
 }
 
+LostRun lost_between(const CameraStamps& camera, const CameraClock& clock, Nanoseconds last,
+                     Nanoseconds next) {
+  LostRun run;
+  run.count = std::llround(static_cast<double>(next - last) / clock.period_ns) - 1;
+  run.time = last + std::llround(clock.period_ns);
+  if (run.count > 0) run.recorded = recorded_in(camera, clock, run);
+  return run;
+}
+
 std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras,
                                              const std::vector<CameraClock>& clocks,
                                              const std::vector<std::vector<Nanoseconds>>& times,

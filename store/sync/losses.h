@@ -13,6 +13,11 @@ namespace raystage {
 std::vector<LostRun> lost_runs(const CameraStamps& camera, const ClockFit& fit,
                                const CameraClock& clock, Nanoseconds base);
 
+/// Frames lost over a gap between the corrected times of two frames; count 0: none. `first` is left
+/// to the caller.
+LostRun lost_between(const CameraStamps& camera, const CameraClock& clock, Nanoseconds last,
+                     Nanoseconds next);
+
 /// When the start-up is over: frames are lost at one rate before and at a clearly lower one after
 /// (at least a third; at least a tenth of the frames before; the likelihood settles where). Cameras
 /// that start after `range.begin` count as losing frames until then. `period` of the ticks, ns.

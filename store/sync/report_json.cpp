@@ -97,6 +97,11 @@ std::string json_of(const Resync& resync, const std::optional<FlashOffsets>& fla
   json["method"] = resync.method == FitMethod::kEnvelope ? "envelope" : "least_squares";
   json["start_up_end_ns"] = resync.start_up_end ? Json(*resync.start_up_end) : Json();
   json["clock_steps"] = std::move(steps);
+  Json pauses = Json::array();
+  for (const Pause& pause : resync.pauses) {
+    pauses.push_back({{"node", pause.node}, {"begin_ns", pause.begin}, {"end_ns", pause.end}});
+  }
+  json["pauses"] = std::move(pauses);
   json["flash"] = flash ? json_of(*flash) : Json();
   json["verdict"] = verdict_of(resync, flash);
   json["cameras"] = std::move(cameras);

@@ -4,29 +4,22 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
+#include <span>
 
 #include "schemas/error.h"
 #include "schemas/parallel.h"
+#include "store/recorder_restarts.h"
 #include "store/sync/losses.h"
+#include "store/sync/part_sync.h"
 #include "store/tick_phase.h"
 
 namespace raystage {
 namespace {
 
-constexpr std::size_t kLeastToFit = 32;  // frames: fewer say less than their own stamps
-constexpr double kLate = 5;              // periods
+constexpr double kLate = 5;  // periods
 constexpr Nanoseconds kLateAtLeast = kNanosecondsPerSecond;
 constexpr double kSameRate = 0.1;  // a period counts as a multiple within this
-
-std::vector<int> groups_of(const std::vector<CameraStamps>& cameras) {
-  std::map<std::string, int> numbers;
-  std::vector<int> groups;
-  for (const CameraStamps& camera : cameras) {
-    groups.push_back(
-        numbers.try_emplace(camera.node, static_cast<int>(numbers.size())).first->second);
-  }
-  return groups;
-}
 
 Nanoseconds earliest_of(const std::vector<CameraStamps>& cameras) {
   Nanoseconds earliest = std::numeric_limits<Nanoseconds>::max();
@@ -36,87 +29,12 @@ Nanoseconds earliest_of(const std::vector<CameraStamps>& cameras) {
   return earliest;
 }
 
-CameraClock clock_of(const CameraStamps& camera, const ClockFit& fit, Nanoseconds offset,
-                     Nanoseconds base) {
-  CameraClock clock;
-  clock.offset_ns = offset;
-  for (const PhaseBreak& b : fit.breaks) {
-    if (b.group_step < 0 || b.first_frame >= camera.stamps.size()) continue;
-    const ClockStep step{camera.stamps[b.first_frame], std::llround(b.step)};
-    if (!clock.steps.empty() && clock.steps.back().time_ns == step.time_ns) {
-      clock.steps.back().step_ns += step.step_ns;
-    } else {
-      clock.steps.push_back(step);
-    }
-  }
-  if (!fit.regular) return clock;
-  clock.period_ns = fit.lattice.period;
-  clock.jitter_ns = fit.jitter;
-  std::size_t middle = camera.stamps.size() / 2;
-  while (middle + 1 < fit.slots.size() && fit.slots[middle] == kNoSlot) ++middle;
-  if (fit.slots[middle] != kNoSlot) {
-    clock.phase_ns = static_cast<double>(base - offset) + fit.lattice.at(fit.slots[middle]) +
-                     fit.own_shift(middle);
-  }
-  return clock;
-}
-
-// When each frame was exposed, as well as is known; kNoTime where it is not.
-std::vector<Nanoseconds> exposure_times(const CameraStamps& camera, const ClockFit& fit,
-                                        const CameraClock& clock, Nanoseconds base) {
-  std::vector<Nanoseconds> times;
-  times.reserve(camera.stamps.size());
-  if (!clock.fitted) {
-    for (const Nanoseconds stamp : camera.stamps) times.push_back(clock.corrected(stamp));
-    return times;
-  }
-  double shift = 0;
-  std::size_t next = 0;
-  for (std::size_t i = 0; i < camera.stamps.size(); ++i) {
-    for (; next < fit.breaks.size() && fit.breaks[next].first_frame <= i; ++next) {
-      if (fit.breaks[next].group_step < 0) shift += fit.breaks[next].step;
-    }
-    times.push_back(fit.is_outlier(i) ? kNoTime
-                                      : base - clock.offset_ns +
-                                            std::llround(fit.lattice.at(fit.slots[i]) + shift));
-  }
-  return times;
-}
-
-std::vector<Outlier> outliers_of(const CameraStamps& camera, const ClockFit& fit) {
-  std::vector<Outlier> outliers;
-  for (std::size_t i = 0; i < fit.slots.size(); ++i) {
-    if (!fit.is_outlier(i)) continue;
-    outliers.push_back({static_cast<std::int32_t>(i), camera.stamps[i],
-                        std::llround(fit.residual[i]), fit.slots[i] == kNoSlot});
-  }
-  return outliers;
-}
-
-CameraSync sync_of(const CameraStamps& camera, const ClockFit& fit, const CameraClock& clock,
-                   Nanoseconds base) {
-  CameraSync sync;
-  sync.id = camera.id;
-  sync.node = camera.node;
-  sync.frames = static_cast<std::int64_t>(camera.stamps.size());
-  sync.regular = fit.regular;
-  if (!fit.regular) return sync;
-  sync.period_sigma_ppm = fit.period_sigma / fit.lattice.period * 1e6;
-  sync.lost = lost_runs(camera, fit, clock, base);
-  sync.outliers = outliers_of(camera, fit);
-  for (const PhaseBreak& b : fit.breaks) {
-    if (b.group_step >= 0 || b.first_frame >= camera.stamps.size()) continue;
-    sync.jumps.push_back({camera.stamps[b.first_frame], std::llround(b.step)});
-  }
-  return sync;
-}
-
 // The period that most cameras share; the longer one where two are as common, so that every camera
 // has a frame at every tick.
-double common_period(const std::vector<ClockFit>& fits) {
+double common_period(const std::vector<CameraClock>& clocks) {
   std::vector<double> periods;
-  for (const ClockFit& fit : fits) {
-    if (fit.regular) periods.push_back(fit.lattice.period);
+  for (const CameraClock& clock : clocks) {
+    if (clock.period_ns > 0) periods.push_back(clock.period_ns);
   }
   if (periods.empty()) return 0;
   std::ranges::sort(periods);
@@ -132,31 +50,75 @@ double drift_of(double period, double tick) {
 }
 
 std::vector<NodeStep> node_steps(const std::vector<CameraStamps>& cameras,
-                                 const std::vector<ClockFit>& fits, const std::vector<int>& group) {
+                                 const std::vector<RhythmPart>& parts,
+                                 const std::vector<ClockFit>& fits) {
   struct Sum {
     NodeStep step;
+    std::set<std::size_t> cameras;
     std::vector<Nanoseconds> times;
   };
   std::map<std::pair<int, int>, Sum> sums;
-  for (std::size_t c = 0; c < fits.size(); ++c) {
-    for (const PhaseBreak& b : fits[c].breaks) {
+  for (std::size_t p = 0; p < fits.size(); ++p) {
+    const CameraStamps& camera = cameras[parts[p].camera];
+    for (const PhaseBreak& b : fits[p].breaks) {
       if (b.group_step < 0) continue;
-      Sum& sum = sums[{group[c], b.group_step}];
-      sum.step.node = cameras[c].node;
+      Sum& sum = sums[{parts[p].group, b.group_step}];
+      sum.step.node = camera.node;
       sum.step.step = std::llround(b.step);
-      if (b.first_frame >= cameras[c].stamps.size()) continue;
-      ++sum.step.cameras;
-      sum.times.push_back(cameras[c].stamps[b.first_frame] - sum.step.step);
+      if (b.first_frame >= parts[p].count) continue;
+      sum.cameras.insert(parts[p].camera);
+      sum.times.push_back(camera.stamps[parts[p].first + b.first_frame] - sum.step.step);
     }
   }
   std::vector<NodeStep> steps;
   for (auto& [key, sum] : sums) {
     if (sum.times.empty()) continue;
+    sum.step.cameras = static_cast<int>(sum.cameras.size());
     sum.step.time = std::ranges::min(sum.times);
     steps.push_back(sum.step);
   }
   std::ranges::stable_sort(steps, {}, &NodeStep::time);
   return steps;
+}
+
+std::vector<Pause> pauses_of(const std::vector<CameraStamps>& cameras,
+                             const std::vector<RhythmPart>& parts,
+                             const std::vector<PartSync>& synced) {
+  std::map<int, std::pair<Pause, std::size_t>> of_group;  // where it runs, and its session
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    for (const Nanoseconds time : synced[p].times) {
+      if (time == kNoTime) continue;
+      const std::string& node = cameras[parts[p].camera].node;
+      const auto found = of_group.try_emplace(parts[p].group,
+                                              std::pair(Pause{node, time, time}, parts[p].session));
+      Pause& runs = found.first->second.first;
+      runs.begin = std::min(runs.begin, time);
+      runs.end = std::max(runs.end, time);
+    }
+  }
+  std::vector<Pause> pauses;
+  const Pause* before = nullptr;
+  for (const auto& [group, runs] : of_group) {
+    if (before != nullptr && before->node == runs.first.node) {
+      pauses.push_back({before->node, before->end, runs.first.begin});
+    }
+    before = &runs.first;
+  }
+  return pauses;
+}
+
+ClockFits fit_parts(const std::vector<CameraStamps>& cameras, const std::vector<RhythmPart>& parts,
+                    Nanoseconds base) {
+  std::vector<std::vector<double>> relative(parts.size());
+  std::vector<int> group;
+  for (std::size_t p = 0; p < parts.size(); ++p) {
+    const auto stamps =
+        std::span(cameras[parts[p].camera].stamps).subspan(parts[p].first, parts[p].count);
+    relative[p].reserve(stamps.size());
+    for (const Nanoseconds stamp : stamps) relative[p].push_back(static_cast<double>(stamp - base));
+    group.push_back(parts[p].group);
+  }
+  return fit_clocks(relative, group);
 }
 
 void mark_ends(Resync& result, const TimeRange& range, double period) {
@@ -214,11 +176,13 @@ bool marks_arrivals(const TakeDocument& take) { return take.time_marks == "arriv
 
 std::vector<CameraStamps> stamps_of(const Take& take) {
   std::vector<CameraStamps> cameras;
+  std::vector<std::vector<Nanoseconds>> restarts = recorder_restarts(take);
   for (int c = 0; c < take.camera_count(); ++c) {
     const TakeDocument::Camera& document = take.document().cameras[static_cast<std::size_t>(c)];
     CameraStamps camera;
     camera.id = document.id;
     camera.node = document.node;
+    camera.restarts = std::move(restarts[static_cast<std::size_t>(c)]);
     for (const FrameRecord& record : take.archive(c).records()) {
       if (record.status != FrameStatus::kStored) camera.missing.push_back(record);
     }
@@ -238,38 +202,45 @@ Resync resynchronise(const std::vector<CameraStamps>& cameras, const ResyncSetti
                            "Record or import it again");
   }
   const Nanoseconds base = earliest_of(cameras);
-  const std::vector<int> group = groups_of(cameras);
-  std::vector<std::vector<double>> relative(cameras.size());
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    relative[c].reserve(cameras[c].stamps.size());
-    for (const Nanoseconds stamp : cameras[c].stamps) {
-      relative[c].push_back(static_cast<double>(stamp - base));
-    }
-  }
-  const ClockFits fits = fit_clocks(relative, group);
-  relative = {};
+  const std::vector<RhythmPart> parts = rhythm_parts(cameras);
+  const ClockFits fits = fit_parts(cameras, parts, base);
 
   Resync result;
+  const auto offset_of = [&](std::size_t c) {
+    return settings.offsets.empty() ? 0 : settings.offsets[c];
+  };
   result.method = fits.method;
   result.least_squares_ppm = fits.least_squares_ppm;
   result.envelope_ppm = fits.envelope_ppm;
   result.times.resize(cameras.size());
   result.cameras.resize(cameras.size());
   std::vector<CameraClock> clocks(cameras.size());
-  parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t c) {
-    const ClockFit& fit = fits.cameras[c];
-    const Nanoseconds offset = settings.offsets.empty() ? 0 : settings.offsets[c];
-    clocks[c] = clock_of(cameras[c], fit, offset, base);
-    clocks[c].fitted =
-        !settings.exact_stamps && fit.regular && cameras[c].stamps.size() >= kLeastToFit;
-    result.times[c] = exposure_times(cameras[c], fit, clocks[c], base);
-    result.cameras[c] = sync_of(cameras[c], fit, clocks[c], base);
+  const std::vector<Nanoseconds> stepped = steps_before(parts, fits.cameras, cameras);
+  std::vector<PartSync> synced(parts.size());
+  parallel_for(std::size_t{0}, parts.size(), [&](std::size_t p) {
+    const std::size_t c = parts[p].camera;
+    synced[p] = sync_part(stamps_of(cameras[c], parts[p]), fits.cameras[p],
+                          offset_of(c) + stepped[p], base, settings.exact_stamps);
   });
-  result.steps = node_steps(cameras, fits.cameras, group);
+  for (std::size_t begin = 0; begin < parts.size();) {
+    const std::size_t c = parts[begin].camera;
+    std::size_t end = begin;
+    while (end < parts.size() && parts[end].camera == c) ++end;
+    PartSync whole =
+        join_parts(cameras[c], std::span(parts).subspan(begin, end - begin),
+                   std::span(fits.cameras).subspan(begin, end - begin),
+                   std::span<const PartSync>(synced).subspan(begin, end - begin), offset_of(c));
+    clocks[c] = std::move(whole.clock);
+    result.cameras[c] = std::move(whole.sync);
+    result.times[c] = std::move(whole.times);
+    begin = end;
+  }
+  result.steps = node_steps(cameras, parts, fits.cameras);
+  result.pauses = pauses_of(cameras, parts, synced);
 
   const bool still =
       std::ranges::all_of(cameras, [](const auto& c) { return c.stamps.size() < 2; });
-  double period = common_period(fits.cameras);
+  double period = common_period(clocks);
   if (still || period == 0) {
     // Too few frames for a rhythm: ticks from the times alone.
     if (settings.tick_at) {

@@ -18,7 +18,11 @@ struct CameraStamps {
   std::string id, node;              ///< node: whose clock stamped the frames; may be empty
   std::vector<Nanoseconds> stamps;   ///< of the stored frames, increasing
   std::vector<FrameRecord> missing;  ///< the journal's records of frames that are not there
+  /// When its recorder started anew after it was stopped or killed: stamps before and after are of
+  /// rhythms that have nothing to do with each other.
+  std::vector<Nanoseconds> restarts = {};
 };
+/// Throws Error (bad input) where archives or the accounts in TAKE/recording cannot be read.
 std::vector<CameraStamps> stamps_of(const Take& take);
 
 struct ResyncSettings {
@@ -70,10 +74,17 @@ struct NodeStep {
   int cameras = 0;
 };
 
+/// Nobody recorded on a node: its recorder was stopped or killed, and resumed.
+struct Pause {
+  std::string node;
+  Nanoseconds begin = 0, end = 0;  ///< its last frame before, its first after; corrected
+};
+
 struct Resync {
   Timeline timeline;  ///< its clocks are per camera, as `cameras`
   std::vector<CameraSync> cameras;
   std::vector<NodeStep> steps;
+  std::vector<Pause> pauses;
   std::optional<Nanoseconds> start_up_end;  ///< where frames were lost more often before it
   FitMethod method = FitMethod::kLeastSquares;
   double least_squares_ppm = 0, envelope_ppm = 0;  ///< see ClockFits

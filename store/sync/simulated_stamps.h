@@ -88,7 +88,21 @@ inline std::vector<CameraStamps> cameras_of(const SimulatedStamps& truth) {
     cameras.push_back({"c" + std::to_string(cameras.size()),
                        "node" + std::to_string(camera.node),
                        camera.stamps,
+                       {},
                        {}});
+  }
+  return cameras;
+}
+
+/// The same cameras' recording resumed `behind` later: the second's stamps move by as much.
+inline std::vector<CameraStamps> resumed(const SimulatedStamps& first,
+                                         const SimulatedStamps& second, Nanoseconds behind) {
+  std::vector<CameraStamps> cameras = cameras_of(first);
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    for (const Nanoseconds stamp : second.cameras[c].stamps) {
+      cameras[c].stamps.push_back(stamp + behind);
+    }
+    cameras[c].restarts = {behind + second.cameras[c].stamps.front() - 200'000'000};
   }
   return cameras;
 }

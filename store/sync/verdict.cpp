@@ -94,6 +94,16 @@ void say_rates(const Resync& resync, std::vector<std::string>& verdict) {
   }
 }
 
+void say_pauses(const Resync& resync, std::vector<std::string>& verdict) {
+  for (const Pause& pause : resync.pauses) {
+    verdict.push_back(fmt::format(
+        "{} stopped at {:.2f} s and was resumed, {:.2f} s without a frame; every camera started "
+        "anew at a phase of its own, and none counts as lost.",
+        pause.node.empty() ? "Recording" : "Recording on " + pause.node, seconds(pause.begin),
+        seconds(pause.end - pause.begin)));
+  }
+}
+
 void say_losses(const Resync& resync, std::vector<std::string>& verdict) {
   std::vector<std::pair<std::int64_t, const CameraSync*>> losers;
   std::int64_t dropped = 0, frames = 0, unrecorded = 0, start_up = 0;
@@ -180,6 +190,7 @@ std::vector<std::string> verdict_of(const Resync& resync,
                                     const std::optional<FlashOffsets>& flash) {
   std::vector<std::string> verdict;
   say_rates(resync, verdict);
+  say_pauses(resync, verdict);
   for (const NodeStep& step : resync.steps) {
     verdict.push_back(
         fmt::format("{} jumped {} by {:.1f} ms at {:.1f} s; that is taken off.",

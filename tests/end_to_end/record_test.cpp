@@ -91,6 +91,14 @@ TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
   EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
   EXPECT_EQ(account("take/recording/one.json").at("sessions").size(), 2U);
   EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
+  EXPECT_THAT(here("raystage info take").out, HasSubstr("Resumed     at "));
+  const json sync = json::parse(here("raystage sync take --json -q").out);
+  EXPECT_EQ(sync.at("pauses").size(), 1U);
+  EXPECT_TRUE(sync.at("clock_steps").empty());
+  for (const json& camera : sync.at("cameras")) {
+    EXPECT_TRUE(camera.at("own_jumps").empty());
+    EXPECT_NEAR(camera.at("rate_hz").get<double>(), camera.at("id") == "a" ? 30 : 15, 0.2);
+  }
 }
 
 TEST_F(Record, ATimeThatHasPassedIsNoStart) {

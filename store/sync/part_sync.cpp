@@ -3,9 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
-#include <ranges>
 #include <set>
+#include <span>
 
 #include "store/sync/losses.h"
 
@@ -108,11 +107,18 @@ std::vector<ClockStep> steps_of(const CameraStamps& camera, std::span<const Rhyt
   return clock.steps;
 }
 
-// The last or first time that counts.
-template <typename Times>
-std::optional<Nanoseconds> first_known(const Times& times) {
-  const auto found = std::ranges::find_if(times, [](Nanoseconds t) { return t != kNoTime; });
-  return found == times.end() ? std::nullopt : std::optional(*found);
+// First and last time that count.
+struct Ends {
+  Nanoseconds first = kNoTime, last = kNoTime;
+};
+Ends ends_of(std::span<const Nanoseconds> times) {
+  Ends ends;
+  for (const Nanoseconds time : times) {
+    if (time == kNoTime) continue;
+    if (ends.first == kNoTime) ends.first = time;
+    ends.last = time;
+  }
+  return ends;
 }
 
 void append(CameraSync& whole, const CameraSync& part, const RhythmPart& at, std::int64_t period) {
@@ -154,26 +160,24 @@ PartSync join_parts(const CameraStamps& camera, std::span<const RhythmPart> part
   whole.sync.regular = synced[longest].sync.regular;
   whole.sync.period_sigma_ppm = synced[longest].sync.period_sigma_ppm;
   const double period = whole.clock.period_ns;
-  std::optional<Nanoseconds> first, last;
+  Nanoseconds first = kNoTime, last = kNoTime;
   for (std::size_t p = 0; p < parts.size(); ++p) {
     const PartSync& part = synced[p];
     whole.clock.fitted |= part.clock.fitted;
     whole.times.insert(whole.times.end(), part.times.begin(), part.times.end());
-    const std::optional<Nanoseconds> begin = first_known(part.times);
-    if (!whole.sync.regular || !begin) continue;
+    const Ends ends = ends_of(part.times);
+    if (!whole.sync.regular || ends.first == kNoTime) continue;
+    if (first == kNoTime) first = ends.first;
     const auto periods_until = [&](Nanoseconds time) {
-      return std::llround(static_cast<double>(time - *first) / period);
+      return std::llround(static_cast<double>(time - first) / period);
     };
-    if (!first) first = begin;
-    if (last && parts[p].session == parts[p - 1].session) {
-      const LostRun gap = lost_between(camera, whole.clock, *last, *begin);
-      if (gap.count > 0) {
-        whole.sync.lost.push_back(gap);
-        whole.sync.lost.back().first = periods_until(gap.time);
-      }
+    if (last != kNoTime && parts[p].session == parts[p - 1].session) {
+      LostRun gap = lost_between(camera, whole.clock, last, ends.first);
+      gap.first = periods_until(gap.time);
+      if (gap.count > 0) whole.sync.lost.push_back(gap);
     }
-    append(whole.sync, part.sync, parts[p], periods_until(*begin));
-    last = first_known(part.times | std::views::reverse);
+    append(whole.sync, part.sync, parts[p], periods_until(ends.first));
+    last = ends.last;
   }
   return whole;
 }

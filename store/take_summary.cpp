@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "schemas/error.h"
+#include "schemas/rig_document.h"
 #include "store/jpeg/layout.h"
 #include "store/tick_phase.h"
 
@@ -125,6 +126,7 @@ TakeSummary summarise(const Take& take) {
   }
   summary.bytes_on_disk = size_below(take.folder());
   add_times(take, summary);
+  summary.calibrated = is_calibrated(read_rig(take.folder() / "rig.json"));
   summary.spacing = spacing_of(take.rig());
   summary.alias_free_distance =
       alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));

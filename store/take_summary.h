@@ -33,6 +33,7 @@ struct TakeSummary {
   std::uint64_t bytes_of_archives = 0;
   double fps = 0;                       ///< detected, else nominal; 0 where unknown
   Nanoseconds first = 0, duration = 0;  ///< from the earliest frame to the end of the latest
+  bool calibrated = true;               ///< false: spacing and lenses are guessed
   /// Median distance of a camera to its nearest neighbour, metres; 0 for one camera.
   double spacing = 0;
   /// Eq. 4.3: nothing nearer than this is free of aliasing, metres; 0 where it has no meaning.

@@ -3,10 +3,10 @@
 
 #include <cstdio>
 #include <filesystem>
-#include <map>
 #include <string>
 #include <vector>
 
+#include "cli/choice.h"
 #include "cli/command.h"
 #include "cli/parse.h"
 #include "cli/threads.h"
@@ -92,14 +92,11 @@ int main(int argc, char** argv) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("ID,...");
-  app.add_option("--blend", options.settings.blend_space,
-                 "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or "
-                 "linear (default: perceptual)")
-      ->transform(CLI::CheckedTransformer(
-                      std::map<std::string, BlendSpace>{{"perceptual", BlendSpace::kPerceptual},
-                                                        {"linear", BlendSpace::kLinear}})
-                      .description(""))
-      ->type_name("perceptual|linear");
+  add_choice<BlendSpace>(
+      app, "--blend", options.settings.blend_space,
+      {{"perceptual", BlendSpace::kPerceptual}, {"linear", BlendSpace::kLinear}},
+      "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or linear "
+      "(default: perceptual)");
   app.add_option("--camera-step", options.settings.camera_step,
                  "Use every n-th row and column of the grid only")
       ->capture_default_str()

@@ -15,6 +15,7 @@ namespace {
 
 using testing::HasSubstr;
 using testing::IsEmpty;
+using testing::Not;
 
 struct FixityCommands : testing::Test {
   FixityCommands() {
@@ -79,11 +80,56 @@ TEST_F(FixityCommands, ARottenFrameIsFoundAndPutOnRecord) {
   const test::CommandResult repair = run("repair -q " + quoted);
   EXPECT_EQ(repair.exit_code, 3) << repair.output;
   EXPECT_THAT(repair.output, HasSubstr("frames lost, rotten: 1"));
-  EXPECT_THAT(repair.output, HasSubstr("at 0.200000000 s a frame is rotten"));
+  EXPECT_THAT(repair.output, HasSubstr("at 0.200000000 s: a frame is rotten"));
   EXPECT_THAT(repair.output, HasSubstr("kept as c1.mkv.damaged"));
   EXPECT_EQ(test::bytes_of(take / "archive/c1.mkv.damaged"), before);
   EXPECT_EQ(run("verify -q " + quoted).exit_code, 0);
   EXPECT_THAT(run("info " + quoted).output, HasSubstr("1 torn"));
+}
+
+TEST_F(FixityCommands, LossesOfOneKindAreOneLine) {
+  for (std::size_t i = 1; i < 8; ++i) flip("c1.mkv", frame_offset(1, i) + 3);
+  const test::CommandResult repair = run("repair -q " + quoted);
+  EXPECT_EQ(repair.exit_code, 3) << repair.output;
+  EXPECT_THAT(repair.output, HasSubstr("frames lost, rotten: 7"));
+  EXPECT_THAT(repair.output,
+              HasSubstr("at 0.050000000 s, 0.100000000 s, 0.150000000 s, 0.200000000 s and 3 more: "
+                        "a frame is rotten"));
+  const std::size_t line = repair.output.find("lost or in doubt");
+  EXPECT_EQ(repair.output.find("lost or in doubt", line + 1), std::string::npos) << repair.output;
+}
+
+TEST_F(FixityCommands, RepairIsAdvisedWhereItHelps) {
+  ASSERT_EQ(run("sync -q " + quoted).exit_code, 0);
+  auto timeline = test::bytes_of(take / "timeline.zst");
+  timeline.at(timeline.size() / 2) ^= std::byte{1};
+  test::overwrite(take / "timeline.zst", timeline);
+  test::CommandResult verify = run("verify -q " + quoted);
+  EXPECT_EQ(verify.exit_code, 1);
+  EXPECT_THAT(verify.output, HasSubstr("raystage sync"));
+  EXPECT_THAT(verify.output, Not(HasSubstr("raystage repair")));
+
+  std::filesystem::remove(take / "timeline.zst");
+  std::filesystem::create_directory(take / "recording");
+  test::overwrite(take / "recording/one.json", std::as_bytes(std::span("{}")));
+  verify = run("verify -q " + quoted);
+  EXPECT_EQ(verify.exit_code, 1);
+  EXPECT_THAT(verify.output, HasSubstr("no frame depends on this account"));
+  EXPECT_THAT(verify.output, HasSubstr("restore it from a copy"));
+  EXPECT_THAT(verify.output, Not(HasSubstr("raystage repair")));
+
+  flip("c1.mkv", frame_offset(1, 4) + 3);
+  EXPECT_THAT(run("verify -q " + quoted).output, HasSubstr("`raystage repair"));
+}
+
+TEST_F(FixityCommands, WhatIsNoTakeIsCalledThat) {
+  for (const char* command : {"verify -q", "repair -q", "info", "sync -q"}) {
+    const std::string name = std::string(command) + " '" + take.string();
+    EXPECT_THAT(run(name + "/take.json'").output, HasSubstr("this is no take: it is a file"));
+    EXPECT_THAT(run(name + "/archive'").output,
+                HasSubstr("this is no take: it holds no take.json"));
+    EXPECT_THAT(run(name + "/none'").output, HasSubstr("this is no take: there is no such folder"));
+  }
 }
 
 TEST_F(FixityCommands, BadUsageAndInputExitWithTwo) {

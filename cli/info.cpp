@@ -93,7 +93,7 @@ void print_missing(const TakeSummary& summary) {
   }
 }
 
-void print_archives(const TakeSummary& summary) {
+void print_archives(const TakeSummary& summary, const std::string& folder) {
   const auto open = [](const Camera& camera) { return camera.error.empty() && !camera.closed; };
   const long not_closed = count_of(summary, open);
   line("Archives",
@@ -102,6 +102,12 @@ void print_archives(const TakeSummary& summary) {
                          count_of(summary, [](const Camera& c) { return c.error.empty(); }))
            : fmt::format("{} not closed (cut short, or still recording): {}", not_closed,
                          ids_of(summary, open)));
+  if (not_closed > 0) {
+    fmt::print(
+        "  cut short? `raystage record CONFIG --resume -o {0}` goes on with it, `raystage repair "
+        "{0}` closes it\n",
+        folder);
+  }
   const auto repaired = [](const Camera& c) { return c.recovered > 0 || c.damaged_records > 0; };
   for (const Camera& camera : summary.cameras) {
     if (!camera.error.empty()) fmt::print("  {}\n", camera.error);
@@ -142,8 +148,13 @@ void print_text(const Take& take, const TakeSummary& summary) {
     line("Made from",
          fmt::format("{} by {}", document.derived_from->take, document.derived_from->by));
   }
-  line("Cameras", fmt::format("{}, {}, {:.4g} {} apart", summary.cameras.size(),
-                              resolutions(summary), summary.spacing, unit));
+  const std::string cameras = fmt::format("{}, {}", summary.cameras.size(), resolutions(summary));
+  if (summary.calibrated) {
+    line("Cameras", fmt::format("{}, {:.4g} {} apart", cameras, summary.spacing, unit));
+  } else {
+    line("Cameras", cameras);
+    line("Spacing", "unknown: the rig is not calibrated");
+  }
   const auto [fewest, most] = std::ranges::minmax(summary.cameras, {}, &Camera::frames);
   line("Frames",
        fmt::format("{}; {} to {} a camera", summary.frames(), fewest.frames, most.frames));
@@ -171,11 +182,11 @@ void print_text(const Take& take, const TakeSummary& summary) {
                       ? fmt::format("{:.4g} to {:.4g} {}", range.near, range.far, unit)
                       : fmt::format("{:.4g} {} to infinity", range.near, unit));
   }
-  if (summary.alias_free_distance > 0) {
+  if (summary.calibrated && summary.alias_free_distance > 0) {
     line("Alias-free",
          fmt::format("beyond {:.4g} {} (thesis eq. 4.3)", summary.alias_free_distance, unit));
   }
-  print_archives(summary);
+  print_archives(summary, take.folder().string());
   print_missing(summary);
   if (summary.timeline) {
     const auto& statistics = summary.timeline->statistics;
@@ -215,6 +226,7 @@ void print_json(const Take& take, const TakeSummary& summary) {
   const TakeDocument& document = take.document();
   Json cameras = Json::array();
   for (const Camera& camera : summary.cameras) cameras.push_back(json_of(camera));
+  const auto measured = [&](double metres) { return summary.calibrated ? Json(metres) : Json(); };
   Json json{{"name", document.name},
             {"epoch_utc", format_utc(document.epoch_utc)},
             {"created_by", document.created_by},
@@ -233,8 +245,9 @@ void print_json(const Take& take, const TakeSummary& summary) {
             {"frames", summary.frames()},
             {"bytes_on_disk", summary.bytes_on_disk},
             {"megabytes_per_second", megabytes_per_second(summary)},
-            {"spacing_m", summary.spacing},
-            {"alias_free_distance_m", summary.alias_free_distance}};
+            {"calibrated", summary.calibrated},
+            {"spacing_m", measured(summary.spacing)},
+            {"alias_free_distance_m", measured(summary.alias_free_distance)}};
   if (document.depth_range) {
     const double far = document.depth_range->far;
     json["depth_range_m"] = {document.depth_range->near, std::isfinite(far) ? Json(far) : Json()};

@@ -15,7 +15,9 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Makes one take of the parts that several nodes recorded of the same scene. Frames are "
       "copied\n"
-      "byte for byte and held against their hashes; times are moved to the earliest part's epoch.",
+      "byte for byte and held against their hashes; times are moved to the earliest part's epoch. "
+      "Says\n"
+      "on stderr where the parts do not overlap in time, or only some rigs are calibrated.",
       "raystage join");
   std::vector<std::filesystem::path> parts;
   std::filesystem::path output;
@@ -33,6 +35,9 @@ int main(int argc, char** argv) {
     const JoinReport report = join_takes(
         parts, output, "raystage " RAYSTAGE_VERSION, [&](double done) { progress.report(done); },
         stop);
+    for (const std::string& warning : report.warnings) {
+      fmt::print(stderr, "raystage join: {}\n", warning);
+    }
     constexpr double kMegabyte = 1e6;
     fmt::print("{}: {} cameras of {} parts, {} frames, {} recorded as missing, {:.1f} MB\n",
                output.string(), report.cameras, parts.size(), report.frames, report.missing,

@@ -125,6 +125,13 @@ RecordingTake open_take(const Options& options, const RecordConfig& config,
                                rig_for(config, options.config.parent_path(), cameras), node);
 }
 
+/// Before cameras are opened, which can take long.
+void check_there_is_a_take(const std::filesystem::path& take) {
+  if (std::filesystem::exists(take / "take.json")) return;
+  throw Error::bad_input("there is no take to go on with", take.string(),
+                         "Leave out --resume to begin a new take, or give the one to go on with");
+}
+
 /// A time that has passed is a slip, unless it is a node that comes up a little late.
 void check_start(Nanoseconds start, std::optional<double> duration_s) {
   constexpr double kALittle = 60;  // seconds
@@ -151,6 +158,7 @@ void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate) {
 }
 
 ExitCode record(const Options& options, const std::stop_token& stop) {
+  if (options.resume) check_there_is_a_take(options.take);
   RecordConfig config = read_record_config(options.config);
   if (options.hold) config.hold = true;
   if (options.memory_mb > 0) config.memory_mb = options.memory_mb;

@@ -7,6 +7,7 @@
 #include <array>
 #include <map>
 
+#include "cli/choice.h"
 #include "cli/command.h"
 #include "cli/parse.h"
 #include "cli/threads.h"
@@ -28,22 +29,6 @@ struct Options {
   MissingFrames missing = MissingFrames::kError;
   ProgressStyle progress = ProgressStyle::kAuto;
 };
-
-/// An option with a closed list of words; CLI11's own transformer would show users our numbers.
-template <class T>
-void add_choice(CLI::App& app, const std::string& name, T& value,
-                const std::map<std::string, T>& choices, const std::string& help) {
-  std::string names;
-  std::vector<std::string> words;
-  for (const auto& [word, unused] : choices) {
-    words.push_back(word);
-    names += (names.empty() ? "" : "|") + word;
-  }
-  app.add_option_function<std::string>(
-         name, [&value, choices](const std::string& word) { value = choices.at(word); }, help)
-      ->check(CLI::IsMember(words).description(""))
-      ->type_name(names);
-}
 
 void declare(CLI::App& app, Options& options) {
   app.add_option("SHOT", options.shot, "the shot to render (shot.json)")->required();

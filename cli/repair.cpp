@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <string>
+#include <vector>
 
 #include "cli/command.h"
 #include "cli/parse.h"
@@ -19,6 +20,39 @@ struct Options {
   bool dry_run = false, quiet = false;
   int threads = 0;
 };
+
+constexpr std::size_t kMostShown = 4;
+
+/// "at 0.200000000 s, 0.250000000 s and 3 more: "; empty for what is no frame.
+std::string times_text(const std::vector<Nanoseconds>& times) {
+  if (times.empty()) return "";
+  std::string text = "at ";
+  for (std::size_t i = 0; i < std::min(times.size(), kMostShown); ++i) {
+    text += fmt::format("{}{:.9f} s", i == 0 ? "" : ", ",
+                        static_cast<double>(times[i]) / kNanosecondsPerSecond);
+  }
+  if (times.size() > kMostShown) text += fmt::format(" and {} more", times.size() - kMostShown);
+  return text + ": ";
+}
+
+/// A line for each kind of loss, however many frames share it.
+void print_losses(const std::vector<Salvage::Loss>& losses) {
+  struct Kind {
+    std::string what;
+    std::vector<Nanoseconds> times;
+  };
+  std::vector<Kind> kinds;
+  for (const Salvage::Loss& loss : losses) {
+    auto kind = std::ranges::find(kinds, loss.what, &Kind::what);
+    if (kind == kinds.end()) kind = kinds.insert(kinds.end(), Kind{loss.what, {}});
+    if (loss.time_ns != kUnknownTime) kind->times.push_back(loss.time_ns);
+  }
+  constexpr std::size_t kMostKinds = 8;
+  for (std::size_t i = 0; i < std::min(kinds.size(), kMostKinds); ++i) {
+    fmt::print("  lost or in doubt: {}{}\n", times_text(kinds[i].times), kinds[i].what);
+  }
+  if (kinds.size() > kMostKinds) fmt::print("  ... and {} more\n", kinds.size() - kMostKinds);
+}
 
 void print_camera(const RepairReport::Camera& camera, bool dry_run) {
   if (!camera.error.empty()) {
@@ -36,16 +70,7 @@ void print_camera(const RepairReport::Camera& camera, bool dry_run) {
   count(s.unproven_frames, "frames put back into the journal, without proof that they are whole");
   count(s.rotten_frames, "frames lost, rotten");
   count(s.cut_off_frames, "frames lost, cut off");
-  constexpr std::size_t kMost = 100;
-  for (std::size_t i = 0; i < std::min(kMost, s.losses.size()); ++i) {
-    const Salvage::Loss& loss = s.losses[i];
-    const std::string when = loss.time_ns == kUnknownTime
-                                 ? ""
-                                 : fmt::format("at {:.9f} s ", static_cast<double>(loss.time_ns) /
-                                                                   kNanosecondsPerSecond);
-    fmt::print("  lost or in doubt: {}{}\n", when, loss.what);
-  }
-  if (s.losses.size() > kMost) fmt::print("  and {} more\n", s.losses.size() - kMost);
+  print_losses(s.losses);
   for (const std::string& name : camera.kept) fmt::print("  the original is kept as {}\n", name);
 }
 

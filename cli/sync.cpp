@@ -6,11 +6,11 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
-#include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <optional>
 
+#include "cli/choice.h"
 #include "cli/command.h"
 #include "cli/parse.h"
 #include "cli/threads.h"
@@ -167,18 +167,14 @@ ExitCode sync(const Options& options, std::stop_token stop) {
 }
 
 void add_retime_options(CLI::App& app, Options& options) {
-  app.add_option(
-         "--retime", options.retime,
-         "How frames get to their ticks' exact time in the new take: nearest (default; frames "
-         "byte for byte at their own corrected times), blend (the frames before and after "
-         "blended), flow (what moves between them is moved, what is hidden in one is taken "
-         "from the other)")
-      ->transform(CLI::CheckedTransformer(
-                      std::map<std::string, RetimeMethod>{{"nearest", RetimeMethod::kNearest},
-                                                          {"blend", RetimeMethod::kBlend},
-                                                          {"flow", RetimeMethod::kFlow}})
-                      .description(""))
-      ->type_name("nearest|blend|flow");
+  add_choice<RetimeMethod>(
+      app, "--retime", options.retime,
+      {{"nearest", RetimeMethod::kNearest},
+       {"blend", RetimeMethod::kBlend},
+       {"flow", RetimeMethod::kFlow}},
+      "How frames get to their ticks' exact time in the new take: nearest (default; frames byte "
+      "for byte at their own corrected times), blend (the frames before and after blended), flow "
+      "(what moves between them is moved, what is hidden in one is taken from the other)");
   auto* output =
       app.add_option("-o,--output", options.output,
                      "New take with the retimed frames and the timeline (TAKE is only read)")

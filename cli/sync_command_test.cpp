@@ -117,6 +117,13 @@ TEST_F(SyncCommand, RetimingNeedsANewFolder) {
   const auto existing = run("--retime flow -o " + quoted + " " + quoted);
   EXPECT_EQ(existing.exit_code, 2);
   EXPECT_THAT(existing.output, HasSubstr("exists already"));
+  const auto inside = run("-o '" + (take / "new").string() + "' " + quoted);
+  EXPECT_EQ(inside.exit_code, 2);
+  EXPECT_THAT(inside.output, HasSubstr("would lie within"));
+  EXPECT_FALSE(std::filesystem::exists(take / "new"));
+  const auto unknown = run("--retime fast -o x " + quoted);
+  EXPECT_EQ(unknown.exit_code, 2);
+  EXPECT_THAT(unknown.output, HasSubstr("fast not in {blend,flow,nearest}"));
   EXPECT_EQ(run("--flash --flash-window 2 1 " + quoted).exit_code, 2);
   EXPECT_NE(run("--quality 200 -o x " + quoted).exit_code, 0);
   EXPECT_NE(run("--longest-gap 100 " + quoted).exit_code, 0);  // of nothing

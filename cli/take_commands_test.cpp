@@ -74,6 +74,20 @@ TEST_F(TakeCommands, Json) {
   EXPECT_NEAR(json["alias_free_distance_m"].get<double>(), 7.99, 0.005);
 }
 
+TEST_F(TakeCommands, GuessedPlacesAreNotMeasured) {
+  RigDocument rig = test::rig_document(4);
+  rig.name = kNotCalibrated;
+  write_rig(rig, take / "rig.json");
+  const test::CommandResult info = run("info " + quoted);
+  EXPECT_THAT(info.output, HasSubstr("Spacing     unknown: the rig is not calibrated"));
+  EXPECT_THAT(info.output, Not(HasSubstr("apart")));
+  EXPECT_THAT(info.output, Not(HasSubstr("Alias-free")));
+  const auto json = nlohmann::json::parse(run("info --json " + quoted).output);
+  EXPECT_EQ(json["calibrated"], false);
+  EXPECT_TRUE(json["spacing_m"].is_null());
+  EXPECT_TRUE(json["alias_free_distance_m"].is_null());
+}
+
 TEST_F(TakeCommands, BadUsageAndInputExitWithTwo) {
   for (const char* command : {"info", "sync"}) {
     const std::string name(command);
@@ -132,6 +146,8 @@ TEST_F(TakeCommands, InfoOfACutArchive) {
   EXPECT_EQ(info.exit_code, 0);
   EXPECT_THAT(info.output, HasSubstr("1 not closed"));
   EXPECT_THAT(info.output, HasSubstr(" torn"));
+  EXPECT_THAT(info.output, HasSubstr("--resume -o " + take.string()));
+  EXPECT_THAT(info.output, HasSubstr("raystage repair " + take.string()));
 }
 
 }  // namespace

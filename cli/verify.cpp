@@ -46,6 +46,24 @@ void print_problem(const Problem& problem) {
              frames_text(problem.frames));
 }
 
+/// What helps the cameras; other problems say it themselves.
+void print_advice(const std::string& take, const TakeReport& report) {
+  bool not_closed = false, damaged = false;
+  for (const TakeReport::Camera& camera : report.cameras) {
+    for (const Problem& problem : camera.report.problems) {
+      (problem.not_closed ? not_closed : damaged) = true;
+    }
+  }
+  if (damaged) {
+    fmt::print("`raystage repair {}` saves what can be saved\n", take);
+  } else if (not_closed) {
+    fmt::print(
+        "`raystage record CONFIG --resume -o {0}` goes on with the recording, `raystage "
+        "repair {0}` closes it\n",
+        take);
+  }
+}
+
 void print_text(const Options& options, const TakeReport& report) {
   long whole = 0, damaged = 0;
   for (const auto& camera : report.cameras) {
@@ -68,9 +86,7 @@ void print_text(const Options& options, const TakeReport& report) {
   const double megabytes = static_cast<double>(report.bytes()) / kBytesPerMb;
   fmt::print("{:.1f} MB in {:.3f} s, {:.0f} MB/s\n", megabytes, report.seconds,
              megabytes / std::max(report.seconds, 1e-9));
-  if (!report.whole()) {
-    fmt::print("`raystage repair {}` saves what can be saved\n", options.take);
-  }
+  print_advice(options.take, report);
 }
 
 Json json_of(const Problem& problem) {

@@ -30,6 +30,12 @@ struct RigDocument {
   std::vector<Camera> cameras;
 };
 
+/// The name of a rig whose places and lenses nobody measured: `raystage record` without a rig
+/// guesses them, cameras in a row this far apart (metres).
+inline constexpr std::string_view kNotCalibrated = "not calibrated";
+inline constexpr double kGuessedSpacing = 0.1;
+inline bool is_calibrated(const RigDocument& rig) { return rig.name != kNotCalibrated; }
+
 RigDocument read_rig(const std::filesystem::path& file);
 void write_rig(const RigDocument& rig, const std::filesystem::path& file);
 

@@ -11,6 +11,24 @@
 #include "schemas/rig_document.h"
 
 namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A path that is no take is said to be none, before some file of it is missed.
+const fs::path& checked_take(const fs::path& folder) {
+  std::error_code unknown;  // then reading says why
+  if (fs::status(folder / "take.json", unknown).type() != fs::file_type::not_found) return folder;
+  const auto type = fs::status(folder, unknown).type();
+  throw Error::bad_input(std::string("this is no take: ") +
+                             (type == fs::file_type::not_found   ? "there is no such folder"
+                              : type == fs::file_type::directory ? "it holds no take.json"
+                                                                 : "it is a file"),
+                         folder.string(),
+                         "Give the folder of a take, the one that holds take.json");
+}
+
+}  // namespace
 
 struct Take::State {
   struct Slot {
@@ -21,7 +39,7 @@ struct Take::State {
 
   explicit State(std::filesystem::path path)
       : folder(std::move(path)),
-        document(read_take(folder / "take.json")),
+        document(read_take(checked_take(folder) / "take.json")),
         rig(rig_from_document(read_rig(folder / "rig.json"))),
         slots(document.cameras.size()) {}
 
@@ -87,6 +105,16 @@ Take& Take::operator=(Take&&) noexcept = default;
 const std::filesystem::path& Take::folder() const { return state_->folder; }
 const TakeDocument& Take::document() const { return state_->document; }
 const Rig& Take::rig() const { return state_->rig; }
+
+void Take::refuse_inside(const fs::path& folder) const {
+  std::error_code unknown;  // then making the folder says why
+  const fs::path way = fs::weakly_canonical(folder, unknown)
+                           .lexically_relative(fs::weakly_canonical(state_->folder, unknown));
+  if (way.empty() || way == "." || *way.begin() == "..") return;
+  throw Error::bad_input("the new take would lie within " + state_->folder.string(),
+                         folder.string(), "Give it a folder beside the other take");
+}
+
 int Take::camera_count() const { return static_cast<int>(state_->slots.size()); }
 
 int Take::camera_index(std::string_view id) const {

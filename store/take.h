@@ -16,7 +16,8 @@ namespace raystage {
 /// be called from many threads at once.
 class Take {
  public:
-  /// Throws Error (bad input) where take.json or rig.json is missing, wrong, or they disagree.
+  /// Throws Error (bad input) where the folder is no take, take.json or rig.json is wrong, or they
+  /// disagree.
   explicit Take(std::filesystem::path folder);
   ~Take();
   Take(Take&&) noexcept;
@@ -25,6 +26,8 @@ class Take {
   const std::filesystem::path& folder() const;
   const TakeDocument& document() const;
   const Rig& rig() const;
+  /// Throws Error (bad input) where a new take in `folder` would lie within this one.
+  void refuse_inside(const std::filesystem::path& folder) const;
   int camera_count() const;
   /// Index of a camera by id, -1 where there is none.
   int camera_index(std::string_view id) const;

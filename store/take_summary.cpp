@@ -7,6 +7,7 @@
 #include <set>
 
 #include "schemas/error.h"
+#include "schemas/rig_document.h"
 #include "store/jpeg/layout.h"
 #include "store/recorder_restarts.h"
 #include "store/tick_phase.h"
@@ -140,6 +141,7 @@ TakeSummary summarise(const Take& take) {
   summary.bytes_on_disk = size_below(take.folder());
   add_times(take, summary);
   add_restarts(take, summary);
+  summary.calibrated = is_calibrated(read_rig(take.folder() / "rig.json"));
   summary.spacing = spacing_of(take.rig());
   summary.alias_free_distance =
       alias_free_distance(summary.spacing, median_of(std::move(focal_lengths)));

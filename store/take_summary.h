@@ -36,6 +36,7 @@ struct TakeSummary {
   /// When its recorders started anew after they were stopped or killed, each once; ns.
   std::vector<Nanoseconds> restarts;
   std::string restarts_error;  ///< why that is not known; empty when it is
+  bool calibrated = true;      ///< false: spacing and lenses are guessed
   /// Median distance of a camera to its nearest neighbour, metres; 0 for one camera.
   double spacing = 0;
   /// Eq. 4.3: nothing nearer than this is free of aliasing, metres; 0 where it has no meaning.

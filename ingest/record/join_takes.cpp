@@ -4,12 +4,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <limits>
+#include <optional>
 #include <set>
+#include <utility>
 
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 #include "schemas/recording_document.h"
 #include "schemas/rig_document.h"
+#include "store/matroska.h"
 #include "store/take.h"
 
 namespace raystage {
@@ -33,6 +37,90 @@ std::string node_of(const Part& part) {
     if (file.path().extension() == ".json") node = read_recording(file.path()).node;
   }
   return node;
+}
+
+/// When a part's cameras saw something, since the joint epoch.
+struct Span {
+  std::string part;
+  Nanoseconds begin = std::numeric_limits<Nanoseconds>::max(), end = -1;
+  std::string text() const {
+    const auto seconds = [](Nanoseconds time) {
+      return static_cast<double>(time) / kNanosecondsPerSecond;
+    };
+    return fmt::format("{} from {:.3f} s to {:.3f} s", part, seconds(begin), seconds(end));
+  }
+};
+
+/// Of the parts that hold anything. Throws Error (bad input) where one lies beyond what a take can
+/// hold.
+std::vector<Span> spans_of(const std::vector<Part>& parts, Nanoseconds epoch_utc) {
+  std::vector<Span> spans;
+  for (const Part& part : parts) {
+    const Nanoseconds move_by = part.take.document().epoch_utc - epoch_utc;
+    Span span{.part = part.take.folder().string()};
+    for (int i = 0; i < part.take.camera_count(); ++i) {
+      const auto records = part.take.archive(i).records();
+      if (records.empty()) continue;
+      span.begin = std::min(span.begin, records.front().time_ns + move_by);
+      span.end = std::max(span.end, records.back().time_ns + move_by);
+    }
+    if (span.end > matroska::kMaxTime) {
+      throw Error::bad_input(
+          fmt::format("it ends {:.0f} days after the first part began, more than the 104 days that "
+                      "a take can hold",
+                      static_cast<double>(span.end) / kNanosecondsPerSecond / 86400),
+          span.part, "Set the nodes' clocks before they record; these parts stay apart");
+    }
+    if (span.end >= 0) spans.push_back(std::move(span));
+  }
+  return spans;
+}
+
+/// What is said where no instant is in all parts; a frame's time apart still counts as one instant.
+std::optional<std::string> say_if_apart(const std::vector<Span>& spans, double fps) {
+  if (spans.empty()) return {};
+  const Span& first_to_end = *std::ranges::min_element(spans, {}, &Span::end);
+  const Span& last_to_begin = *std::ranges::max_element(spans, {}, &Span::begin);
+  const Nanoseconds gap = last_to_begin.begin - first_to_end.end;
+  if (static_cast<double>(gap) * fps <= static_cast<double>(kNanosecondsPerSecond)) return {};
+  return fmt::format(
+      "the parts do not overlap in time: {}, {}, a gap of {:.3f} s; were the nodes' clocks set?",
+      first_to_end.text(), last_to_begin.text(), static_cast<double>(gap) / kNanosecondsPerSecond);
+}
+
+/// All cameras' places. Those that were guessed go on in one row, beside the measured ones, so that
+/// no two stand in one place.
+RigDocument joined_rig(const std::vector<Part>& parts, std::vector<std::string>& warnings) {
+  RigDocument rig;
+  rig.name = parts.front().rig.name;
+  rig.topology = parts.front().rig.topology;
+  double row_end = -kGuessedSpacing;
+  const Part* measured = nullptr;
+  const Part* guessed = nullptr;
+  for (const Part& part : parts) {
+    (is_calibrated(part.rig) ? measured : guessed) = &part;
+    if (!is_calibrated(part.rig)) continue;
+    for (const auto& camera : part.rig.cameras) {
+      row_end = std::max(row_end, camera.geometry.world_from_camera[3]);
+    }
+  }
+  for (const Part& part : parts) {
+    for (RigDocument::Camera camera : part.rig.cameras) {
+      if (!is_calibrated(part.rig)) {
+        row_end += kGuessedSpacing;
+        camera.geometry.world_from_camera[3] = row_end;
+      }
+      rig.cameras.push_back(std::move(camera));
+    }
+  }
+  if (guessed != nullptr) rig.name = kNotCalibrated;
+  if (guessed != nullptr && measured != nullptr) {
+    warnings.push_back(
+        fmt::format("the rig of {} is not calibrated, that of {} is: the joint rig counts as not "
+                    "calibrated",
+                    guessed->take.folder().string(), measured->take.folder().string()));
+  }
+  return rig;
 }
 
 void check_alike(const Part& part, const Part& first) {
@@ -97,20 +185,21 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
   std::vector<Part> parts;
   for (const fs::path& folder : folders) parts.emplace_back(folder);
   std::uint64_t total = 0;
-  RigDocument rig;
-  rig.name = parts.front().rig.name;
-  rig.topology = parts.front().rig.topology;
   for (const Part& part : parts) {
     check_alike(part, parts.front());
-    rig.cameras.insert(rig.cameras.end(), part.rig.cameras.begin(), part.rig.cameras.end());
+    part.take.refuse_inside(take_folder);
     for (int i = 0; i < part.take.camera_count(); ++i)
       total += part.take.archive(i).records().size();
   }
   const TakeDocument joined = joined_document(parts, created_by);
+  JoinReport report;
+  const RigDocument rig = joined_rig(parts, report.warnings);
+  if (auto apart = say_if_apart(spans_of(parts, joined.epoch_utc), joined.nominal_fps)) {
+    report.warnings.push_back(std::move(*apart));
+  }
   TakeWriter writer(take_folder, joined, rig);
   copy_accounts(parts, writer.working_folder() / "recording");
 
-  JoinReport report;
   std::uint64_t done = 0;
   for (const Part& part : parts) {
     const Nanoseconds move_by = part.take.document().epoch_utc - joined.epoch_utc;

@@ -12,12 +12,15 @@ namespace raystage {
 /// Makes one take of the parts that several nodes recorded of the same scene: every camera of every
 /// part, its frames byte for byte, with their times moved to the earliest part's epoch. The nodes'
 /// accounts are kept; each camera says which node recorded it. Every frame is held against its hash
-/// on the way. The parts stay as they are.
+/// on the way. The parts stay as they are. Cameras whose places were guessed (see kNotCalibrated)
+/// are put in one row, and the joint rig counts as not calibrated then.
 /// Throws Error: bad input where a camera id occurs twice, the parts differ in colour space or in
-/// whether they are calibrated, or a frame is damaged; failed for the disk or when stopped.
+/// scale, lie further apart than a take can hold, the new take would lie within one of them, or a
+/// frame is damaged; failed for the disk or when stopped.
 struct JoinReport {
   int cameras = 0;
   std::uint64_t frames = 0, missing = 0, bytes = 0;
+  std::vector<std::string> warnings;  ///< sentences without a full stop
 };
 JoinReport join_takes(const std::vector<std::filesystem::path>& parts,
                       const std::filesystem::path& take_folder, const std::string& created_by,

@@ -13,7 +13,9 @@
 namespace raystage {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 std::vector<std::byte> picture(const std::string& text) {
   const auto bytes = std::as_bytes(std::span(text));
@@ -21,7 +23,7 @@ std::vector<std::byte> picture(const std::string& text) {
 }
 
 void write_part(const std::filesystem::path& folder, const std::string& id, Nanoseconds epoch,
-                const std::string& node) {
+                const std::string& node, const std::string& rig_name = "row", double x = 0) {
   TakeDocument take;
   take.name = "part";
   take.epoch_utc = epoch;
@@ -29,6 +31,7 @@ void write_part(const std::filesystem::path& folder, const std::string& id, Nano
   take.color_space = "srgb_texture";
   take.cameras.push_back({id, {}, {}, {}});
   RigDocument rig;
+  rig.name = rig_name;
   CameraGeometry camera;
   camera.id = id;
   camera.width = 64;
@@ -36,7 +39,7 @@ void write_part(const std::filesystem::path& folder, const std::string& id, Nano
   camera.intrinsics.fx = camera.intrinsics.fy = 64;
   camera.intrinsics.cx = 32;
   camera.intrinsics.cy = 24;
-  camera.world_from_camera = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+  camera.world_from_camera = {1, 0, 0, x, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   rig.cameras.push_back({camera, {}});
   TakeWriter writer(folder, take, rig);
   writer.archive(0).append(picture(id + "0"), 100, {105, 7});
@@ -68,6 +71,7 @@ TEST_F(Join, KeepsEveryRecordAtItsInstant) {
   EXPECT_EQ(report.cameras, 2);
   EXPECT_EQ(report.frames, 4U);
   EXPECT_EQ(report.missing, 2U);
+  EXPECT_THAT(report.warnings, IsEmpty());
   const Take take(part("joined"));
   EXPECT_EQ(take.document().epoch_utc, kEpoch);
   EXPECT_EQ(take.document().cameras[0].node, "one");
@@ -84,6 +88,56 @@ TEST_F(Join, KeepsEveryRecordAtItsInstant) {
   EXPECT_TRUE(std::ranges::equal(take.archive(1).jpeg(1), picture("right1")));
   EXPECT_EQ(read_recording(part("joined") / "recording" / "one.json").node, "one");
   EXPECT_EQ(read_recording(part("joined") / "recording" / "two.json").node, "two");
+}
+
+TEST_F(Join, SaysThatPartsDoNotOverlap) {
+  write_part(part("a"), "left", 10 * kNanosecondsPerSecond, "one");
+  write_part(part("b"), "right", 0, "two");
+  EXPECT_THAT(join({part("a"), part("b")}).warnings,
+              ElementsAre("the parts do not overlap in time: " + part("b").string() +
+                          " from 0.000 s to 0.000 s, " + part("a").string() +
+                          " from 10.000 s to 10.000 s, a gap of 10.000 s; were the nodes' clocks "
+                          "set?"));
+  EXPECT_EQ(Take(part("joined")).camera_count(), 2);
+}
+
+TEST_F(Join, RefusesPartsThatNoTakeHolds) {
+  constexpr Nanoseconds kDay = 86400 * kNanosecondsPerSecond;
+  write_part(part("a"), "left", 0, "one");
+  write_part(part("b"), "right", 200 * kDay, "two");
+  try {
+    join({part("a"), part("b")});
+    FAIL() << "joined";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("ends 200 days after the first part began"));
+    EXPECT_EQ(error.where(), part("b").string());
+  }
+}
+
+TEST_F(Join, GuessedPlacesAreKeptApart) {
+  write_part(part("a"), "left", 0, "one", "not calibrated");
+  write_part(part("b"), "right", 0, "two", "not calibrated");
+  write_part(part("c"), "measured", 0, "three", "row", 0.7);
+  EXPECT_THAT(join({part("a"), part("b")}).warnings, IsEmpty());
+  const RigDocument guessed = read_rig(part("joined") / "rig.json");
+  EXPECT_FALSE(is_calibrated(guessed));
+  EXPECT_EQ(guessed.cameras[0].geometry.world_from_camera[3], 0);
+  EXPECT_EQ(guessed.cameras[1].geometry.world_from_camera[3], kGuessedSpacing);
+
+  std::filesystem::remove_all(part("joined"));
+  EXPECT_THAT(join({part("c"), part("a")}).warnings, ElementsAre(HasSubstr("is not calibrated")));
+  const RigDocument mixed = read_rig(part("joined") / "rig.json");
+  EXPECT_FALSE(is_calibrated(mixed));
+  EXPECT_EQ(mixed.cameras[0].geometry.world_from_camera[3], 0.7);
+  EXPECT_NEAR(mixed.cameras[1].geometry.world_from_camera[3], 0.7 + kGuessedSpacing, 1e-12);
+}
+
+TEST_F(Join, RefusesAPlaceWithinAPart) {
+  write_part(part("a"), "left", 0, "one");
+  write_part(part("b"), "right", 0, "two");
+  EXPECT_THROW(join_takes({part("a"), part("b")}, part("b") / "new" / "joined", "test", {}, {}),
+               Error);
+  EXPECT_FALSE(std::filesystem::exists(part("b") / "new"));
 }
 
 TEST_F(Join, RefusesCamerasOfOneNameAndDamage) {

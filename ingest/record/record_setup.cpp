@@ -41,7 +41,6 @@ JpegEncodeSettings::Chroma chroma_of(const RecordConfig& config) {
 /// good enough to look at. Calibration replaces it.
 CameraGeometry uncalibrated(const std::string& id, const SourceDescription& source,
                             std::size_t index) {
-  constexpr double kSpacing = 0.1;
   CameraGeometry geometry;
   geometry.id = id;
   geometry.width = source.width;
@@ -50,7 +49,7 @@ CameraGeometry uncalibrated(const std::string& id, const SourceDescription& sour
   geometry.intrinsics.cx = source.width / 2.0;
   geometry.intrinsics.cy = source.height / 2.0;
   geometry.world_from_camera = {
-      1, 0, 0, kSpacing * static_cast<double>(index), 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+      1, 0, 0, kGuessedSpacing * static_cast<double>(index), 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   return geometry;
 }
 
@@ -112,7 +111,7 @@ RigDocument rig_for(const RecordConfig& config, const std::filesystem::path& con
                     const std::vector<RecorderCamera>& cameras) {
   RigDocument rig;
   if (config.rig.empty()) {
-    rig.name = "not calibrated";
+    rig.name = kNotCalibrated;
     for (std::size_t i = 0; i < cameras.size(); ++i) {
       rig.cameras.push_back({uncalibrated(cameras[i].id, cameras[i].source->description(), i), {}});
     }

@@ -107,7 +107,9 @@ void verify_recordings(const Take& take, TakeReport& report) {
     try {
       read_recording(file);
     } catch (const Error& failure) {
-      complain(file, failure.what_happened() + "; no frame depends on this account");
+      complain(file, failure.what_happened() +
+                         "; no frame depends on this account, and nothing makes it anew: "
+                         "restore it from a copy");
     }
   }
 }

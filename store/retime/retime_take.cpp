@@ -10,6 +10,7 @@
 #include <map>
 #include <mutex>
 #include <numeric>
+#include <optional>
 
 #include "schemas/error.h"
 #include "schemas/parallel.h"
@@ -59,10 +60,10 @@ class MissingReasons {
       }
     }
   }
-  FrameStatus near(Nanoseconds time, Nanoseconds within) const {
+  std::optional<FrameStatus> near(Nanoseconds time, Nanoseconds within) const {
     const auto found = by_time_.lower_bound(time - within);
-    return found != by_time_.end() && found->first <= time + within ? found->second
-                                                                    : FrameStatus::kDroppedBySource;
+    if (found == by_time_.end() || found->first > time + within) return std::nullopt;
+    return found->second;
   }
 
  private:
@@ -158,6 +159,7 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
     throw Error::bad_input(fmt::format("a JPEG quality of {}", settings.quality), "quality",
                            "Give 1 to 100");
   }
+  take.refuse_inside(folder);
   use_one_opencv_thread();
   const auto cameras = static_cast<std::size_t>(take.camera_count());
   // Archives start at 0; corrected times may lie before it.
@@ -200,7 +202,10 @@ RetimeReport retime_take(const Take& take, const Timeline& timeline,
         return FrameOrigin{kUnknownTime, static_cast<std::uint64_t>(i)};
       };
       if (frame.kind == Kind::kMissing) {
-        to.append_missing(reasons.near(tick, half), tick + later, sequence(0));
+        // Where nobody recorded a loss there is none to record: the timeline says "absent".
+        if (const auto reason = reasons.near(tick, half)) {
+          to.append_missing(*reason, tick + later, sequence(0));
+        }
         ++report.missing;
       } else {
         if (frame.kind == Kind::kAsItIs) {

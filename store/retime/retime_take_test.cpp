@@ -21,9 +21,9 @@ namespace {
 constexpr Nanoseconds kPeriod = 100'000'000;
 
 // Three cameras at 10 Hz see the board move, each at a phase of its own. Camera 1 loses frame 4,
-// camera 2 frames 3 and 4. Their clock is `ahead`.
+// camera 2 frames 3 and 4; the journals say so where `recorded`. Their clock is `ahead`.
 struct RetimeTake : testing::Test {
-  void write(Nanoseconds ahead = 0) {
+  void write(Nanoseconds ahead = 0, bool recorded = true) {
     TakeDocument document = test::take_document(3, 10);
     document.name = "board";
     RigDocument rig = test::rig_document(3);
@@ -36,7 +36,7 @@ struct RetimeTake : testing::Test {
       for (int i = 0; i < 8; ++i) {
         const Nanoseconds time = exposed(c, i);
         if ((c == 1 && i == 4) || (c == 2 && (i == 3 || i == 4))) {
-          writer.archive(c).append_missing(FrameStatus::kTorn, time + ahead);
+          if (recorded) writer.archive(c).append_missing(FrameStatus::kTorn, time + ahead);
         } else {
           writer.archive(c).append(encode_jpeg(board.at(seconds(time)), {.quality = 97}),
                                    time + ahead);
@@ -169,6 +169,21 @@ TEST_F(RetimeTake, WhatIsMissingKeepsItsReason) {
   EXPECT_GE(torn, 1);
 }
 
+TEST_F(RetimeTake, OfWhatNobodyRecordedNoLossIsInvented) {
+  write(0, false);
+  const RetimeReport report = retime(RetimeMethod::kNearest, "nearest");
+  EXPECT_GE(report.missing, 3U);
+  const Take retimed(folder.path() / "nearest");
+  std::uint64_t absent = 0;
+  for (const FrameSelection& tick : read_timeline(retimed).ticks) {
+    absent += static_cast<std::uint64_t>(std::ranges::count(tick.frame, -1));
+  }
+  EXPECT_EQ(absent, report.missing);
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_EQ(retimed.archive(c).records().size(), retimed.archive(c).frames().size());
+  }
+}
+
 TEST_F(RetimeTake, ClocksAheadAndTimesBeforeTheEpochAreHandled) {
   write(350'000'000);  // true times of the first frames lie before the epoch
   retime(RetimeMethod::kNearest, "nearest");
@@ -244,6 +259,16 @@ TEST_F(RetimeTake, RefusesAFrameWithOneBitFlipped) {
 TEST_F(RetimeTake, RefusesAFolderThatIsThere) {
   write();
   EXPECT_THROW(retime(RetimeMethod::kBlend, "take"), Error);
+}
+
+TEST_F(RetimeTake, RefusesAFolderWithinTheTake) {
+  write();
+  std::filesystem::create_directory_symlink(folder.path() / "take", folder.path() / "link");
+  for (const char* inside : {"take/new", "take/archive/new", "link/new"}) {
+    EXPECT_THROW(retime(RetimeMethod::kNearest, inside), Error) << inside;
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / inside));
+  }
+  EXPECT_NO_THROW(retime(RetimeMethod::kNearest, "take2"));
 }
 
 }  // namespace

@@ -51,6 +51,8 @@ TEST_F(Record, TwoNodesBecomeOneTake) {
   const CommandResult joined = here("raystage join one two -o take -q");
   ASSERT_EQ(joined.exit_code, 0) << joined.err;
   EXPECT_THAT(joined.out, HasSubstr("3 cameras of 2 parts"));
+  EXPECT_THAT(joined.err, HasSubstr("the parts do not overlap in time: one from "));
+  EXPECT_THAT(here("raystage info take").out, HasSubstr("the rig is not calibrated"));
   EXPECT_EQ(here("raystage verify -q --decode take").exit_code, 0);
   const json info = json::parse(here("raystage info --json take").out);
   EXPECT_GT(info.at("cameras")[0].at("frames").get<int>(), 20);
@@ -85,6 +87,10 @@ TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
       "wait $pid; }");
   EXPECT_EQ(killed.exit_code, 137);
   EXPECT_THAT(here("raystage info take").out, HasSubstr("not closed"));
+  const CommandResult verify = here("raystage verify -q take");
+  EXPECT_EQ(verify.exit_code, 1);
+  EXPECT_THAT(verify.out, HasSubstr("--resume -o take` goes on with the recording"));
+  EXPECT_THAT(verify.out, HasSubstr("`raystage repair take` closes it"));
   EXPECT_EQ(here("raystage record record.json -o take --status none --duration 0.3").exit_code, 2);
   const CommandResult resumed =
       here("raystage record record.json -o take --resume --duration 0.5 --status none");
@@ -99,6 +105,24 @@ TEST_F(Record, AKilledRecordingOpensAndIsGoneOnWith) {
     EXPECT_TRUE(camera.at("own_jumps").empty());
     EXPECT_NEAR(camera.at("rate_hz").get<double>(), camera.at("id") == "a" ? 30 : 15, 0.2);
   }
+}
+
+TEST_F(Record, FoldersAboveATakeAreMade) {
+  for (const char* command :
+       {"record other.json --duration 0.5 --status none -o a/one",
+        "record record.json --duration 0.5 --status none -o a/b/two",
+        "join -q a/one a/b/two -o c/d/take", "sync -q c/d/take -o e/f/take"}) {
+    const CommandResult made = here(std::string("raystage ") + command);
+    EXPECT_EQ(made.exit_code, 0) << made.err;
+  }
+  EXPECT_EQ(here("raystage verify -q e/f/take").exit_code, 0);
+}
+
+TEST_F(Record, OnlyATakeCanBeGoneOnWith) {
+  const CommandResult resumed = here("raystage record other.json -o none --resume --status none");
+  EXPECT_EQ(resumed.exit_code, 2);
+  EXPECT_THAT(resumed.err, HasSubstr("none: there is no take to go on with. Leave out --resume"));
+  EXPECT_FALSE(std::filesystem::exists(folder() / "none"));
 }
 
 TEST_F(Record, ATimeThatHasPassedIsNoStart) {

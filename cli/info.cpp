@@ -172,6 +172,9 @@ void print_text(const Take& take, const TakeSummary& summary) {
     line("Resumed",
          fmt::format("at {:.3f} s, after recording was stopped or killed", seconds(restart)));
   }
+  for (const auto& [node, late] : summary.late_nodes) {
+    line("Late", fmt::format("node {} began {:.3f} s after its --start-at", node, seconds(late)));
+  }
   if (!summary.restarts_error.empty()) line("Resumed", summary.restarts_error);
   line("Colour", document.color_space);
   line("Clock", fmt::format("{}; a time marks: {}", document.clock, document.time_marks));
@@ -227,6 +230,8 @@ void print_json(const Take& take, const TakeSummary& summary) {
   Json cameras = Json::array();
   for (const Camera& camera : summary.cameras) cameras.push_back(json_of(camera));
   const auto measured = [&](double metres) { return summary.calibrated ? Json(metres) : Json(); };
+  Json late = Json::object();
+  for (const auto& [node, by] : summary.late_nodes) late[node] = by;
   Json json{{"name", document.name},
             {"epoch_utc", format_utc(document.epoch_utc)},
             {"created_by", document.created_by},
@@ -242,6 +247,7 @@ void print_json(const Take& take, const TakeSummary& summary) {
             {"first_ns", summary.first},
             {"duration_ns", summary.duration},
             {"resumed_at_ns", summary.restarts},
+            {"late_nodes_ns", std::move(late)},
             {"frames", summary.frames()},
             {"bytes_on_disk", summary.bytes_on_disk},
             {"megabytes_per_second", megabytes_per_second(summary)},

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage record: one ingest node.
 #include <fmt/format.h>
+#include <malloc.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <filesystem>
@@ -12,9 +14,11 @@
 #include "cli/parse.h"
 #include "cli/record_status.h"
 #include "cli/threads.h"
+#include "ingest/record/memory_plan.h"
 #include "ingest/record/record_setup.h"
 #include "ingest/sources/open_source.h"
 #include "raystage_version.h"
+#include "schemas/resources.h"
 
 namespace raystage {
 namespace {
@@ -49,7 +53,7 @@ void declare(CLI::App& app, Options& options) {
                "long the memory lasts");
   app.add_option("--memory", options.memory_mb,
                  "Memory for all frames of all cameras, MB = 10^6 bytes (default: as the "
-                 "configuration says, else 1024)")
+                 "configuration says, else 1024); what it takes beside is said at the start")
       ->check(CLI::Range(1.0, 1e8))
       ->type_name("MB");
   app.add_flag("--resume", options.resume, "Go on with a take, after a crash or a stop");
@@ -118,7 +122,11 @@ Nanoseconds whole_second(Nanoseconds utc) {
 RecordingTake open_take(const Options& options, const RecordConfig& config,
                         const std::vector<RecorderCamera>& cameras, const std::string& node,
                         std::optional<Nanoseconds> start_utc) {
-  if (options.resume) return resume_take(options.take, cameras, node);
+  if (options.resume) {
+    std::optional<double> duration_s;
+    if (options.duration > 0) duration_s = options.duration;
+    return resume_take(options.take, cameras, node, start_utc, duration_s);
+  }
   const Nanoseconds epoch = whole_second(start_utc.value_or(host_utc_now()));
   return RecordingTake::create(options.take,
                                take_for(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION),
@@ -136,13 +144,28 @@ void check_there_is_a_take(const std::filesystem::path& take) {
 void check_start(Nanoseconds start, std::optional<double> duration_s) {
   constexpr double kALittle = 60;  // seconds
   const double late = static_cast<double>(host_utc_now() - start) / 1e9;
-  if (late <= 0) return;
-  if (late > kALittle || (duration_s && late >= *duration_s)) {
-    throw Error::bad_input(fmt::format("found a time {:.0f} s ago", late), "--start-at",
-                           "Give a time to come, UTC; without it recording starts at once");
+  if (late <= kALittle && (!duration_s || late < *duration_s)) return;
+  throw Error::bad_input(fmt::format("found a time {:.0f} s ago", late), "--start-at",
+                         "Give a time to come, UTC; without it recording starts at once");
+}
+
+/// How far the start lies behind or ahead, once the sources are open, which may have taken long.
+void say_when_it_starts(Nanoseconds start, bool given) {
+  const double ahead = static_cast<double>(start - host_utc_now()) / 1e9;
+  if (given && ahead < 0) {
+    fmt::print(stderr,
+               "raystage record: --start-at was {:.1f} s ago: the frames since are missing\n",
+               -ahead);
+  } else if (ahead > 0) {
+    fmt::print(stderr, "Frames count from {} on, in {}\n", format_utc(start), duration_text(ahead));
   }
-  fmt::print(stderr, "raystage record: --start-at was {:.1f} s ago: the frames since are missing\n",
-             late);
+}
+
+/// What it will take of this machine's RAM, which had `free_before` bytes when it began.
+void say_what_memory_it_takes(const MemoryPlan& plan, std::size_t free_before) {
+  fmt::print(stderr, "{}\n", memory_text(plan));
+  const std::string warning = memory_warning(plan, free_before);
+  if (!warning.empty()) fmt::print(stderr, "raystage record: {}\n", warning);
 }
 
 /// `rate`: bytes a second, where it could be measured.
@@ -166,6 +189,8 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
                            : !config.node.empty() ? config.node
                                                   : host_name();
   RecorderSettings settings = settings_from(config);
+  check_memory(settings.memory_bytes, available_memory());
+  const std::size_t free_before = free_memory();
   settings.threads = thread_count(options.threads);
   if (!options.start_at.empty()) settings.start_utc = parse_utc(options.start_at);
   if (options.duration > 0) settings.duration_s = options.duration;
@@ -178,7 +203,11 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   const auto rate = config.hold ? measure_bytes_per_second(cameras, settings.jpeg, kMeasure)
                                 : std::optional<double>();
   RecordingTake take = open_take(options, config, cameras, node, settings.start_utc);
+  const MemoryPlan plan = memory_plan(settings, cameras);
   Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION);
+  say_what_memory_it_takes(plan, free_before);
+  say_when_it_starts(std::max(settings.start_utc.value_or(0), take.document().epoch_utc),
+                     settings.start_utc.has_value());
   if (config.hold) say_how_long_memory_lasts(recorder.memory_for_frames(), rate);
   StatusPrinter printer(options.status);
   Progress writing(config.hold && options.status == "auto");
@@ -208,6 +237,9 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
 
 int main(int argc, char** argv) {
   using namespace raystage;
+  // Frames are allocated by the cameras' threads and freed by others. With an arena for each thread
+  // the C library keeps much of what was freed: half as much again as the frames may take.
+  mallopt(M_ARENA_MAX, 1);
   CLI::App app("Records the cameras of one ingest node into a take.", "raystage record");
   Options options;
   declare(app, options);

@@ -145,6 +145,10 @@ std::string session_text(const RecordingDocument::Session& session) {
                                  arrived, stored);
   for (const auto& [reason, count] : dropped) text += fmt::format(" + {} {}", count, reason);
   text += skipped > 0 ? fmt::format("; {} more skipped by the sources\n", skipped) : "\n";
+  if (const Nanoseconds late = session.late(); late > 0) {
+    text += fmt::format("Too late for --start-at by {:.1f} s: frames of that time are missing.\n",
+                        static_cast<double>(late) * 1e-9);
+  }
   text += cameras;
   if (session.audit) {
     text += session.audit->holds ? "The audit holds.\n" : "THE AUDIT FAILS:\n";

@@ -43,6 +43,7 @@ Session session_from(const Located& object) {
   Session session;
   session.program = object.at("program").get<std::string>();
   session.started_utc = utc_from(object.at("started_utc"));
+  if (object.has("start_at_utc")) session.start_at_utc = utc_from(object.at("start_at_utc"));
   if (object.has("stopped_utc")) session.stopped_utc = utc_from(object.at("stopped_utc"));
   session.why_stopped = object.get<std::string>("why_stopped", "");
   session.memory_bytes = object.at("memory_bytes").get<std::uint64_t>();
@@ -85,6 +86,7 @@ Json json_from(const Camera& camera) {
 
 Json json_from(const Session& session) {
   Json json{{"program", session.program}, {"started_utc", format_utc(session.started_utc)}};
+  if (session.start_at_utc) json["start_at_utc"] = format_utc(*session.start_at_utc);
   if (session.stopped_utc) json["stopped_utc"] = format_utc(*session.stopped_utc);
   if (!session.why_stopped.empty()) json["why_stopped"] = session.why_stopped;
   json["memory_bytes"] = session.memory_bytes;

@@ -43,6 +43,8 @@ struct RecordingDocument {
   struct Session {
     std::string program;
     Nanoseconds started_utc = 0;
+    std::optional<Nanoseconds>
+        start_at_utc;                        ///< frames were to count from then on; absent: at once
     std::optional<Nanoseconds> stopped_utc;  ///< absent: runs, or was killed
     std::string why_stopped;
     std::uint64_t memory_bytes = 0, memory_peak_bytes = 0;
@@ -50,6 +52,12 @@ struct RecordingDocument {
     Clock clock;
     std::vector<Camera> cameras;
     std::optional<Audit> audit;  ///< with stopped_utc
+
+    /// By how much it came too late for start_at_utc: frames of that time are missing, and other
+    /// nodes have them. 0 where it did not.
+    Nanoseconds late() const {
+      return start_at_utc && started_utc > *start_at_utc ? started_utc - *start_at_utc : 0;
+    }
   };
   std::string node;
   std::vector<Session> sessions;

@@ -54,6 +54,16 @@ TEST(RecordingDocument, ComesBackTheSame) {
   EXPECT_EQ(back.sessions[1].clock.source, "unknown");
 }
 
+TEST(RecordingDocument, SaysWhoCameTooLate) {
+  RecordingDocument recording = example();
+  EXPECT_EQ(parse_recording(format_recording(recording), "x").sessions[0].late(), 0);  // older ones
+  RecordingDocument::Session& session = recording.sessions[0];
+  session.start_at_utc = session.started_utc - 2'500'000'000;
+  EXPECT_EQ(parse_recording(format_recording(recording), "x").sessions[0].late(), 2'500'000'000);
+  session.start_at_utc = session.started_utc + 1;
+  EXPECT_EQ(parse_recording(format_recording(recording), "x").sessions[0].late(), 0);
+}
+
 TEST(RecordingDocument, RefusesWhatIsWrong) {
   const std::string text = format_recording(example());
   for (const auto& [from, to] :

@@ -10,7 +10,9 @@
 #include <filesystem>
 #include <fstream>
 #include <functional>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <thread>
 
 namespace raystage {
@@ -61,6 +63,31 @@ std::size_t available_memory() {
     std::ifstream file(folder / "memory.max");
     std::size_t limit = 0;
     if (file >> limit && limit > 0) bytes = std::min(bytes, limit);
+  });
+  return bytes;
+}
+
+std::size_t free_memory() {
+  std::size_t bytes = available_memory();
+  const auto read_number = [](const std::filesystem::path& path, std::string_view before) {
+    std::ifstream file(path);
+    std::string word;
+    std::size_t number = 0;
+    while (!before.empty() && file >> word && word != before) {
+    }
+    return file >> number ? std::optional(number) : std::nullopt;
+  };
+  constexpr std::size_t kKib = 1024;
+  if (const auto free = read_number("/proc/meminfo", "MemAvailable:"); free) {
+    bytes = std::min(bytes, *free * kKib);
+  }
+  for_each_control_group([&](const std::filesystem::path& folder) {
+    const auto limit = read_number(folder / "memory.max", "");
+    const auto used = read_number(folder / "memory.current", "");
+    if (!limit || !used) return;
+    const std::size_t cache = read_number(folder / "memory.stat", "inactive_file").value_or(0);
+    const std::size_t held = *used - std::min(*used, cache);
+    bytes = std::min(bytes, *limit - std::min(*limit, held));
   });
   return bytes;
 }

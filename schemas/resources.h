@@ -12,6 +12,10 @@ int available_threads();
 /// Bytes of memory this process may use: the machine's, cut by the limit of its control group.
 std::size_t available_memory();
 
+/// Bytes of memory that this process could take at this moment without swapping: what the machine
+/// has free, page cache included, or what is left of the limit of its control group.
+std::size_t free_memory();
+
 /// Largest resident size of this process so far, bytes.
 std::size_t peak_memory();
 

@@ -9,7 +9,7 @@
 #include "schemas/error.h"
 #include "schemas/rig_document.h"
 #include "store/jpeg/layout.h"
-#include "store/recorder_restarts.h"
+#include "store/recordings.h"
 #include "store/tick_phase.h"
 
 namespace raystage {
@@ -108,6 +108,11 @@ void add_restarts(const Take& take, TakeSummary& summary) {
       all.insert(of_camera.begin(), of_camera.end());
     }
     summary.restarts.assign(all.begin(), all.end());
+    for (const RecordingDocument& recording : recordings_of(take.folder())) {
+      for (const RecordingDocument::Session& session : recording.sessions) {
+        if (session.late() > 0) summary.late_nodes.emplace_back(recording.node, session.late());
+      }
+    }
   } catch (const Error& error) {
     summary.restarts_error = error.what();
   }

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "store/take.h"
@@ -35,7 +36,9 @@ struct TakeSummary {
   Nanoseconds first = 0, duration = 0;  ///< from the earliest frame to the end of the latest
   /// When its recorders started anew after they were stopped or killed, each once; ns.
   std::vector<Nanoseconds> restarts;
-  std::string restarts_error;  ///< why that is not known; empty when it is
+  /// Nodes that began later than they were told to, and by how much.
+  std::vector<std::pair<std::string, Nanoseconds>> late_nodes;
+  std::string restarts_error;  ///< why neither is known; empty when it is
   bool calibrated = true;      ///< false: spacing and lenses are guessed
   /// Median distance of a camera to its nearest neighbour, metres; 0 for one camera.
   double spacing = 0;

@@ -16,7 +16,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 constexpr auto kPatience = 100ms;  // how soon a stop is noticed
-constexpr auto kReconnectEvery = 1000ms;
+constexpr auto kLookForRoom = 2ms;
 
 double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
 
@@ -38,20 +38,23 @@ CameraIntake::CameraIntake(const Settings& settings, std::unique_ptr<FrameSource
       source_(std::move(source)),
       reopen_(std::move(reopen)),
       to_(std::move(plumbing)),
-      clock_(settings.epoch_utc, settings.last_time) {}
+      clock_(settings.epoch_utc, settings.last_time),
+      reconnect_pause_(settings.reconnect) {}
 
 void CameraIntake::run(const std::stop_token& stop) {
   const std::stop_callback interrupt(stop, [this] {
     const std::scoped_lock lock(source_mutex_);
     if (source_) source_->interrupt();
   });
-  auto last_frame = Clock::now();
+  stop_ = stop;
+  auto opened = Clock::now(), last_frame = opened;
   bool silent = false;
   const auto go_on_after = [&](const std::string& why, bool source_is_gone) {
+    reconnect_pause_.worked_for(last_frame - opened);
     const After after = lost(stop, why, source_is_gone);
     if (after == After::kStartAnew) {
       silent = false;
-      last_frame = Clock::now();
+      opened = last_frame = Clock::now();
     }
     return after != After::kFinish;
   };
@@ -108,7 +111,9 @@ bool CameraIntake::reconnect(const std::stop_token& stop) {
   const auto start = Clock::now();
   // First of all: most devices serve one at a time.
   exchange_source(nullptr);
-  while (!stop.stop_requested()) {
+  for (;;) {
+    pause(stop, reconnect_pause_.next());
+    if (stop.stop_requested()) return false;
     try {
       exchange_source(reopen_());
       clock_.forget_device();
@@ -118,10 +123,12 @@ bool CameraIntake::reconnect(const std::stop_token& stop) {
       return true;
     } catch (const Error&) {  // not yet
     }
-    const auto next_try = Clock::now() + kReconnectEvery;
-    while (!stop.stop_requested() && Clock::now() < next_try) std::this_thread::sleep_for(20ms);
   }
-  return false;
+}
+
+void CameraIntake::pause(const std::stop_token& stop, std::chrono::milliseconds time) {
+  std::unique_lock lock(pause_mutex_);
+  pause_over_.wait_for(lock, stop, time, [] { return false; });
 }
 
 void CameraIntake::exchange_source(std::unique_ptr<FrameSource> source) {
@@ -149,10 +156,23 @@ FrameStatus CameraIntake::check(const SourceFrame& frame) {
 
 MemoryBudget::Share CameraIntake::make_room(std::size_t bytes) {
   MemoryBudget::Share share = to_.memory.try_take(bytes);
+  if (!share && settings_.wait_for_room > 0ms && room_comes_) share = wait_for_room(bytes);
+  room_comes_ = room_comes_ || share;
   while (!share && settings_.drop_oldest && to_.queue.give_up(true, FrameStatus::kDroppedRamFull)) {
     ++to_.counters.dropped;
     share = to_.memory.try_take(bytes);
   }
+  return share;
+}
+
+MemoryBudget::Share CameraIntake::wait_for_room(std::size_t bytes) {
+  const auto deadline = Clock::now() + settings_.wait_for_room;
+  MemoryBudget::Share share;
+  while (!share && !stop_.stop_requested() && Clock::now() < deadline) {
+    std::this_thread::sleep_for(kLookForRoom);
+    share = to_.memory.try_take(bytes);
+  }
+  room_comes_ = static_cast<bool>(share);
   return share;
 }
 
@@ -176,7 +196,8 @@ void CameraIntake::take(SourceFrame frame) {
   if (const FrameStatus status = check(frame); status != FrameStatus::kStored) return drop(status);
 
   const bool raw = frame.jpeg.empty();
-  auto share = make_room(kRecordMemory + (raw ? frame.raw.bytes() : frame.jpeg.capacity()));
+  auto share =
+      make_room(kRecordMemory + (raw ? frame.raw.bytes_in_memory() : frame.jpeg.capacity()));
   if (!share) return drop(FrameStatus::kDroppedRamFull);
   auto queued = std::make_shared<QueuedFrame>();
   queued->stage = raw ? QueuedFrame::Stage::kToEncode : QueuedFrame::Stage::kReady;

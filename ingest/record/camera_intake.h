@@ -4,6 +4,7 @@
 #include <array>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -16,6 +17,7 @@
 #include "ingest/record/frame_clock.h"
 #include "ingest/record/frame_queue.h"
 #include "ingest/record/memory_budget.h"
+#include "ingest/record/reconnect_pause.h"
 #include "ingest/sources/frame_source.h"
 
 namespace raystage {
@@ -54,8 +56,12 @@ class CameraIntake {
     Nanoseconds start_utc = 0;   ///< what arrives before does not count
     int width = 0, height = 0;   ///< of the archive; other frames cannot be stored
     bool drop_oldest = false;    ///< what makes room when the memory is full: else the new frame
+    /// A source that loses nothing meanwhile waits for room so long; where none came for that long,
+    /// as on a disk that stays full, its frames are dropped until there is some. 0: it does not.
+    std::chrono::milliseconds wait_for_room{0};
     WhenLost when_lost = WhenLost::kContinue;
     std::chrono::milliseconds lost_after{5000};
+    ReconnectPause::Limits reconnect;
   };
   /// What it works with; all of it outlives the intake.
   struct Plumbing {
@@ -80,9 +86,11 @@ class CameraIntake {
   enum class After { kGoOn, kStartAnew, kFinish };
   After lost(const std::stop_token& stop, const std::string& why, bool source_is_gone);
   bool reconnect(const std::stop_token& stop);
+  void pause(const std::stop_token& stop, std::chrono::milliseconds time);
   void exchange_source(std::unique_ptr<FrameSource> source);
   FrameStatus check(const SourceFrame& frame);
   MemoryBudget::Share make_room(std::size_t bytes);
+  MemoryBudget::Share wait_for_room(std::size_t bytes);
   void push_missing(FrameStatus status, Nanoseconds time, FrameOrigin origin);
 
   const Settings settings_;
@@ -91,6 +99,11 @@ class CameraIntake {
   const Open reopen_;
   Plumbing to_;
   FrameClock clock_;
+  ReconnectPause reconnect_pause_;
+  std::mutex pause_mutex_;
+  std::condition_variable_any pause_over_;  // notified by a stop alone
+  std::stop_token stop_;                    // of run()
+  bool room_comes_ = true;                  // else waiting for it was in vain the last time
   bool size_complained_ = false;
 };
 

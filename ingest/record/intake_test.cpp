@@ -5,6 +5,7 @@
 
 #include <thread>
 
+#include "ingest/record/camera_intake.h"
 #include "ingest/record/clock_state.h"
 #include "ingest/record/encoders.h"
 #include "ingest/record/frame_clock.h"
@@ -226,6 +227,49 @@ TEST(FrameQueue, CallsNoEncoderForWhatWasGivenUp) {
   EXPECT_NE(queue.start_encoding(), nullptr);
   EXPECT_NE(queue.start_encoding(), nullptr);
   EXPECT_EQ(queue.start_encoding(), nullptr);
+}
+
+TEST(CameraIntake, WaitsForRoomWhereTheSourceWaitsToo) {
+  using namespace std::chrono_literals;
+  FrameQueue queue;
+  MemoryBudget memory(100000), records(100000);
+  Encoders encoders({}, 1);
+  CameraCounters counters;
+  CameraIntake::Settings settings;
+  settings.width = 64;
+  settings.height = 48;
+  const auto intake = [&](std::chrono::milliseconds wait) {
+    settings.wait_for_room = wait;
+    return std::make_unique<CameraIntake>(
+        settings, nullptr, nullptr,
+        CameraIntake::Plumbing{queue, memory, records, encoders, counters, [] {}});
+  };
+  const auto picture = [] {
+    SourceFrame frame;
+    frame.jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, 64, 48), {});
+    frame.arrival_utc = host_utc_now();
+    return frame;
+  };
+  MemoryBudget::Share others = memory.try_take(99900);
+  {
+    const std::jthread writer([&] {
+      std::this_thread::sleep_for(20ms);
+      others.resize_down(0);
+    });
+    intake(60s)->take(picture());
+  }
+  EXPECT_EQ(counters.dropped, 0U);
+
+  others = memory.try_take(100000 - memory.used());
+  const auto patient = intake(50ms);
+  const auto start = std::chrono::steady_clock::now();
+  patient->take(picture());
+  EXPECT_EQ(counters.dropped, 1U);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, 50ms);
+  const auto again = std::chrono::steady_clock::now();
+  for (int i = 0; i < 100; ++i) patient->take(picture());  // in vain: not each waits anew
+  EXPECT_EQ(counters.dropped, 101U);
+  EXPECT_LT(std::chrono::steady_clock::now() - again, 4s);
 }
 
 TEST(Encoders, WhatCannotBeEncodedIsMissing) {

@@ -14,6 +14,7 @@
 #include "schemas/recording_document.h"
 #include "schemas/rig_document.h"
 #include "store/matroska.h"
+#include "store/recordings.h"
 #include "store/take.h"
 
 namespace raystage {
@@ -31,12 +32,23 @@ struct Part {
 
 /// The node of a part's cameras: their own, or the one whose account the part holds.
 std::string node_of(const Part& part) {
-  std::string node;
-  std::error_code error;
-  for (const auto& file : fs::directory_iterator(part.accounts, error)) {
-    if (file.path().extension() == ".json") node = read_recording(file.path()).node;
+  const std::vector<RecordingDocument> recordings = recordings_of(part.take.folder());
+  return recordings.empty() ? "" : recordings.back().node;
+}
+
+void warn_of_late_nodes(const std::vector<Part>& parts, std::vector<std::string>& warnings) {
+  for (const Part& part : parts) {
+    for (const RecordingDocument& recording : recordings_of(part.take.folder())) {
+      for (const RecordingDocument::Session& session : recording.sessions) {
+        if (session.late() == 0) continue;
+        warnings.push_back(fmt::format(
+            "node {} began {:.3f} s after its --start-at: the others have frames of that time, it "
+            "has none",
+            recording.node,
+            static_cast<double>(session.late()) / static_cast<double>(kNanosecondsPerSecond)));
+      }
+    }
   }
-  return node;
 }
 
 /// When a part's cameras saw something, since the joint epoch.
@@ -194,6 +206,7 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
   const TakeDocument joined = joined_document(parts, created_by);
   JoinReport report;
   const RigDocument rig = joined_rig(parts, report.warnings);
+  warn_of_late_nodes(parts, report.warnings);
   if (auto apart = say_if_apart(spans_of(parts, joined.epoch_utc), joined.nominal_fps)) {
     report.warnings.push_back(std::move(*apart));
   }

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <cstdio>
 #include <random>
 #include <thread>
 
@@ -112,9 +113,11 @@ TEST(KilledRecording, LosesNoStoredFrameAndResumes) {
   // Every frame is one of the three that were recorded, byte for byte.
   const MemoryScript script = endless();
   const Take take(path);
+  std::size_t stored = 0;
   for (int i = 0; i < kCameras; ++i) {
     const ArchiveReader& archive = take.archive(i);
     EXPECT_GT(archive.frames().size(), 100U);
+    stored += archive.frames().size();
     for (int frame = 0; frame < static_cast<int>(archive.frames().size()); ++frame) {
       const auto jpeg = archive.jpeg(frame);
       EXPECT_TRUE(std::ranges::any_of(script.frames, [&](const SourceFrame& known) {
@@ -122,6 +125,8 @@ TEST(KilledRecording, LosesNoStoredFrameAndResumes) {
       }));
     }
   }
+  std::printf("%d times killed: %zu frames, each whole, none lost that was reported as stored\n",
+              kRounds, stored);
 }
 
 }  // namespace

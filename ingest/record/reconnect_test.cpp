@@ -49,6 +49,7 @@ class Reconnect : public ::testing::Test {
     CameraIntake::Settings settings;
     settings.when_lost = CameraIntake::WhenLost::kReconnect;
     settings.lost_after = 30ms;
+    settings.reconnect = pauses;
     FrameQueue queue;
     MemoryBudget memory(1000), records(1000);
     Encoders encoders({}, 1);
@@ -58,6 +59,7 @@ class Reconnect : public ::testing::Test {
   }
 
   Device device;
+  ReconnectPause::Limits pauses;
   CameraCounters counters;
   CameraIntake::Open reopen = [this, tries = 0]() mutable {
     if (++tries > 5) device.stop.request_stop();
@@ -88,6 +90,41 @@ TEST_F(Reconnect, MayBeStoppedWhileThereIsNoSource) {
   };
   run();
   EXPECT_EQ(counters.state, CameraCounters::State::kLost);
+}
+
+TEST_F(Reconnect, PausesLongerAndLongerWhereTheNewSourceDiesAtOnce) {
+  pauses = {.first = 20ms, .longest = 80ms};
+  device.outcomes = {Outcome::kLost, Outcome::kLost, Outcome::kLost,
+                     Outcome::kLost, Outcome::kLost, Outcome::kEnded};
+  const auto start = std::chrono::steady_clock::now();
+  run();
+  EXPECT_EQ(device.opened, 6);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, 0ms + 20ms + 40ms + 80ms + 80ms);
+}
+
+TEST_F(Reconnect, MayBeStoppedInAPause) {
+  pauses = {.first = 60s, .longest = 60s};
+  device.outcomes = {Outcome::kLost, Outcome::kLost, Outcome::kEnded};
+  const auto start = std::chrono::steady_clock::now();
+  const std::jthread stopper([this] {
+    std::this_thread::sleep_for(100ms);
+    device.stop.request_stop();
+  });
+  run();
+  EXPECT_EQ(device.opened, 2);
+  EXPECT_LT(std::chrono::steady_clock::now() - start, 30s);
+}
+
+TEST(ReconnectPause, DoublesUpToALimitAndStartsAnewAfterSteadyFrames) {
+  ReconnectPause pause({});
+  for (const int expected : {0, 250, 500, 1000, 2000, 4000, 5000, 5000}) {
+    EXPECT_EQ(pause.next(), std::chrono::milliseconds(expected));
+  }
+  pause.worked_for(9s);
+  EXPECT_EQ(pause.next(), 5s);
+  pause.worked_for(10s);
+  EXPECT_EQ(pause.next(), 0s);
+  EXPECT_EQ(pause.next(), 250ms);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "schemas/error.h"
 #include "schemas/parallel.h"
+#include "store/matroska.h"
 
 namespace raystage {
 namespace {
@@ -66,6 +67,26 @@ void check_size(const CameraGeometry& geometry, const RecorderCamera& camera,
       fmt::format("camera \"{}\" is {} x {} pixels, but its source delivers {} x {}", camera.id,
                   geometry.width, geometry.height, source.width, source.height),
       file.string(), what_to_do);
+}
+
+/// A take's times count from its epoch, and reach 104 days.
+void check_times(const TakeDocument& take, std::optional<Nanoseconds> start_utc,
+                 std::optional<double> duration_s, const std::filesystem::path& file) {
+  const Nanoseconds epoch = take.epoch_utc;
+  if (start_utc && *start_utc < epoch) {
+    throw Error::bad_input(fmt::format("recording is to start at {}, before the take's epoch {}",
+                                       format_utc(*start_utc), format_utc(epoch)),
+                           file.string(), "Start at that time or later, or record into a new take");
+  }
+  const double from = static_cast<double>(start_utc.value_or(host_utc_now()) - epoch) * 1e-9;
+  const double until = from + duration_s.value_or(0);
+  if (until <= static_cast<double>(matroska::kMaxTime) * 1e-9) return;
+  constexpr double kDay = 86400;
+  throw Error::bad_input(
+      fmt::format("recording is to go on until {:.1f} days after the take's epoch {}, of the 104 "
+                  "days that a take can hold",
+                  until / kDay, format_utc(epoch)),
+      file.string(), "Record into a new take, or start earlier");
 }
 
 /// What all sources say, or `otherwise`.
@@ -135,7 +156,9 @@ RigDocument rig_for(const RecordConfig& config, const std::filesystem::path& con
 }
 
 RecordingTake resume_take(const std::filesystem::path& folder,
-                          const std::vector<RecorderCamera>& cameras, const std::string& node) {
+                          const std::vector<RecorderCamera>& cameras, const std::string& node,
+                          std::optional<Nanoseconds> start_utc, std::optional<double> duration_s) {
+  check_times(read_take(folder / "take.json"), start_utc, duration_s, folder / "take.json");
   const RigDocument rig = read_rig(folder / "rig.json");
   for (const RecorderCamera& camera : cameras) {
     const auto found = find_camera(rig, camera.id);

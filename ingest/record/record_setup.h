@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,9 +31,12 @@ RigDocument rig_for(const RecordConfig& config, const std::filesystem::path& con
                     const std::vector<RecorderCamera>& cameras);
 
 /// RecordingTake::resume with these cameras. Throws Error (bad input) too where a source delivers
-/// another size than the take's rig says: all its frames would be lost.
+/// another size than the take's rig says, or what is to be recorded lies outside the times that the
+/// take can hold: all its frames would be lost.
 RecordingTake resume_take(const std::filesystem::path& folder,
-                          const std::vector<RecorderCamera>& cameras, const std::string& node);
+                          const std::vector<RecorderCamera>& cameras, const std::string& node,
+                          std::optional<Nanoseconds> start_utc = {},
+                          std::optional<double> duration_s = {});
 
 TakeDocument take_for(const RecordConfig& config, const std::vector<RecorderCamera>& cameras,
                       const std::string& node, Nanoseconds epoch_utc,

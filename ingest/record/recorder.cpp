@@ -95,6 +95,8 @@ CameraIntake::Settings Recorder::State::intake_settings(std::size_t camera,
   intake.width = geometry.width;
   intake.height = geometry.height;
   intake.drop_oldest = settings.drop_oldest;
+  // What is held until the end frees no room before.
+  if (descriptions[camera].waits && !settings.hold) intake.wait_for_room = settings.wait_for_room;
   intake.when_lost = settings.when_lost;
   intake.lost_after = settings.lost_after;
   return intake;
@@ -104,6 +106,7 @@ RecordingDocument::Session Recorder::State::opened_session() const {
   RecordingDocument::Session session;
   session.program = program;
   session.started_utc = host_utc_now();
+  session.start_at_utc = settings.start_utc;
   session.memory_bytes = settings.memory_bytes;
   session.held = settings.hold;
   session.clock = read_clock_state();
@@ -191,8 +194,10 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
                                       .memory = &s.memory});
   Encoders encoders(s.settings.jpeg, s.settings.threads);
 
-  // Frames that waited in a source since it was opened are of before.
-  const Nanoseconds start_utc = s.settings.start_utc.value_or(host_utc_now());
+  // Frames that waited in a source since it was opened are of before. An epoch to come is that of a
+  // take that was stopped before it began.
+  const Nanoseconds start_utc =
+      std::max(s.settings.start_utc.value_or(host_utc_now()), s.take.document().epoch_utc);
   std::stop_source camera_stop;
   std::atomic<bool> a_camera_asks = false;
   std::atomic<int> running = static_cast<int>(s.cameras.size());
@@ -214,7 +219,7 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
       if (a_camera_asks) return "a camera was lost";
       if (running == 0) return "every source has ended";
       if (!s.settings.duration_s) return {};
-      const double done = s.settings.start_utc
+      const double done = s.settings.start_utc || start_utc > session.started_utc
                               ? static_cast<double>(host_utc_now() - start_utc) * 1e-9
                               : seconds_since(s.start);
       return done >= *s.settings.duration_s ? "the duration is over" : "";

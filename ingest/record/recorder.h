@@ -23,10 +23,12 @@ struct RecorderSettings {
   bool drop_oldest = false;  ///< what gives way when the memory is full: else the new frame
   CameraIntake::WhenLost when_lost = CameraIntake::WhenLost::kContinue;
   std::chrono::milliseconds lost_after{5000};
-  JpegEncodeSettings jpeg;               ///< of raw frames
-  int threads = 1;                       ///< frames encoded at once
-  std::optional<Nanoseconds> start_utc;  ///< earlier frames do not count; without: from run() on
-  std::optional<double> duration_s;      ///< from there
+  std::chrono::milliseconds wait_for_room{10000};  ///< of sources that wait, see CameraIntake
+  JpegEncodeSettings jpeg;                         ///< of raw frames
+  int threads = 1;                                 ///< frames encoded at once
+  /// Earlier frames do not count, nor those before the take's epoch; without: from run() on.
+  std::optional<Nanoseconds> start_utc;
+  std::optional<double> duration_s;  ///< from there
   double status_every_s = 1;
   double flush_every_s = 1;    ///< safe against power loss that often; 0: never
   double disk_patience_s = 3;  ///< how long a full disk is tried at the end

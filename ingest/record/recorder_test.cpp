@@ -306,6 +306,17 @@ TEST_F(Recording, RefusesToResumeWithAnotherSize) {
   }
 }
 
+TEST_F(Recording, NothingCountsBeforeTheEpoch) {
+  epoch = host_utc_now() + 300'000'000;
+  settings.start_utc.reset();
+  settings.duration_s = 0.2;
+  const auto session = record({script({jpeg_frame(1)}, 200, 100000)});
+  expect_audit(session);
+  EXPECT_GT(session.cameras[0].stored, 10U);
+  EXPECT_LT(session.cameras[0].stored, 60U);
+  EXPECT_EQ(session.cameras[0].corrected_times, 0U);
+}
+
 // An archive's times go up to 104 days.
 TEST_F(Recording, RefusesAnEpochThatIsTooFarAway) {
   constexpr Nanoseconds kDay = 86400 * kNanosecondsPerSecond;

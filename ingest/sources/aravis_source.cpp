@@ -136,6 +136,10 @@ class AravisSource final : public FrameSource {
     return control_lost_ ? "the camera does not answer any more" : "";
   }
   void interrupt() override { interrupted_ = true; }
+  std::size_t memory_beside() const override {
+    constexpr std::size_t kDriver = 1 << 20;
+    return static_cast<std::size_t>(buffers_) * payload_ + kDriver;
+  }
 
  private:
   static void on_control_lost(ArvDevice* /*unused*/, AravisSource* self) {

@@ -132,6 +132,17 @@ TEST_F(AravisSourceTest, FramesComeWholeWithCounterAndDeviceTime) {
   EXPECT_LT(period, 60e6);
 }
 
+TEST_F(AravisSourceTest, MemoryBesideIsThatOfItsBuffers) {
+  start(0);
+  auto config = settings(0);
+  constexpr std::size_t kPicture = 512 * 512;
+  config.buffers = 10;
+  const std::size_t ten = aravis_source(config)->memory_beside();
+  EXPECT_GE(ten, 10 * kPicture);
+  config.buffers = 30;
+  EXPECT_EQ(aravis_source(config)->memory_beside(), ten + 20 * kPicture);
+}
+
 TEST_F(AravisSourceTest, TheCounterGoesOnWhereSixteenBitsEnd) {
   start(0);
   auto config = settings(0);

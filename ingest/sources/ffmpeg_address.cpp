@@ -9,6 +9,7 @@ extern "C" {
 #include <libavutil/log.h>
 }
 
+#include <regex>
 #include <system_error>
 
 #include "schemas/error.h"
@@ -59,6 +60,14 @@ bool is_device(const AVInputFormat* format) {
          category == AV_CLASS_CATEGORY_DEVICE_VIDEO_INPUT;
 }
 
+/// Whether a filter graph of lavfi takes its time: then it runs like a camera. One that is in a
+/// file of its own is not looked into.
+bool keeps_real_time(const RecordConfig::FfmpegSource& source, const std::string& url) {
+  static const std::regex filter(R"((^|[,;\]\s])a?realtime($|[=,;\[@\s]))");
+  const auto given = source.options.find("graph");
+  return std::regex_search(given == source.options.end() ? url : given->second, filter);
+}
+
 /// Splits "v4l2:/dev/video0": the format before the colon, unless that is a protocol, a URL's
 /// scheme or part of a file's name.
 void split_format(const std::filesystem::path& base, std::string& url, std::string& format) {
@@ -91,7 +100,9 @@ FfmpegAddress ffmpeg_address(const RecordConfig::FfmpegSource& source,
   }
   address.shown = without_secrets(address.url);
   if (is_device(address.format)) {
-    address.kind = FfmpegAddress::Kind::kDevice;
+    const bool graph = std::string_view(address.format->name) == "lavfi";
+    address.kind = graph && !keeps_real_time(source, address.url) ? FfmpegAddress::Kind::kGraph
+                                                                  : FfmpegAddress::Kind::kDevice;
     return address;
   }
   const char* name = avio_find_protocol_name(address.url.c_str());

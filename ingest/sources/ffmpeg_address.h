@@ -14,6 +14,7 @@ namespace raystage {
 struct FfmpegAddress {
   enum class Kind {
     kFile,     ///< has an end and waits for us
+    kGraph,    ///< FFmpeg's own pictures (lavfi) that keep no real time: wait for us too
     kPipe,     ///< a file descriptor or named pipe: waits for us, and may stall
     kNetwork,  ///< may stall and break
     kDevice    ///< an input device of libavdevice

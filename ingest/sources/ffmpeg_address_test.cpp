@@ -49,6 +49,25 @@ TEST(FfmpegAddress, AFormatMayStandBeforeTheColon) {
   EXPECT_THROW(address("a", "nothing"), Error);
 }
 
+TEST(FfmpegAddress, AGraphIsACameraWhereItKeepsRealTime) {
+  for (const char* graph :
+       {"testsrc", "testsrc=rate=30:duration=5", "testsrc=size=64x48,drawtext=text=realtime",
+        "movie=realtime.mkv", "testsrc,realtimes=1"}) {
+    EXPECT_EQ(address(graph, "lavfi").kind, Kind::kGraph) << graph;
+    EXPECT_FALSE(address(graph, "lavfi").is_live()) << graph;
+  }
+  for (const char* graph : {"testsrc,realtime", "testsrc , realtime=speed=2[out0]",
+                            "testsrc[a];[a]realtime@r", "sine,arealtime[out1];testsrc[out0]"}) {
+    EXPECT_EQ(address(graph, "lavfi").kind, Kind::kDevice) << graph;
+  }
+  EXPECT_TRUE(ffmpeg_address({.url = "lavfi:",
+                              .format = "",
+                              .options = {{"graph", "testsrc,realtime"}},
+                              .realtime = false},
+                             "/base")
+                  .is_live());
+}
+
 TEST(FfmpegAddress, AColonInAFilesNameIsNoFormat) {
   const TestFolder folder;
   std::ofstream(folder.path() / "take:1.mkv") << "x";

@@ -16,6 +16,10 @@ using namespace std::chrono_literals;
 
 constexpr auto kOpenWithin = 10s;
 constexpr std::size_t kReadAhead = 8;  // packets
+constexpr std::size_t kInHands = 2;    // of the reading thread, and of who takes them
+// FFmpeg's contexts and buffers: of a network protocol the packets that wait (udp keeps 5.4 MB).
+constexpr std::size_t kDemuxer = 1 << 20, kNetworkBuffers = 6 << 20;
+constexpr std::size_t kGraphPictures = 4;  // that filters hold, 4 bytes a pixel
 
 bool is_v4l2(const AVInputFormat* format) {
   return format != nullptr && std::strstr(format->name, "v4l2") != nullptr;
@@ -79,7 +83,8 @@ void FfmpegInput::open(AvOptions& options) {
   context_.reset(context);
   // FFmpeg looks for a tag before the first bytes, and takes the end of our patience for none.
   if (stopping()) throw refuse(AVERROR_EXIT, "", "");
-  if (needs_probing()) {
+  probed_ = needs_probing();
+  if (probed_) {
     // Frames read ahead to find the rate of a live source would arrive late.
     if (address_.kind != FfmpegAddress::Kind::kFile) context->fps_probe_size = 0;
     code = avformat_find_stream_info(context, nullptr);
@@ -114,11 +119,32 @@ double FfmpegInput::fps() const {
   }
   // Of these the tick of the time stamps is the period of the frames, where it is not tiny.
   const bool by_ticks = address_.kind == FfmpegAddress::Kind::kDevice ||
+                        address_.kind == FfmpegAddress::Kind::kGraph ||
                         std::strcmp(context_->iformat->name, "rawvideo") == 0;
   const AVRational tick = stream().time_base;
   constexpr int kFastest = 1000;
   if (by_ticks && tick.num > 0 && tick.den / tick.num <= kFastest) return 1 / av_q2d(tick);
   return 0;
+}
+
+std::size_t FfmpegInput::memory_beside() const {
+  using Kind = FfmpegAddress::Kind;
+  const AVCodecParameters& video = *stream().codecpar;
+  const auto pixels =
+      static_cast<std::size_t>(video.width) * static_cast<std::size_t>(video.height);
+  const bool plain =
+      video.codec_id == AV_CODEC_ID_RAWVIDEO || video.codec_id == AV_CODEC_ID_WRAPPED_AVFRAME;
+  const int raw = plain ? av_image_get_buffer_size(static_cast<AVPixelFormat>(video.format),
+                                                   video.width, video.height, 1)
+                        : 0;
+  // Compressed ones: as for JPEG, half a byte a pixel is much.
+  const std::size_t packet = raw > 0 ? static_cast<std::size_t>(raw) : pixels / 2;
+  std::size_t bytes = (kReadAhead + kInHands) * packet + kDemuxer;
+  // What was read to find out what there is waits to be read again.
+  if (probed_) bytes += static_cast<std::size_t>(context_->probesize);
+  if (address_.kind == Kind::kNetwork) bytes += kNetworkBuffers;
+  if (std::strcmp(context_->iformat->name, "lavfi") == 0) bytes += kGraphPictures * 4 * pixels;
+  return bytes;
 }
 
 void FfmpegInput::start() {
@@ -148,9 +174,10 @@ void FfmpegInput::read_all() {
       return;
     }
     next.arrival_utc = host_utc_now();
-    if (address_.kind == FfmpegAddress::Kind::kDevice) {
+    if (address_.kind == FfmpegAddress::Kind::kDevice ||
+        address_.kind == FfmpegAddress::Kind::kGraph) {
       // The bytes may be the driver's own, which has few such buffers and takes them back when it
-      // is closed.
+      // is closed; or a graph's, which keeps as many as were ever out at once.
       AvOwned<AVPacket> copy(av_packet_alloc());
       if (!copy || av_new_packet(copy.get(), next.packet->size) < 0) {
         end(AVERROR(ENOMEM));

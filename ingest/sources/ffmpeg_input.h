@@ -41,10 +41,13 @@ class FfmpegInput {
   const FfmpegAddress& address() const { return address_; }
   const AVInputFormat& format() const { return *context_->iformat; }
   const AVStream& stream() const { return *context_->streams[stream_]; }
-  /// Files and pipes end. A camera does not, unless it said how much it would send.
+  /// Files, graphs and pipes end. A camera does not, unless it said how much it would send.
   bool may_end() const { return !address_.is_live() || context_->duration > 0; }
   /// Nominal frames per second; 0: unknown.
   double fps() const;
+
+  /// Bytes of what is read ahead and of FFmpeg's own, at most about.
+  std::size_t memory_beside() const;
 
   /// Starts reading; packets may be taken from now on.
   void start();
@@ -69,6 +72,7 @@ class FfmpegInput {
   std::unique_ptr<PipeReader> pipe_;
   AvOwned<AVFormatContext> context_;
   int stream_ = -1;
+  bool probed_ = false;
 
   std::mutex mutex_;
   std::condition_variable changed_;

@@ -85,6 +85,7 @@ class FfmpegSource final : public FrameSource {
   }
 
   std::string why_lost() const override { return why_lost_; }
+  std::size_t memory_beside() const override { return input_.memory_beside() + decoder_memory(); }
 
   void interrupt() override {
     input_.interrupt();
@@ -123,8 +124,27 @@ class FfmpegSource final : public FrameSource {
     description_.fps = input_.fps();
     description_.delivers_jpeg = !codec_;
     description_.live = !input_.may_end();
+    description_.waits = input_.address().kind == FfmpegAddress::Kind::kFile ||
+                         input_.address().kind == FfmpegAddress::Kind::kGraph;
     description_.clock = stamps_ == Stamps::kDevice ? "device" : "host";
     description_.time_marks = stamps_ == Stamps::kNone ? "arrival" : "unknown";
+  }
+
+  /// Bytes of the decoder's pictures, at most about.
+  std::size_t decoder_memory() const {
+    if (!codec_) return 0;
+    // A picture that is decoded and one that goes out; of codecs that predict, 16 to predict from,
+    // each with its motion vectors (half as much again).
+    constexpr std::size_t kOfTheirOwn = 2, kPredicting = (16 + 2) * 3 / 2, kMostBytesOfAPixel = 4;
+    const AVCodecDescriptor* codec = avcodec_descriptor_get(codec_->codec_id);
+    const bool alone = codec != nullptr && (codec->props & AV_CODEC_PROP_INTRA_ONLY) != 0;
+    const int known =
+        av_image_get_buffer_size(codec_->pix_fmt, description_.width, description_.height, 32);
+    const std::size_t picture = known > 0 ? static_cast<std::size_t>(known)
+                                          : kMostBytesOfAPixel *
+                                                static_cast<std::size_t>(description_.width) *
+                                                static_cast<std::size_t>(description_.height);
+    return (alone ? kOfTheirOwn : kPredicting) * picture;
   }
 
   /// Some streams do not say how large they are until the first frame.
@@ -210,6 +230,10 @@ class FfmpegSource final : public FrameSource {
     held_.torn = owner->decode_error_flags != 0 || (owner->flags & AV_FRAME_FLAG_CORRUPT) != 0 ||
                  packet_torn_;
     if (!converter_.convert(*owner, owner, held_.raw)) held_.torn = true;
+    // A decoder never gives back the memory of pictures that were out at once: of those that wait
+    // to be written it would keep as much as all cameras together may take.
+    const bool decoders = held_.raw.owner == owner && codec_->codec_id != AV_CODEC_ID_RAWVIDEO;
+    if (decoders && !converter_.convert_to(held_.raw.format, *owner, held_.raw)) held_.torn = true;
     held_.arrival_utc = owner->reordered_opaque > 0 ? owner->reordered_opaque : packet_arrival_;
     stamp(owner->best_effort_timestamp);
   }

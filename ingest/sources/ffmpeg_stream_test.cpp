@@ -375,7 +375,30 @@ TEST(FfmpegStream, DevicesAreLoadedWhenAskedFor) {
     ++frames;
   }
   EXPECT_EQ(frames, 10);
-  EXPECT_EQ(source->why_lost(), "the source ended");
+  EXPECT_EQ(source->next(frame, 2000ms), Outcome::kEnded);
+  EXPECT_FALSE(source->description().live);
+}
+
+// Decoders and graphs keep as many pictures as were ever out at once.
+TEST(FfmpegStream, MemoryBesideIsThatOfItsPictures) {
+  const std::size_t small =
+      open("lavfi:testsrc=size=640x480:rate=20:duration=0.5")->memory_beside();
+  const std::size_t large =
+      open("lavfi:testsrc=size=1280x960:rate=20:duration=0.5")->memory_beside();
+  constexpr std::size_t kPicture = std::size_t{640} * 480 * 3;
+  EXPECT_GT(small, 10 * kPicture);
+  EXPECT_LT(small, 20 * kPicture);
+  EXPECT_GT(large, small + 30 * kPicture);
+}
+
+TEST(FfmpegStream, AGraphThatKeepsRealTimeIsACamera) {
+  const auto source = open("lavfi:testsrc=size=64x48:rate=50:duration=0.4,realtime");
+  EXPECT_TRUE(source->description().live);
+  SourceFrame frame;
+  Outcome outcome = Outcome::kFrame;
+  while ((outcome = source->next(frame, 2000ms)) == Outcome::kFrame) {
+  }
+  EXPECT_EQ(outcome, Outcome::kLost);
 }
 
 }  // namespace

@@ -33,6 +33,7 @@ struct SourceDescription {
   double fps = 0;             ///< nominal; 0 where unknown
   bool delivers_jpeg = false;
   bool live = true;  ///< goes on where nobody reads; else it waits, and has an end: a file, a pipe
+  bool waits = false;  ///< not live, and nobody behind it loses anything meanwhile: not a pipe
   std::string clock = "host";          ///< take.json's words: "host", "device", "simulated"
   std::string time_marks = "arrival";  ///< what device_time (or else arrival) marks
 };
@@ -56,6 +57,9 @@ class FrameSource {
   /// Waits for the next frame, at most about `patience`. Never throws for what a device does.
   virtual Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) = 0;
   virtual std::string why_lost() const { return {}; }
+  /// Bytes that it takes beside the frames it has delivered and the one in its hands: what it reads
+  /// ahead, its decoder's pictures, its driver's buffers. An estimate, from above.
+  virtual std::size_t memory_beside() const { return 0; }
   /// Makes a waiting next() return soon. Thread-safe.
   virtual void interrupt() {}
 };

@@ -53,6 +53,14 @@ class SimulatedSource final : public FrameSource {
   }
 
   void interrupt() override { wait_.interrupt(); }
+  /// The pictures that were rendered beforehand, and a part of what the array's cameras share.
+  std::size_t memory_beside() const override {
+    std::size_t bytes = stage_->memory() / static_cast<std::size_t>(stage_.use_count());
+    for (const SimulatedLoop::Exposure& shown : loop_->exposures) {
+      bytes += shown.jpeg.capacity() + shown.raw.bytes_in_memory();
+    }
+    return bytes;
+  }
 
  private:
   using Clock = SimulatedStage::Clock;

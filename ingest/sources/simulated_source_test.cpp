@@ -88,6 +88,17 @@ TEST(SimulatedSource, AllCamerasOfTheSameSettingsShareOneStage) {
   EXPECT_NE(SimulatedStage::shared(other), first);
 }
 
+TEST(SimulatedSource, MemoryBesideIsThatOfThePicturesAndAPartOfTheStage) {
+  auto settings = small(0);
+  const auto first = simulated_source(settings);
+  const std::size_t stage = SimulatedStage::shared(settings)->memory();
+  // Ten pictures of 32 x 24, with rows of chroma padded to 64 bytes.
+  constexpr std::size_t kPictures = std::size_t{10} * (24 * 64 + 2 * 12 * 64);
+  EXPECT_EQ(first->memory_beside(), kPictures + stage);
+  const auto second = simulated_source(small(1));
+  EXPECT_EQ(first->memory_beside(), kPictures + stage / 2);
+}
+
 TEST(SimulatedSource, DeliversJpegAsAWebcamDoes) {
   auto settings = small(1);
   settings.jpeg = true;

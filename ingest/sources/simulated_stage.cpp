@@ -20,6 +20,10 @@ namespace {
 
 constexpr std::uint64_t kNoiseSalt = 22;
 constexpr int kWebcamQuality = 90;
+// Of each thread that renders: a recording has promised how little memory it takes.
+constexpr std::size_t kCacheBytes = 16 << 20;
+constexpr std::size_t kSceneBytes = 100 << 20;        // textures and Embree's trees
+constexpr std::size_t kRenderingBytesOfAPixel = 300;  // of each thread that renders
 
 SimulationSettings settings_from(const RecordConfig::SimulatedSource& source) {
   SimulationSettings settings;
@@ -38,6 +42,8 @@ SimulationSettings settings_from(const RecordConfig::SimulatedSource& source) {
   check_settings(settings);
   return settings;
 }
+
+std::size_t render_threads() { return std::max(1U, std::thread::hardware_concurrency()); }
 
 /// All that makes two arrays differ.
 std::string key_of(const RecordConfig::SimulatedSource& s) {
@@ -89,6 +95,12 @@ std::shared_ptr<SimulatedStage> SimulatedStage::shared(
   return made;
 }
 
+std::size_t SimulatedStage::memory() const {
+  const auto pixels =
+      static_cast<std::size_t>(source_.width) * static_cast<std::size_t>(source_.height);
+  return kSceneBytes + render_threads() * (kCacheBytes + kRenderingBytesOfAPixel * pixels);
+}
+
 std::shared_ptr<const SimulatedLoop> SimulatedStage::loop(int index) {
   {
     const std::scoped_lock lock(mutex_);
@@ -107,14 +119,14 @@ SimulatedLoop SimulatedStage::render(int index) const {
   SimulatedLoop loop;
   loop.exposures.resize(times.frames.size());
   loop.length = std::llround(times.period_ns * static_cast<double>(times.frames.size()));
-  const auto parts = static_cast<std::size_t>(std::max(1U, std::thread::hardware_concurrency()));
+  const std::size_t parts = render_threads();
   parallel_for(std::size_t{0}, parts, [&](std::size_t part) {
     const std::size_t count = loop.exposures.size();
     const std::size_t first = part * count / parts, last = (part + 1) * count / parts;
     if (first == last) return;
     World world(geometry_);
     CameraRenderer renderer;
-    StillCache cache;
+    StillCache cache(kCacheBytes);
     LinearImage light;
     PixelConverter converter;
     for (std::size_t number = first; number < last; ++number) {

@@ -44,6 +44,8 @@ class SimulatedStage {
 
   /// Renders when first asked for this camera, on all threads of the TBB arena.
   std::shared_ptr<const SimulatedLoop> loop(int index);
+  /// Bytes of the scene and of rendering it, at most about; the loops are not in it.
+  std::size_t memory() const;
   /// When the loops started.
   Clock::time_point start() const { return start_; }
 

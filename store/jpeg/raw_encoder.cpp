@@ -74,6 +74,14 @@ std::size_t RawImage::bytes() const {
   return sum;
 }
 
+std::size_t RawImage::bytes_in_memory() const {
+  std::size_t sum = 0;
+  for (int plane = 0; plane < plane_count(); ++plane) {
+    sum += planes[static_cast<std::size_t>(plane)].stride * static_cast<std::size_t>(rows(plane));
+  }
+  return sum;
+}
+
 struct RawJpegEncoder::State {
   explicit State(const JpegEncodeSettings& encode_settings) : settings(encode_settings) {}
 

@@ -30,6 +30,8 @@ struct RawImage {
   int rows(int plane) const;
   /// Bytes of all pixels, without padding.
   std::size_t bytes() const;
+  /// The same with the padding of rows; 0 for one that is empty.
+  std::size_t bytes_in_memory() const;
 };
 
 }  // namespace raystage

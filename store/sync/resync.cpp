@@ -9,7 +9,7 @@
 
 #include "schemas/error.h"
 #include "schemas/parallel.h"
-#include "store/recorder_restarts.h"
+#include "store/recordings.h"
 #include "store/sync/losses.h"
 #include "store/sync/part_sync.h"
 #include "store/tick_phase.h"

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "schemas/recording_document.h"
 #include "schemas/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 
@@ -15,6 +16,7 @@ namespace {
 using nlohmann::json;
 using testing::CommandResult;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::run;
 using testing::write_text;
 
@@ -23,13 +25,12 @@ class Record : public ::testing::Test {
   Record() {
     write_text(folder_.path() / "record.json", R"({"schema": "raystage/record/1", "name": "test",
       "node": "one", "memory_mb": 50, "cameras": [
-      {"id": "a", "ffmpeg": {"url": "testsrc=size=96x64:rate=30", "format": "lavfi", "realtime": true}},
+      {"id": "a", "ffmpeg": {"url": "testsrc=size=96x64:rate=30,realtime", "format": "lavfi"}},
       {"id": "b", "simulated": {"index": 1, "rows": 1, "columns": 2, "width": 64, "height": 48,
                                 "seconds": 0.3, "jpeg": true}}]})");
     write_text(folder_.path() / "other.json", R"({"schema": "raystage/record/1", "name": "test",
       "node": "two", "memory_mb": 50, "cameras": [
-      {"id": "c", "ffmpeg": {"url": "testsrc2=size=96x64:rate=30", "format": "lavfi",
-                             "realtime": true}}]})");
+      {"id": "c", "ffmpeg": {"url": "lavfi:testsrc2=size=96x64:rate=30,realtime"}}]})");
   }
   CommandResult here(const std::string& command) const {
     return run("cd '" + folder_.path().string() + "' && " + command);
@@ -137,6 +138,31 @@ TEST_F(Record, ATimeThatHasPassedIsNoStart) {
       "--duration 4.5 --status none");
   EXPECT_EQ(late.exit_code, 0) << late.err;
   EXPECT_THAT(late.err, HasSubstr("s ago"));
+  EXPECT_THAT(late.out, HasSubstr("Too late for --start-at by "));
+  const RecordingDocument account = read_recording(folder() / "take/recording/two.json");
+  EXPECT_GE(account.sessions.at(0).late(), 3 * kNanosecondsPerSecond);
+  EXPECT_THAT(here("raystage info take").out, HasSubstr("after its --start-at"));
+}
+
+TEST_F(Record, OneMayGoOnOnlyWithinTheTakesTimes) {
+  const CommandResult first = here(
+      "raystage record other.json -o take --start-at $(date -u -d '+2 seconds' +%FT%TZ) "
+      "--duration 0.2 --status none");
+  EXPECT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.err, HasSubstr("Frames count from"));
+  EXPECT_THAT(first.out, Not(HasSubstr("Too late")));
+  const auto before = testing::contents_of(folder() / "take");
+  const CommandResult far = here(
+      "raystage record other.json -o take --resume --start-at "
+      "$(date -u -d '+200 days' +%FT%TZ) --status none");
+  EXPECT_EQ(far.exit_code, 2) << far.err;
+  EXPECT_THAT(far.err, HasSubstr("104 days"));
+  const CommandResult early = here(
+      "raystage record other.json -o take --resume --start-at "
+      "$(date -u -d '-30 seconds' +%FT%TZ) --status none");
+  EXPECT_EQ(early.exit_code, 2) << early.err;
+  EXPECT_THAT(early.err, HasSubstr("before the take's epoch"));
+  EXPECT_EQ(testing::contents_of(folder() / "take"), before);
 }
 
 TEST_F(Record, HoldSaysHowLongTheMemoryLasts) {
@@ -148,7 +174,7 @@ TEST_F(Record, HoldSaysHowLongTheMemoryLasts) {
   EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
 }
 
-/// A file, a sequence of images and a pipe: none of them comes by itself, each has an end.
+/// A file, a sequence of images, a graph and a pipe: none of them comes by itself, each has an end.
 class RecordFinite : public Record {
  protected:
   void SetUp() override {
@@ -159,6 +185,7 @@ class RecordFinite : public Record {
               0);
     configure("movie", R"({"url": "movie.mkv"})");
     configure("images", R"({"url": "%03d.jpg"})");
+    configure("graph", R"({"url": "lavfi:testsrc=size=96x64:rate=25:duration=2"})");
     configure("pipe", R"({"url": "pipe:0", "format": "rawvideo", "options": {
               "pixel_format": "yuvj420p", "video_size": "32x24", "framerate": "50"}})");
   }
@@ -180,8 +207,8 @@ class RecordFinite : public Record {
 
 TEST_F(RecordFinite, EveryFrameIsStored) {
   for (const std::string hold : {"", "--hold"}) {
-    for (const auto& [name, frames] :
-         {std::pair{"movie", "50"}, std::pair{"images", "30"}, std::pair{"pipe", "20"}}) {
+    for (const auto& [name, frames] : {std::pair{"movie", "50"}, std::pair{"images", "30"},
+                                       std::pair{"graph", "50"}, std::pair{"pipe", "20"}}) {
       const CommandResult result = record(name, hold);
       EXPECT_EQ(result.exit_code, 0) << result.err;
       EXPECT_THAT(result.out,

@@ -84,7 +84,9 @@ CommandResult finish(Running& running) {
   result.out = running.out.text();
   result.err = running.err.text();
   int status = 0;
-  waitpid(running.child, &status, 0);
+  rusage used{};
+  wait4(running.child, &status, 0, &used);
+  result.peak_memory = static_cast<std::size_t>(used.ru_maxrss) * 1024;  // Linux counts in KiB
   result.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   return result;
 }

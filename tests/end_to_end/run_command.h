@@ -13,6 +13,7 @@ namespace raystage::testing {
 struct CommandResult {
   int exit_code = -1;  ///< 128 + n where signal n ended it
   std::string out, err;
+  std::size_t peak_memory = 0;  ///< bytes resident, of the largest of its processes
 };
 
 /// What a command must do without.

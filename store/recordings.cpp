@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/recordings.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace raystage {
+
+std::vector<RecordingDocument> recordings_of(const std::filesystem::path& take_folder) {
+  std::vector<std::filesystem::path> files;
+  std::error_code none;
+  for (const auto& file : std::filesystem::directory_iterator(take_folder / "recording", none)) {
+    if (file.path().extension() == ".json") files.push_back(file.path());
+  }
+  std::ranges::sort(files);
+  std::vector<RecordingDocument> recordings;
+  for (const auto& file : files) recordings.push_back(read_recording(file));
+  return recordings;
+}
+
+std::vector<std::vector<Nanoseconds>> recorder_restarts(const Take& take) {
+  std::vector<std::vector<Nanoseconds>> starts(static_cast<std::size_t>(take.camera_count()));
+  for (const RecordingDocument& recording : recordings_of(take.folder())) {
+    for (const RecordingDocument::Session& session : recording.sessions) {
+      for (const RecordingDocument::Camera& camera : session.cameras) {
+        const int index = take.camera_index(camera.id);
+        if (index < 0) continue;
+        starts[static_cast<std::size_t>(index)].push_back(session.started_utc -
+                                                          take.document().epoch_utc);
+      }
+    }
+  }
+  for (std::vector<Nanoseconds>& times : starts) {
+    std::ranges::sort(times);
+    if (!times.empty()) times.erase(times.begin());
+  }
+  return starts;
+}
+
+}  // namespace raystage

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <new>
@@ -105,6 +106,8 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
   return code;
 }
 
+constexpr auto kBetweenLines = std::chrono::milliseconds(500);
+
 Progress::Progress(ProgressStyle style)
     : style_(style), bar_(style == ProgressStyle::kAuto && isatty(STDERR_FILENO) == 1) {}
 
@@ -119,7 +122,9 @@ void Progress::report(double done) {
     if (percent == 100) std::fputc('\n', stderr);
   } else if (style_ == ProgressStyle::kOpenJd) {
     print_error(fmt::format("openjd_progress: {}\n", percent));
-  } else {
+  } else if (const auto now = std::chrono::steady_clock::now();
+             percent == 100 || now - last_line_ >= kBetweenLines) {
+    last_line_ = now;
     print_error(fmt::format("Progress: {}%\n", percent));
   }
   std::fflush(stderr);

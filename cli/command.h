@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <chrono>
 #include <functional>
 #include <mutex>
 #include <stop_token>
@@ -28,7 +29,7 @@ int run_command(std::string_view name, const CommandBody& body,
 /// How progress is shown on stderr.
 enum class ProgressStyle {
   kAuto,    ///< a bar where a terminal watches, otherwise kPlain
-  kPlain,   ///< lines "Progress: 42%"
+  kPlain,   ///< lines "Progress: 42%", at most two a second and the last
   kOpenJd,  ///< lines "openjd_progress: 42" (Open Job Description)
   kNone
 };
@@ -50,6 +51,7 @@ class Progress {
   ProgressStyle style_;
   bool bar_ = false;  ///< kAuto on a terminal
   int percent_ = -1;
+  std::chrono::steady_clock::time_point last_line_{};
   std::mutex mutex_;
 };
 

@@ -70,7 +70,7 @@ void declare(CLI::App& app, Options& options) {
       "or input; 3 frames were dropped, or a camera was lost or gave none, and the take says "
       "which.\n"
       "CONFIG names each camera and its source, \"ffmpeg\", \"aravis\" or \"simulated\":\n"
-      "  {\"schema\": \"raystage/record/1\", \"memory_mb\": 4000,\n"
+      "  {\"schema\": \"raystage/record/1\", \"name\": \"take one\", \"memory_mb\": 4000,\n"
       "   \"when_full\": \"drop_newest\" (default) or \"drop_oldest\": which frame goes when "
       "memory is full,\n"
       "   \"when_lost\": \"continue\" (default), \"reconnect\" or \"stop\": what a lost camera "
@@ -197,11 +197,20 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (settings.start_utc) check_start(*settings.start_utc, settings.duration_s);
 
   const std::filesystem::path folder = options.config.parent_path();
+  const auto check_stop = [&] {  // opening takes its time
+    if (!stop.stop_requested()) return;
+    throw Error::failed("stopped before the recording began", options.take.string(),
+                        "Start it again; nothing was recorded");
+  };
+  if (options.status != "none") {
+    fmt::print(stderr, "raystage record: opening {} cameras\n", config.cameras.size());
+  }
   auto cameras = open_cameras(
       config, [folder](const RecordConfig::Camera& camera) { return open_source(camera, folder); });
   constexpr double kMeasure = 2;  // seconds
   const auto rate = config.hold ? measure_bytes_per_second(cameras, settings.jpeg, kMeasure)
                                 : std::optional<double>();
+  check_stop();
   RecordingTake take = open_take(options, config, cameras, node, settings.start_utc);
   const MemoryPlan plan = memory_plan(settings, cameras);
   Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION);

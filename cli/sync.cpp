@@ -102,6 +102,9 @@ RetimeReport retime(const Take& take, const Resync& resync, const Options& optio
 void print_text(const RetimeReport& report, const std::string& output) {
   fmt::print("Retimed    {}: {} frames moved to their ticks, {} as they were, {} missing\n", output,
              report.moved, report.as_were, report.missing);
+  const TimelineStatistics there = statistics_of(read_timeline(Take(output)));
+  fmt::print("Spread     there mean {:.3f} ms, at most {:.3f} ms\n",
+             there.mean_spread_ns / kNsPerMs, static_cast<double>(there.max_spread) / kNsPerMs);
   if (report.moved > 0) fmt::print("Moving     {:.1f} ms a frame\n", report.ms_per_moved);
 }
 

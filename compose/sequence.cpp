@@ -19,6 +19,7 @@
 #include "schemas/atomic_file.h"
 #include "schemas/parallel.h"
 #include "schemas/resources.h"
+#include "schemas/rig_document.h"
 
 namespace raystage {
 namespace {
@@ -311,6 +312,11 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
 
   const auto held = std::count_if(frames.begin(), frames.end(), [](auto& f) { return f.held; });
   const auto black = std::count_if(frames.begin(), frames.end(), [](auto& f) { return !f.tick; });
+  if (!is_calibrated(read_rig(plan.take().folder() / "rig.json"))) {
+    options.say(
+        "warning: the rig is not calibrated: places and lenses of the cameras are guessed, and the "
+        "frames are as wrong as that");
+  }
   if (held > 0) options.say(fmt::format("{} frames hold another instant of the take", held));
   if (black > 0) options.say(fmt::format("{} frames are empty: the take has nothing there", black));
   options.say(fmt::format("writing {} frames to {}, {} in flight, {} of cache", frames.size(),

@@ -215,7 +215,7 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
       });
     }
     const auto why_over = [&]() -> std::string {  // empty: go on
-      if (stop.stop_requested()) return "asked to";
+      if (stop.stop_requested()) return "stopped as asked";
       if (a_camera_asks) return "a camera was lost";
       if (running == 0) return "every source has ended";
       if (!s.settings.duration_s) return {};

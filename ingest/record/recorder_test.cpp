@@ -276,7 +276,7 @@ TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
   stop.request_stop();
   std::filesystem::remove_all(path());
   settings.start_utc.reset();
-  EXPECT_EQ(record({script({jpeg_frame(1)}, 100, 100000)}).why_stopped, "asked to");
+  EXPECT_EQ(record({script({jpeg_frame(1)}, 100, 100000)}).why_stopped, "stopped as asked");
 }
 
 TEST_F(Recording, RefusesTooLittleMemoryAndWhatIsThere) {

@@ -146,7 +146,7 @@ TEST_F(AravisSourceTest, MemoryBesideIsThatOfItsBuffers) {
 TEST_F(AravisSourceTest, TheCounterGoesOnWhereSixteenBitsEnd) {
   start(0);
   auto config = settings(0);
-  config.fps = 400;
+  config.fps = 150;
   const auto source = aravis_source(config);
   SourceFrame frame;
   ASSERT_TRUE(first_whole(*source, frame));

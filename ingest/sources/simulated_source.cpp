@@ -44,7 +44,9 @@ class SimulatedSource final : public FrameSource {
     const SimulatedLoop::Exposure& shown = exposure(next_);
     frame.jpeg = shown.jpeg;
     frame.raw = shown.raw;
-    frame.arrival_utc = host_utc_now();
+    // When it came, not when it is read: what waited while other cameras were opened is of the
+    // past.
+    frame.arrival_utc = host_utc_now() - std::chrono::nanoseconds(Clock::now() - due).count();
     frame.device_time = loops_before(next_) + shown.stamped_time;
     frame.sequence = next_;
     frame.torn = false;

@@ -56,6 +56,21 @@ TEST(SimulatedSource, CamerasRunFreelyAtTheirOwnTimes) {
   EXPECT_GT(std::abs(phases[0] - phases[1]), 0.3e6);
 }
 
+TEST(SimulatedSource, WhatWaitedArrivedWhenItWasExposed) {
+  const auto source = simulated_source(small(0));
+  std::this_thread::sleep_for(100ms);  // as while other cameras are opened: five frames wait
+  SourceFrame frame;
+  std::optional<Nanoseconds> offset;
+  for (int i = 0; i < 10; ++i) {
+    ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
+    if (i == 0) {
+      EXPECT_LT(frame.arrival_utc, host_utc_now() - 40'000'000);
+      offset = frame.arrival_utc - *frame.device_time;
+    }
+    EXPECT_NEAR(static_cast<double>(frame.arrival_utc - *frame.device_time - *offset), 0, 5e6);
+  }
+}
+
 TEST(SimulatedSource, TheSceneRunsToAndFro) {
   auto settings = small(0);
   settings.fps = 20;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace raystage {
 namespace {
@@ -30,6 +31,21 @@ std::int64_t recorded_in(const CameraStamps& camera, const CameraClock& clock, c
     ++count;
   }
   return std::min(count, run.count);
+}
+
+// A start-up loses frames from its beginning on; a hole later in the take is none, however much it
+// lost.
+bool begins_with_losses(std::span<const double> lost, std::span<const double> present,
+                        std::size_t split) {
+  const std::size_t quarter = std::max<std::size_t>(1, split / 4);
+  const auto sum = [&](std::span<const double> bins, std::size_t end) {
+    return std::reduce(bins.begin(), bins.begin() + static_cast<std::ptrdiff_t>(end));
+  };
+  const auto rate = [&](std::size_t end) {
+    const double away = sum(lost, end);
+    return away / std::max(1.0, away + sum(present, end));
+  };
+  return rate(quarter) >= rate(split) / kLeastRatio;
 }
 
 }  // namespace
@@ -124,7 +140,7 @@ std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras
       split = b + 1;
     }
   }
-  if (!split) return std::nullopt;
+  if (!split || !begins_with_losses(lost, present, *split)) return std::nullopt;
   return range.begin + std::llround(static_cast<double>(*split) * period);
 }
 

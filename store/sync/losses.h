@@ -19,7 +19,8 @@ LostRun lost_between(const CameraStamps& camera, const CameraClock& clock, Nanos
                      Nanoseconds next);
 
 /// When the start-up is over: frames are lost at one rate before and at a clearly lower one after
-/// (at least a third; at least a tenth of the frames before; the likelihood settles where). Cameras
+/// (at least a third; at least a tenth of the frames before; the likelihood settles where), and
+/// they are lost from the beginning on. Cameras
 /// that start after `range.begin` count as losing frames until then. `period` of the ticks, ns.
 std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras,
                                              const std::vector<CameraClock>& clocks,

@@ -238,6 +238,19 @@ TEST(Resync, OffsetsAreTakenOff) {
   }
 }
 
+TEST(Resync, AHoleIsNoStartUp) {
+  std::vector<std::vector<Nanoseconds>> stamps;
+  for (int c = 0; c < 4; ++c) {
+    stamps.push_back(frames(15, c * 11 * kMs, 45));
+    const auto after = frames(15, 6'000 * kMs + c * 11 * kMs, 45);
+    stamps.back().insert(stamps.back().end(), after.begin(), after.end());
+  }
+  const Resync result = resynchronise(cameras_at(stamps), {}, "test");
+  EXPECT_FALSE(result.start_up_end);
+  EXPECT_EQ(result.cameras[0].dropped(), 45);
+  EXPECT_EQ(result.timeline.ticks.size(), 135u);
+}
+
 TEST(Resync, OneCameraOneFrame) {
   const Resync one = resynchronise(cameras_at({{5}}), {.nominal_fps = 15}, "test");
   ASSERT_EQ(one.timeline.ticks.size(), 1u);

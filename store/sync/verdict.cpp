@@ -180,6 +180,16 @@ void say_oddities(const Resync& resync, std::vector<std::string>& verdict) {
         outliers == 1 ? "One frame is" : fmt::format("{} frames are", outliers), worst->frame,
         camera_of_worst->id, std::abs(ms(worst->by)), worst->by > 0 ? "late" : "early"));
   }
+  std::vector<std::string> unused;
+  const TimelineStatistics statistics = statistics_of(resync.timeline);
+  for (std::size_t c = 0; c < resync.cameras.size(); ++c) {
+    const bool never = statistics.absent[c] == static_cast<int>(resync.timeline.ticks.size());
+    if (never && resync.cameras[c].frames > 0) unused.push_back(resync.cameras[c].id);
+  }
+  if (!unused.empty()) {
+    verdict.push_back(fmt::format("In no tick at all: {}; ticks run while half of the cameras do.",
+                                  names(unused)));
+  }
   if (!late.empty()) verdict.push_back("Started late: " + names(late) + ".");
   if (!early.empty()) verdict.push_back("Ended early: " + names(early) + ".");
 }

@@ -110,5 +110,18 @@ TEST(SvgChart, MarksWhatItIsGiven) {
   EXPECT_THAT(svg, HasSubstr(">10<"));
 }
 
+TEST(VerdictOf, NamesCamerasThatNoTickHolds) {
+  std::vector<CameraStamps> cameras;
+  for (int c = 0; c < 5; ++c) {
+    CameraStamps camera{"c" + std::to_string(c), "", {}, {}};
+    for (int i = 0; i < 60; ++i) {
+      camera.stamps.push_back((c == 4 ? 9'000'000'000LL : 0) + c * 7'000'000LL + i * 66'666'667LL);
+    }
+    cameras.push_back(std::move(camera));
+  }
+  const auto verdict = verdict_of(resynchronise(cameras, {}, "test"), std::nullopt);
+  EXPECT_THAT(verdict, testing::Contains(testing::StartsWith("In no tick at all: c4;")));
+}
+
 }  // namespace
 }  // namespace raystage

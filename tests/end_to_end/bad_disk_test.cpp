@@ -137,7 +137,7 @@ TEST_P(RefusingDisk, ForGoodIsSaidAndTheTakeGoesOnElsewhen) {
   EXPECT_THAT(result.out, HasSubstr(GetParam().text));
   EXPECT_FALSE(session(take()).contains("audit"));  // what stands there is the session's beginning
   const auto before = records(take(), 0);
-  EXPECT_GT(count(before, FrameStatus::kStored), 3);
+  EXPECT_GT(count(before, FrameStatus::kStored), 0);
 
   const CommandResult resumed =
       here("raystage record record.json -o take --resume --duration 0.5 --status none");

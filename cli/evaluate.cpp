@@ -11,6 +11,7 @@
 #include "cli/parse.h"
 #include "cli/threads.h"
 #include "render/evaluation/evaluation.h"
+#include "render/methods.h"
 #include "schemas/atomic_file.h"
 #include "schemas/views.h"
 
@@ -80,8 +81,11 @@ int main(int argc, char** argv) {
   app.add_option("VIEWS", options.views,
                  "Views document (raystage/views/1) with truth images; may be left out with "
                  "--leave-out");
-  app.add_option("--method", options.settings.method, "Reconstruction method: focal_plane")
-      ->capture_default_str();
+  std::string method_help = "Reconstruction method:";
+  for (const Method& method : methods()) {
+    method_help += fmt::format("\n{} = {}", method.name, method.summary);
+  }
+  app.add_option("--method", options.settings.method, method_help)->capture_default_str();
   app.add_option(
          "--focal-depth", options.focal_depth,
          "Focal plane parallel to the array, metres in front of it; 'best': eq. 2.2 from the "

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "compose/frame_range.h"
+#include "render/methods.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 
@@ -36,7 +37,7 @@ Fingerprint common_fingerprint(const ShotDocument& shot, const Take& take,
 Reconstruction reconstruction_of(const ShotDocument& shot, const Take& take,
                                  const std::filesystem::path& shot_file) {
   const ShotDocument::Layer& layer = shot.layers.front();
-  LightFieldRenderer::check_method(layer.method);
+  method_named(layer.method);
   check_exr_compression(shot.output.compression);
   Reconstruction reconstruction;
   reconstruction.method = layer.method;

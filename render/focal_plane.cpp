@@ -33,11 +33,12 @@ int log2_of(int power_of_two) {
 class FocalPlaneFrame {
  public:
   FocalPlaneFrame(const VirtualCamera& view, const Instant& instant, const Eigen::Vector4d& plane,
-                  bool count_needed)
+                  CornerWeights weights, bool count_needed)
       : view_(view),
         instant_(instant),
         projection_(view, plane),
         cells_(view, *instant.rig, *instant.present),
+        weights_(weights),
         count_needed_(count_needed),
         spans_(static_cast<std::size_t>(view.height)),
         sources_(instant.rig->cameras.size()) {}
@@ -160,6 +161,8 @@ class FocalPlaneFrame {
     run.slope = as_array(projection_.slope());
     run.distance = projection_.distance();
     run.at_infinity = projection_.at_infinity();
+    run.nearest_only = weights_ == CornerWeights::kNearest;
+    run.corner_products = cell.corner_products;
     return run;
   }
 
@@ -273,7 +276,8 @@ class FocalPlaneFrame {
                       RenderedView& image) const {
     const RayCells::Cell& cell = complete.cells()[static_cast<std::size_t>(span.cell)];
     for (int x = span.begin; x < span.end; ++x) {
-      const auto crossing = complete.crossing_of(span.cell, x + 0.5, y + 0.5);
+      auto crossing = complete.crossing_of(span.cell, x + 0.5, y + 0.5);
+      if (weights_ == CornerWeights::kNearest) crossing = complete.nearest(crossing);
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
                              static_cast<std::size_t>(x);
       for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
@@ -287,6 +291,7 @@ class FocalPlaneFrame {
   const Instant& instant_;
   PlaneProjection projection_;
   RayCells cells_;
+  CornerWeights weights_;
   bool count_needed_;
   std::vector<std::vector<RayCells::Span>> spans_;  // per row of the view
   std::vector<Source> sources_;                     // per camera of the rig
@@ -307,8 +312,9 @@ RenderedView empty_view(const VirtualCamera& view) {
 }
 
 RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instant,
-                                const Eigen::Vector4d& plane, bool count_needed_pixels) {
-  return FocalPlaneFrame(view, instant, plane, count_needed_pixels).render();
+                                const Eigen::Vector4d& plane, CornerWeights weights,
+                                bool count_needed_pixels) {
+  return FocalPlaneFrame(view, instant, plane, weights, count_needed_pixels).render();
 }
 
 }  // namespace raystage

@@ -8,19 +8,26 @@
 
 namespace raystage {
 
+/// How the cameras at the corners of a ray's cell share it.
+enum class CornerWeights {
+  kLinear,  ///< 1 at a camera's own corner, 0 at the others, linear between
+  kNearest  ///< all to the camera that the ray passes nearest to: cut from camera to camera
+};
+
 /// Focal plane reconstruction with three cameras a pixel, thesis 4.1.2: the triangles of the
 /// array's topology are projected into the view; every camera's image is projected onto the focal
 /// plane and weighted 1 at its own corner, 0 at the others, linear between; the three are added.
 /// Radial and tangential distortion are corrected on the way. Fast: rows over TBB, SIMD kernels,
 /// only the MCUs that contribute are decoded. `view` must have no distortion.
 RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instant,
-                                const Eigen::Vector4d& plane, bool count_needed_pixels);
+                                const Eigen::Vector4d& plane, CornerWeights weights,
+                                bool count_needed_pixels);
 
 /// The same, ray by ray in double with whole frames and CameraModel: slow and obvious, and good for
 /// views with distortion too.
 RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
-                                          const Eigen::Vector4d& plane,
-                                          bool count_needed_pixels = false);
+                                          const Eigen::Vector4d& plane, CornerWeights weights,
+                                          bool count_needed_pixels);
 
 /// An image of the view's size in which no camera saw a ray.
 RenderedView empty_view(const VirtualCamera& view);

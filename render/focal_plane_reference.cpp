@@ -111,7 +111,8 @@ class PlaneHit {
 }  // namespace
 
 RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
-                                          const Vector4d& plane, bool count_needed_pixels) {
+                                          const Vector4d& plane, CornerWeights weights,
+                                          bool count_needed_pixels) {
   RenderedView image = empty_view(view);
   const auto start = std::chrono::steady_clock::now();
   std::vector<std::shared_ptr<const DecodedFrame>> frames(instant.rig->cameras.size());
@@ -147,8 +148,9 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
     const Intrinsics& k = view.intrinsics;
     const double ideal_x = ray_in_view->x() * k.fx + k.cx;
     const double ideal_y = -ray_in_view->y() * k.fy + k.cy;
-    const auto crossing = present.locate(ideal_x, ideal_y);
+    auto crossing = present.locate(ideal_x, ideal_y);
     if (!crossing) return;
+    if (weights == CornerWeights::kNearest) crossing = present.nearest(*crossing);
     const Vector3d ray = view.pose.world_from_camera_rotation * *ray_in_view;
     const PlaneHit hit(view.pose.position, ray, plane);
     if (!hit.ahead()) return;
@@ -178,7 +180,8 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
     rgba[3] = static_cast<float>(sum[3]);
     coverage = rgba[3];
     if (instant.present != instant.complete) {
-      if (const auto whole = complete.locate(ideal_x, ideal_y)) {
+      if (auto whole = complete.locate(ideal_x, ideal_y)) {
+        if (weights == CornerWeights::kNearest) whole = complete.nearest(*whole);
         const RayCells::Cell& whole_cell = complete.cells()[static_cast<std::size_t>(whole->cell)];
         for (std::size_t i = 0; i < static_cast<std::size_t>(whole_cell.count); ++i) {
           if (instant.is_present(whole_cell.camera[i])) continue;

@@ -10,6 +10,7 @@
 #include <numbers>
 #include <set>
 
+#include "render/methods.h"
 #include "render/renderer.h"
 #include "render/source_view.h"
 #include "render/synthetic_take.h"
@@ -39,16 +40,17 @@ struct Pair {
 
 Pair render_both(const Take& take, const VirtualCamera& view, const Eigen::Vector4d& plane,
                  int frame = 0, std::vector<int> left_out = {},
-                 BlendSpace space = BlendSpace::kPerceptual) {
+                 BlendSpace space = BlendSpace::kPerceptual,
+                 const std::string& method = "focal_plane") {
   const FrameSelection frames = select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
   RendererSettings settings;
   settings.left_out = std::move(left_out);
   settings.count_needed_pixels = true;
   settings.blend_space = space;
   Pair pair;
-  pair.fast = LightFieldRenderer(take, settings).render(view, frames, {"focal_plane", plane});
+  pair.fast = LightFieldRenderer(take, settings).render(view, frames, {method, plane});
   settings.reference = true;
-  pair.reference = LightFieldRenderer(take, settings).render(view, frames, {"focal_plane", plane});
+  pair.reference = LightFieldRenderer(take, settings).render(view, frames, {method, plane});
   return pair;
 }
 
@@ -331,7 +333,28 @@ TEST_F(FocalPlane, WhatIsInMemoryIsNotPlannedForAgain) {
 }
 
 TEST_F(FocalPlane, RefusesAnUnknownMethod) {
-  EXPECT_THROW(LightFieldRenderer::check_method("magic"), Error);
+  EXPECT_THROW(method_named("magic"), Error);
+  for (const Method& method : methods()) EXPECT_EQ(&method_named(method.name), &method);
+}
+
+TEST_F(FocalPlane, NearestAgreesWithTheReferenceButWhereItCuts) {
+  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const Eigen::Vector4d ghosting(0, 0, 1, 1);  // the cameras disagree
+  for (const auto& [position, fov] :
+       {std::pair{Eigen::Vector3d(0.01, 0.02, 0), 50.0}, {Eigen::Vector3d(0, 0, 0.25), 40.0}}) {
+    const VirtualCamera view =
+        virtual_camera_with_fov(150, 100, fov * kDegree, looking(position, 3, -2));
+    const Pair pair = render_both(take, view, ghosting, 0, {}, BlendSpace::kPerceptual, "nearest");
+    std::size_t differ = 0;
+    for (std::size_t i = 0; i < pair.fast.rgba.size(); i += 4) {
+      const float by = std::abs(pair.fast.rgba[i] - pair.reference.rgba[i]);
+      differ += by > 1e-3F ? 1 : 0;
+    }
+    EXPECT_LT(differ, pair.fast.coverage.size() / 500);  // float and double cut at other pixels
+    const Pair blended = render_both(take, view, ghosting);
+    EXPECT_NE(pair.fast.rgba, blended.fast.rgba);
+    EXPECT_LE(pair.fast.statistics.pixels_needed, blended.fast.statistics.pixels_needed);
+  }
 }
 
 }  // namespace

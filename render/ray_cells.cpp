@@ -88,6 +88,19 @@ bool passes_through(const RayCells::Cell& cell, double x, double y) {
   return true;
 }
 
+/// Of the edges from the cell's first camera to its others; a camera that is not there lies far
+/// away.
+std::array<double, 3> corner_products(const RayCells::Cell& cell, const Rig& rig) {
+  constexpr double kFar = 1e30;
+  const auto edge = [&](std::size_t i) {
+    return Vector3d(rig.cameras[static_cast<std::size_t>(cell.camera[i])].pose.position -
+                    rig.cameras[static_cast<std::size_t>(cell.camera[0])].pose.position);
+  };
+  if (cell.count == 1) return {kFar, 0, kFar};
+  if (cell.count == 2) return {edge(1).squaredNorm(), 0, kFar};
+  return {edge(1).squaredNorm(), edge(1).dot(edge(2)), edge(2).squaredNorm()};
+}
+
 /// Cuts [low, high] to where slope * x + constant >= 0.
 void keep_non_negative(double slope, double constant, double& low, double& high) {
   if (slope > 0) {
@@ -139,8 +152,21 @@ RayCells::RayCells(const VirtualCamera& view, const Rig& rig, const Topology& to
   cells_.reserve(topology.cells.size());
   for (const Topology::Cell& indices : topology.cells) {
     cells_.push_back(make_cell(indices, topology, rig, view.pose.position, ray_from_pixel));
+    cells_.back().corner_products = corner_products(cells_.back(), rig);
     bound_rows(cells_.back(), rig, view.pose.position, pixel_from_ray);
   }
+}
+
+RayCells::Crossing RayCells::nearest(const Crossing& crossing) const {
+  const auto& [to_second, between, to_third] =
+      cells_[static_cast<std::size_t>(crossing.cell)].corner_products;
+  const auto& w = crossing.weight;
+  // |P - C1|^2 - |P - Ci|^2 is linear in the weights.
+  const double second = 2 * (w[1] * to_second + w[2] * between) - to_second;
+  const double third = 2 * (w[1] * between + w[2] * to_third) - to_third;
+  Crossing nearest{crossing.cell, {}};
+  nearest.weight[second <= 0 && third <= 0 ? 0 : second >= third ? 1 : 2] = 1;
+  return nearest;
 }
 
 std::optional<RayCells::Crossing> RayCells::locate(double x, double y) const {

@@ -27,6 +27,9 @@ class RayCells {
     /// weight i = share[i].(x, y, 1) / total.(x, y, 1), x and y in pixels of the view.
     std::array<Eigen::Vector3d, 3> share;
     Eigen::Vector3d total = Eigen::Vector3d::Zero();
+    /// e2.e2, e2.e3, e3.e3 of the edges from its first camera to its second and third, m^2: with
+    /// the weights they tell which camera is nearest.
+    std::array<double, 3> corner_products{};
     double first_row = 0, last_row = 0;  ///< pixel rows outside of which no ray passes
   };
   struct Crossing {
@@ -49,6 +52,10 @@ class RayCells {
 
   /// Weights of the ray through (x, y) in a cell that it is known to cross.
   Crossing crossing_of(int cell, double x, double y) const;
+
+  /// The same ray given whole to the camera nearest to where it crosses the cell; the first at a
+  /// tie.
+  Crossing nearest(const Crossing& crossing) const;
 
   /// The row's pixels by cell, from left to right; pixels that pass the array by are left out.
   /// Agrees with locate() at every pixel centre. `scratch` is reused between rows.

@@ -82,6 +82,41 @@ TEST(RayCells, WeightsAreBarycentricCoordinatesOfTheCrossing) {
   }
 }
 
+TEST(RayCells, NearestIsTheCameraNearestToTheCrossing) {
+  for (const auto& [rows, columns] : {std::pair{4, 5}, {1, 4}, {1, 1}}) {
+    const Rig rig = grid_rig(rows, columns, 0.06);
+    const VirtualCamera view = view_at({0.013, -0.021, 0.12}, 0.1);
+    const RayCells cells(view, rig, topology_of(rig, all_cameras(rig)));
+    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+    int crossed = 0;
+    for (int y = 0; y < view.height; ++y) {
+      for (int x = 0; x < view.width; ++x) {
+        const auto crossing = cells.locate(x + 0.5, y + 0.5);
+        if (!crossing) continue;
+        ++crossed;
+        const Eigen::Vector3d ray = ray_from_pixel * Eigen::Vector3d(x + 0.5, y + 0.5, 1);
+        const Eigen::Vector3d hit = view.pose.position - ray * (view.pose.position.z() / ray.z());
+        const auto distance = [&](int camera) {
+          const Eigen::Vector3d& at = rig.cameras[static_cast<std::size_t>(camera)].pose.position;
+          return rows > 1 ? (at - hit).norm() : std::abs(at.x() - hit.x());
+        };
+        int brute = 0;
+        for (const int camera : all_cameras(rig)) {
+          if (distance(camera) < distance(brute)) brute = camera;
+        }
+        const auto nearest = cells.nearest(*crossing);
+        const auto& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
+        for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+          if (nearest.weight[i] == 0) continue;
+          EXPECT_EQ(nearest.weight[i], 1);
+          EXPECT_NEAR(distance(cell.camera[i]), distance(brute), 1e-9) << x << " " << y;
+        }
+      }
+    }
+    EXPECT_GT(crossed, 100);
+  }
+}
+
 TEST(RayCells, SpansAgreeWithEveryPixelsOwnCrossing) {
   const Rig rig = grid_rig(5, 3, 0.06);
   const Topology topology = topology_of(rig, all_cameras(rig));

@@ -7,6 +7,7 @@
 
 #include "render/focal_plane.h"
 #include "render/instant.h"
+#include "render/methods.h"
 #include "schemas/error.h"
 #include "store/frames/frame_cache.h"
 
@@ -51,7 +52,7 @@ LightFieldRenderer::~LightFieldRenderer() = default;
 
 RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSelection& frames,
                                         const Reconstruction& reconstruction) const {
-  check_method(reconstruction.method);
+  const Method& method = method_named(reconstruction.method);
   Instant instant;
   instant.rig = &state_->take.rig();
   instant.cache = &state_->cache;
@@ -68,18 +69,10 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
       present == state_->members ? instant.present : state_->topology(state_->members);
 
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
-  if (state_->settings.reference || distorted) {
-    return render_focal_plane_reference(view, instant, reconstruction.focal_plane,
-                                        state_->settings.count_needed_pixels);
-  }
-  return render_focal_plane(view, instant, reconstruction.focal_plane,
-                            state_->settings.count_needed_pixels);
-}
-
-void LightFieldRenderer::check_method(std::string_view method) {
-  if (method == "focal_plane") return;
-  throw Error::bad_input("there is no reconstruction method '" + std::string(method) + "'",
-                         "method", "Methods: focal_plane");
+  const ViewRequest request{view, instant, reconstruction.focal_plane,
+                            state_->settings.count_needed_pixels};
+  return state_->settings.reference || distorted ? method.render_reference(request)
+                                                 : method.render(request);
 }
 
 }  // namespace raystage

@@ -16,7 +16,7 @@ namespace raystage {
 
 /// How rays are reconstructed.
 struct Reconstruction {
-  std::string method = "focal_plane";
+  std::string method = "focal_plane";  ///< see methods()
   /// a x + b y + c z + d = 0 in the world; (0, 0, 0, 1) lies at infinity. See plane_in_front_of().
   Eigen::Vector4d focal_plane{0, 0, 0, 1};
 };
@@ -39,9 +39,6 @@ class LightFieldRenderer {
 
   RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
                       const Reconstruction& reconstruction) const;
-
-  /// Throws Error (bad input) naming the methods there are, unless `method` is one.
-  static void check_method(std::string_view method);
 
  private:
   struct State;

@@ -74,6 +74,33 @@ void find_weights(const PixelRun& run, int begin, int n, Weights& weights) {
   }
 }
 
+/// RayCells::nearest().
+void keep_nearest(const std::array<double, 3>& corner_products, int n, Weights& weights) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto product = [&](std::size_t i) {
+    return hn::Set(d, static_cast<float>(corner_products[i]));
+  };
+  const auto to_second = product(0), between = product(1), to_third = product(2);
+  const auto two = hn::Set(d, 2.0F), one = hn::Set(d, 1.0F), zero = hn::Zero(d);
+  for (int i = 0; i < n; i += lanes) {
+    const auto w1 = hn::Mul(two, hn::Load(d, weights.camera[1] + i));
+    const auto w2 = hn::Mul(two, hn::Load(d, weights.camera[2] + i));
+    const auto second = hn::Sub(hn::MulAdd(w1, to_second, hn::Mul(w2, between)), to_second);
+    const auto third = hn::Sub(hn::MulAdd(w1, between, hn::Mul(w2, to_third)), to_third);
+    const auto is_first = hn::And(hn::Le(second, zero), hn::Le(third, zero));
+    const auto is_second = hn::AndNot(is_first, hn::Ge(second, third));
+    const auto is_third = hn::Not(hn::Or(is_first, is_second));
+    // A ray that passes no cell has no weight to give away.
+    const auto sum =
+        hn::Add(hn::Load(d, weights.camera[0] + i), hn::Mul(hn::Set(d, 0.5F), hn::Add(w1, w2)));
+    const auto all = hn::IfThenElseZero(hn::Gt(sum, zero), one);
+    hn::Store(hn::IfThenElseZero(is_first, all), d, weights.camera[0] + i);
+    hn::Store(hn::IfThenElseZero(is_second, all), d, weights.camera[1] + i);
+    hn::Store(hn::IfThenElseZero(is_third, all), d, weights.camera[2] + i);
+  }
+}
+
 void find_taps(const SourceView& source, int begin, int y, int n, const float* share, Taps& taps) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
@@ -207,6 +234,7 @@ void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba,
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
     find_weights(run, begin, n, weights);
+    if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
     bool first = true;
     for (int c = 0; c < run.count; ++c) {
       const SourceView& source = *run.source[c];
@@ -297,6 +325,7 @@ void mark(const PixelRun& run) {
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
     find_weights(run, begin, n, weights);
+    if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
     const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
     if (!run.at_infinity) {
       for (int i = 0; i < n; ++i) {  // rays that never meet the plane want nothing

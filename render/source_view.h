@@ -45,6 +45,8 @@ struct PixelRun {
   std::array<double, 3> slope{};  ///< of the focal plane (PlaneProjection)
   double distance = 0;
   bool at_infinity = false;
+  bool nearest_only = false;                ///< the camera nearest to the ray counts alone
+  std::array<double, 3> corner_products{};  ///< RayCells::Cell::corner_products, for nearest_only
 };
 
 /// A ray that a camera sees within its outermost half pixel, or in the last hundredth before its

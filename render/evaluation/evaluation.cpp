@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "images/image_file.h"
+#include "render/methods.h"
 #include "render/renderer.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
@@ -115,7 +116,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationSettings& settings,
                           const std::function<void(double)>& progress, std::stop_token stop) {
-  LightFieldRenderer::check_method(settings.method);
+  method_named(settings.method);
   if (!views.views.empty() && views.color_space != "srgb_texture") {
     throw Error::bad_input("truth images in colour space '" + views.color_space + "'",
                            views_folder.string(), "Use truth images in srgb_texture");

@@ -22,6 +22,7 @@ using namespace raystage;
 struct Options {
   std::filesystem::path take, views, json, table;
   std::string focal_depth = "best", label;
+  std::vector<std::string> method_options;
   EvaluationSettings settings;
   int threads = 0;
   double memory_gb = 1;
@@ -54,6 +55,10 @@ void append_row(const std::filesystem::path& file, const Evaluation& evaluation,
 ExitCode evaluate(const Options& options, std::stop_token stop) {
   const ThreadLimit limit(options.threads);
   EvaluationSettings settings = options.settings;
+  for (const std::string& text : options.method_options) {
+    const auto [name, value] = option_from_text(text);
+    settings.options[name] = value;
+  }
   settings.focal_depth = depth_from(options.focal_depth);
   settings.cache_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   const Take take(options.take);
@@ -81,11 +86,12 @@ int main(int argc, char** argv) {
   app.add_option("VIEWS", options.views,
                  "Views document (raystage/views/1) with truth images; may be left out with "
                  "--leave-out");
-  std::string method_help = "Reconstruction method:";
-  for (const Method& method : methods()) {
-    method_help += fmt::format("\n{} = {}", method.name, method.summary);
-  }
-  app.add_option("--method", options.settings.method, method_help)->capture_default_str();
+  app.add_option("--method", options.settings.method, "Reconstruction method:" + describe_methods())
+      ->capture_default_str();
+  app.add_option("--option", options.method_options,
+                 "An option of the method, NAME=VALUE; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("NAME=VALUE");
   app.add_option(
          "--focal-depth", options.focal_depth,
          "Focal plane parallel to the array, metres in front of it; 'best': eq. 2.2 from the "

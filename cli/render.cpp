@@ -14,6 +14,7 @@
 #include "compose/frame_range.h"
 #include "compose/sequence.h"
 #include "raystage_version.h"
+#include "render/methods.h"
 
 namespace raystage {
 namespace {
@@ -74,6 +75,11 @@ void declare(CLI::App& app, Options& options) {
        {"none", ProgressStyle::kNone}},
       "on stderr: auto = a bar on a terminal, else plain; plain = \"Progress: "
       "42%\";\nopenjd = \"openjd_progress: 42\" (default: auto)");
+  // Printed as the version is: at once, whatever else is missing.
+  app.add_flag_callback(
+      "--methods",
+      [] { throw CLI::CallForVersion("Reconstruction methods:" + describe_methods(), 0); },
+      "list the reconstruction methods, with the options of each, and exit");
   app.footer(
       "Exit codes: 0 every frame asked for is there, whole; 1 failed; 2 bad usage or input;\n"
       "3 some frames failed, the rest is done; 33 out of memory; 128+n stopped by signal n.");

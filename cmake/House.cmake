@@ -34,3 +34,14 @@ function(raystage_command NAME)
   add_executable(raystage-${NAME} ${ARG_SOURCES})
   target_link_libraries(raystage-${NAME} PRIVATE raystage_compiler ${ARG_LINKS})
 endfunction()
+
+# raystage_kernels(FILES...)
+#   Sources with Highway kernels: the inner loops of every frame. Highway picks AVX2 or AVX-512 at
+#   run time; SSE4 is the least that we support on x86 and therefore its baseline.
+function(raystage_kernels)
+  set(options -O3)
+  if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
+    list(APPEND options -msse4.2 -mpclmul -maes)
+  endif()
+  set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "${options}")
+endfunction()

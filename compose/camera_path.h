@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "render/view.h"
+#include "render/view/view.h"
 #include "schemas/shot_document.h"
 
 namespace raystage {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "compose/exr_header.h"
-#include "render/view.h"
+#include "render/view/view.h"
 
 namespace raystage {
 

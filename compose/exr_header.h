@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "render/view.h"
+#include "render/view/view.h"
 #include "schemas/time.h"
 
 // OpenEXR's versioned namespace makes a forward declaration of Imf::Header unportable.

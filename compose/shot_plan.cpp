@@ -28,6 +28,15 @@ Fingerprint common_fingerprint(const ShotDocument& shot, const Take& take,
   print.integer("fps_n", shot.fps_numerator).integer("fps_d", shot.fps_denominator);
   print.text("compression", shot.output.compression);
   print.text("method", reconstruction.method);
+  // With those not given, so that a new release's other ones render anew.
+  const MethodOptions options(method_named(reconstruction.method).options, reconstruction.options,
+                              reconstruction.method);
+  for (const auto& [name, value] : options.values()) {
+    print.text("option", name);
+    if (const bool* flag = std::get_if<bool>(&value)) print.integer("value", *flag ? 1 : 0);
+    if (const double* number = std::get_if<double>(&value)) print.number("value", *number);
+    if (const std::string* text = std::get_if<std::string>(&value)) print.text("value", *text);
+  }
   for (const double value : reconstruction.focal_plane) print.number("plane", value);
   print.text("take", read_file(take.folder() / "take.json"));
   print.text("rig", read_file(take.folder() / "rig.json"));
@@ -37,10 +46,12 @@ Fingerprint common_fingerprint(const ShotDocument& shot, const Take& take,
 Reconstruction reconstruction_of(const ShotDocument& shot, const Take& take,
                                  const std::filesystem::path& shot_file) {
   const ShotDocument::Layer& layer = shot.layers.front();
-  method_named(layer.method);
+  MethodOptions(method_named(layer.method).options, layer.options,
+                shot_file.string() + "#/layers/0/options");
   check_exr_compression(shot.output.compression);
   Reconstruction reconstruction;
   reconstruction.method = layer.method;
+  reconstruction.options = layer.options;
   reconstruction.focal_plane =
       focal_plane_equation(layer.focal_plane, take.rig(), take.document().depth_range,
                            shot_file.string() + "#/layers/0/focal_plane");

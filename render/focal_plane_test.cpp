@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/focal_plane.h"
+#include "render/planar/focal_plane.h"
 
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
@@ -12,8 +12,8 @@
 
 #include "render/methods.h"
 #include "render/renderer.h"
-#include "render/source_view.h"
-#include "render/synthetic_take.h"
+#include "render/sampling/source_view.h"
+#include "render/view/synthetic_take.h"
 #include "schemas/error.h"
 
 namespace raystage {

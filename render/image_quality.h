@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "render/view.h"
+#include "render/view/view.h"
 #include "store/jpeg/rgb_image.h"
 
 namespace raystage {

@@ -2,45 +2,36 @@
 #include "render/methods.h"
 
 #include <algorithm>
-#include <array>
-#include <string>
+#include <vector>
 
-#include "render/focal_plane.h"
+#include "render/planar/focal_plane.h"
 #include "schemas/error.h"
 
 namespace raystage {
-namespace {
 
-template <CornerWeights kWeights>
-RenderedView on_plane(const ViewRequest& r) {
-  return render_focal_plane(r.view, r.instant, r.focal_plane, kWeights, r.count_needed_pixels);
+std::span<const Method> methods() {
+  static const std::vector<Method> all{focal_plane_method(), nearest_method()};
+  return all;
 }
-
-template <CornerWeights kWeights>
-RenderedView on_plane_reference(const ViewRequest& r) {
-  return render_focal_plane_reference(r.view, r.instant, r.focal_plane, kWeights,
-                                      r.count_needed_pixels);
-}
-
-constexpr std::array kMethods{
-    Method{"focal_plane", "three cameras a ray, blended where it meets the focal plane",
-           on_plane<CornerWeights::kLinear>, on_plane_reference<CornerWeights::kLinear>},
-    Method{"nearest", "the camera nearest to the ray, alone, where it meets the focal plane",
-           on_plane<CornerWeights::kNearest>, on_plane_reference<CornerWeights::kNearest>}};
-
-}  // namespace
-
-std::span<const Method> methods() { return kMethods; }
 
 const Method& method_named(std::string_view name) {
-  const auto found = std::ranges::find(kMethods, name, &Method::name);
-  if (found != kMethods.end()) return *found;
+  const auto found = std::ranges::find(methods(), name, &Method::name);
+  if (found != methods().end()) return *found;
   std::string names;
-  for (const Method& method : kMethods) {
+  for (const Method& method : methods()) {
     names += (names.empty() ? "" : ", ") + std::string(method.name);
   }
   throw Error::bad_input("there is no reconstruction method '" + std::string(name) + "'", "method",
                          "Methods: " + names);
+}
+
+std::string describe_methods() {
+  std::string text;
+  for (const Method& method : methods()) {
+    text += "\n" + std::string(method.name) + " = " + std::string(method.summary);
+    for (const OptionSpec& option : method.options) text += "\n    " + describe(option);
+  }
+  return text;
 }
 
 }  // namespace raystage

@@ -5,9 +5,8 @@
 #include <map>
 #include <mutex>
 
-#include "render/focal_plane.h"
-#include "render/instant.h"
 #include "render/methods.h"
+#include "render/view/instant.h"
 #include "schemas/error.h"
 #include "store/frames/frame_cache.h"
 
@@ -17,11 +16,13 @@ struct LightFieldRenderer::State {
   State(const Take& of_take, const RendererSettings& with_settings)
       : take(of_take),
         settings(with_settings),
-        cache(of_take, with_settings.cache_bytes, with_settings.blend_space) {}
+        cache(of_take, with_settings.cache_bytes, with_settings.blend_space),
+        kept(with_settings.kept_bytes) {}
 
   const Take& take;
   RendererSettings settings;
   FrameCache cache;
+  KeptResults kept;
   std::vector<int> members;  // cameras not left out
   std::mutex mutex;
   std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
@@ -53,7 +54,11 @@ LightFieldRenderer::~LightFieldRenderer() = default;
 RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSelection& frames,
                                         const Reconstruction& reconstruction) const {
   const Method& method = method_named(reconstruction.method);
+  const MethodOptions options(method.options, reconstruction.options,
+                              "method " + reconstruction.method);
   Instant instant;
+  instant.take = &state_->take;
+  instant.time_ns = frames.time_ns;
   instant.rig = &state_->take.rig();
   instant.cache = &state_->cache;
   instant.frame_of_camera.assign(static_cast<std::size_t>(state_->take.camera_count()), -1);
@@ -69,7 +74,12 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
       present == state_->members ? instant.present : state_->topology(state_->members);
 
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
-  const ViewRequest request{view, instant, reconstruction.focal_plane,
+  const ViewRequest request{view,
+                            instant,
+                            reconstruction.focal_plane,
+                            options,
+                            state_->kept,
+                            state_->settings.working_bytes,
                             state_->settings.count_needed_pixels};
   return state_->settings.reference || distorted ? method.render_reference(request)
                                                  : method.render(request);

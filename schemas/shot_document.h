@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "schemas/option_values.h"
 #include "schemas/time.h"
 
 namespace raystage {
@@ -29,6 +30,7 @@ struct ShotDocument {
     std::string name;
     std::string take;  ///< folder of the take, relative to the shot's folder
     std::string method = "focal_plane";
+    OptionValues options;  ///< of the method; which there are is the renderer's to say
     FocalPlane focal_plane;
     double start_seconds = 0;  ///< time in the take, since its first tick, shown at first_frame
     double speed = 1;          ///< take seconds per shot second: 0 freezes, negative runs backwards

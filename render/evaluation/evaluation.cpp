@@ -116,7 +116,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationSettings& settings,
                           const std::function<void(double)>& progress, std::stop_token stop) {
-  method_named(settings.method);
+  MethodOptions(method_named(settings.method).options, settings.options, settings.method);
   if (!views.views.empty() && views.color_space != "srgb_texture") {
     throw Error::bad_input("truth images in colour space '" + views.color_space + "'",
                            views_folder.string(), "Use truth images in srgb_texture");
@@ -126,8 +126,8 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   evaluation.method = settings.method;
   evaluation.focal_depth = focal_depth_of(take, settings);
   const std::vector<Subject> subjects = subjects_of(take, views, views_folder, settings.leave_out);
-  const Reconstruction reconstruction{settings.method,
-                                      plane_in_front_of(take.rig(), evaluation.focal_depth)};
+  const Reconstruction reconstruction{
+      settings.method, plane_in_front_of(take.rig(), evaluation.focal_depth), settings.options};
   RendererSettings renderer_settings;
   renderer_settings.cache_bytes = settings.cache_bytes;
   renderer_settings.blend_space = settings.blend_space;

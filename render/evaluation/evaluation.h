@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "render/image_quality.h"
+#include "schemas/option_values.h"
 #include "schemas/views.h"
 #include "store/frames/blend_space.h"
 #include "store/take.h"
@@ -18,6 +19,7 @@ namespace raystage {
 
 struct EvaluationSettings {
   std::string method = "focal_plane";
+  OptionValues options;  ///< of the method
   /// Metres in front of the array, parallel to it; nullopt: eq. 2.2 from the take's depth range.
   std::optional<double> focal_depth;
   /// Ids of cameras that do not contribute; each of their frames becomes a view with itself as

@@ -16,10 +16,10 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "render/plane_projection.h"
-#include "render/ray_cells.h"
 #include "render/renderer.h"
-#include "render/synthetic_take.h"
+#include "render/view/plane_projection.h"
+#include "render/view/ray_cells.h"
+#include "render/view/synthetic_take.h"
 #include "schemas/transfer_function.h"
 #include "store/jpeg/decode.h"
 

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "render/synthetic_take.h"
+#include "render/view/synthetic_take.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {

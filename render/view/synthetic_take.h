@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "render/view.h"
+#include "render/view/view.h"
 #include "schemas/geometry.h"
 #include "schemas/rig_document.h"
 #include "schemas/test_folder.h"

@@ -5,15 +5,19 @@
 #include <vector>
 
 #include "rig/rig.h"
+#include "schemas/time.h"
 #include "store/frames/frame_cache.h"
+#include "store/take.h"
 
 namespace raystage {
 
 /// The light field of one instant: which cameras have a frame, and who neighbours whom then.
 struct Instant {
-  const Rig* rig = nullptr;
+  const Take* take = nullptr;  ///< that the frames are of
+  const Rig* rig = nullptr;    ///< the take's
   FrameCache* cache = nullptr;
-  /// Per camera of the rig: its frame, or -1 where it has none at this instant.
+  Nanoseconds time_ns = 0;  ///< since the take's epoch
+  /// Per camera of the rig: its frame, or -1 where it has none at this instant or is left out.
   std::vector<int> frame_of_camera;
   /// Cells of the cameras present, and of all that could be (those not left out): rays are blended
   /// by the first, RenderedView::coverage is counted by the second. Equal when nobody is absent.

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "render/view.h"
+#include "render/view/view.h"
 #include "rig/rig.h"
 
 namespace raystage {

@@ -50,4 +50,7 @@ struct RenderedView {
   RenderStatistics statistics;
 };
 
+/// An image of the view's size in which no camera saw a ray.
+RenderedView empty_view(const VirtualCamera& view);
+
 }  // namespace raystage

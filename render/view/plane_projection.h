@@ -3,7 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "render/view.h"
+#include "render/view/view.h"
 #include "rig/rig.h"
 
 namespace raystage {

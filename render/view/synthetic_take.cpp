@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/synthetic_take.h"
+#include "render/view/synthetic_take.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/focal_plane.h"
+#include "render/planar/focal_plane.h"
 
 #include <algorithm>
 #include <atomic>
@@ -7,9 +7,9 @@
 #include <limits>
 #include <mutex>
 
-#include "render/plane_projection.h"
-#include "render/ray_cells.h"
-#include "render/source_view.h"
+#include "render/sampling/source_view.h"
+#include "render/view/plane_projection.h"
+#include "render/view/ray_cells.h"
 #include "schemas/parallel.h"
 
 namespace raystage {
@@ -299,22 +299,41 @@ class FocalPlaneFrame {
 
 }  // namespace
 
-RenderedView empty_view(const VirtualCamera& view) {
-  RenderedView image;
-  image.width = view.width;
-  image.height = view.height;
-  const std::size_t pixels =
-      static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
-  image.rgba.assign(pixels * 4, 0.0F);
-  image.coverage.assign(pixels, 0.0F);
-  image.z.assign(pixels, std::numeric_limits<float>::infinity());
-  return image;
-}
-
 RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instant,
                                 const Eigen::Vector4d& plane, CornerWeights weights,
                                 bool count_needed_pixels) {
   return FocalPlaneFrame(view, instant, plane, weights, count_needed_pixels).render();
+}
+
+namespace {
+
+template <CornerWeights kWeights>
+RenderedView on_plane(const ViewRequest& r) {
+  return render_focal_plane(r.view, r.instant, r.focal_plane, kWeights, r.count_needed_pixels);
+}
+
+template <CornerWeights kWeights>
+RenderedView on_plane_reference(const ViewRequest& r) {
+  return render_focal_plane_reference(r.view, r.instant, r.focal_plane, kWeights,
+                                      r.count_needed_pixels);
+}
+
+}  // namespace
+
+Method focal_plane_method() {
+  return {"focal_plane",
+          "three cameras a ray, blended where it meets the focal plane",
+          {},
+          on_plane<CornerWeights::kLinear>,
+          on_plane_reference<CornerWeights::kLinear>};
+}
+
+Method nearest_method() {
+  return {"nearest",
+          "the camera nearest to the ray, alone, where it meets the focal plane",
+          {},
+          on_plane<CornerWeights::kNearest>,
+          on_plane_reference<CornerWeights::kNearest>};
 }
 
 }  // namespace raystage

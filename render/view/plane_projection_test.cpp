@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/plane_projection.h"
+#include "render/view/plane_projection.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 #include <limits>
 #include <numbers>
 
-#include "render/ray_cells.h"
+#include "render/view/ray_cells.h"
 #include "schemas/error.h"
 
 namespace raystage {

@@ -3,8 +3,7 @@
 
 #include <Eigen/Core>
 
-#include "render/instant.h"
-#include "render/view.h"
+#include "render/view/method.h"
 
 namespace raystage {
 
@@ -29,7 +28,8 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
                                           const Eigen::Vector4d& plane, CornerWeights weights,
                                           bool count_needed_pixels);
 
-/// An image of the view's size in which no camera saw a ray.
-RenderedView empty_view(const VirtualCamera& view);
+/// Both as methods to choose by name.
+Method focal_plane_method();
+Method nearest_method();
 
 }  // namespace raystage

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/ray_cells.h"
+#include "render/view/ray_cells.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <numbers>
 #include <random>
 
-#include "render/synthetic_take.h"
+#include "render/view/synthetic_take.h"
 
 namespace raystage {
 namespace {

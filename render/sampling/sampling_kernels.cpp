@@ -4,10 +4,10 @@
 #include <cstddef>
 #include <limits>
 
-#include "render/source_view.h"
+#include "render/sampling/source_view.h"
 
 #undef HWY_TARGET_INCLUDE
-#define HWY_TARGET_INCLUDE "render/sampling_kernels.cpp"
+#define HWY_TARGET_INCLUDE "render/sampling/sampling_kernels.cpp"
 // The order matters.
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep

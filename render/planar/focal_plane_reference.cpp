@@ -8,10 +8,10 @@
 #include <limits>
 #include <optional>
 
-#include "render/focal_plane.h"
-#include "render/plane_projection.h"
-#include "render/ray_cells.h"
-#include "render/source_view.h"
+#include "render/planar/focal_plane.h"
+#include "render/sampling/source_view.h"
+#include "render/view/plane_projection.h"
+#include "render/view/ray_cells.h"
 #include "schemas/error.h"
 #include "schemas/parallel.h"
 #include "schemas/transfer_function.h"

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/view.h"
+#include "render/view/view.h"
 
 #include <cmath>
+#include <limits>
 
 namespace raystage {
 
@@ -14,6 +15,18 @@ VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_f
                                       const Pose& pose) {
   const double focal_length = width / (2 * std::tan(horizontal_fov / 2));
   return {width, height, {focal_length, focal_length, width / 2.0, height / 2.0, {}}, pose};
+}
+
+RenderedView empty_view(const VirtualCamera& view) {
+  RenderedView image;
+  image.width = view.width;
+  image.height = view.height;
+  const std::size_t pixels =
+      static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+  image.rgba.assign(pixels * 4, 0.0F);
+  image.coverage.assign(pixels, 0.0F);
+  image.z.assign(pixels, std::numeric_limits<float>::infinity());
+  return image;
 }
 
 }  // namespace raystage

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/plane_projection.h"
+#include "render/view/plane_projection.h"
 
 #include <cmath>
 #include <limits>
 
-#include "render/ray_cells.h"
+#include "render/view/ray_cells.h"
 #include "schemas/error.h"
 
 namespace raystage {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/ray_cells.h"
+#include "render/view/ray_cells.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

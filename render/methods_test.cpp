@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/methods.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+TEST(Methods, AreFoundByNameAndTheirOptionsAreSound) {
+  std::set<std::string_view> names;
+  for (const Method& method : methods()) {
+    EXPECT_TRUE(names.insert(method.name).second) << method.name;
+    EXPECT_EQ(&method_named(method.name), &method);
+    std::set<std::string_view> options;
+    for (const OptionSpec& option : method.options) {
+      EXPECT_TRUE(options.insert(option.name).second) << method.name << ' ' << option.name;
+      EXPECT_FALSE(option.help.empty()) << method.name << ' ' << option.name;
+    }
+    // What is so unless given must itself be allowed.
+    const MethodOptions fallbacks(method.options, {}, method.name);
+    EXPECT_NO_THROW(MethodOptions(method.options, fallbacks.values(), method.name)) << method.name;
+  }
+  EXPECT_THROW(method_named("focal"), Error);
+}
+
+TEST(Methods, AreDescribed) {
+  EXPECT_THAT(describe_methods(), ::testing::HasSubstr("\nfocal_plane = three cameras a ray"));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,98 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/view/kept_results.h"
+
+#include <tbb/task_arena.h>
+
+#include <exception>
+#include <list>
+#include <map>
+#include <mutex>
+#include <vector>
+
+namespace raystage {
+namespace {
+
+struct Entry {
+  std::mutex making;
+  std::shared_ptr<const void> result;
+  std::size_t bytes = 0;
+  std::list<std::string>::iterator place;  // in the order of use
+};
+
+}  // namespace
+
+struct KeptResults::State {
+  explicit State(std::size_t budget_bytes) : budget(budget_bytes) {}
+
+  std::size_t budget;
+  mutable std::mutex mutex;  // guards what follows, and Entry::result and bytes
+  std::map<std::string, std::shared_ptr<Entry>> entries;
+  std::list<std::string> by_use;  // most recent first
+  std::size_t bytes = 0;
+
+  std::shared_ptr<Entry> entry(const std::string& key) {
+    const std::scoped_lock lock(mutex);
+    auto& found = entries[key];
+    if (!found) {
+      found = std::make_shared<Entry>();
+      by_use.push_front(key);
+      found->place = by_use.begin();
+    } else {
+      by_use.splice(by_use.begin(), by_use, found->place);
+    }
+    return found;
+  }
+
+  void keep(const std::string& key, const std::shared_ptr<Entry>& entry,
+            const std::shared_ptr<const void>& result, std::size_t result_bytes) {
+    std::vector<std::shared_ptr<const void>> dropped;  // freed after the lock
+    const std::scoped_lock lock(mutex);
+    const auto kept = entries.find(key);
+    if (kept == entries.end() || kept->second != entry) return;  // thrown out meanwhile
+    entry->result = result;
+    entry->bytes = result_bytes;
+    bytes += result_bytes;
+    while (bytes > budget && by_use.size() > 1) {
+      const auto oldest = entries.find(by_use.back());
+      bytes -= oldest->second->bytes;
+      dropped.push_back(std::move(oldest->second->result));
+      by_use.pop_back();
+      entries.erase(oldest);
+    }
+  }
+};
+
+KeptResults::KeptResults(std::size_t budget_bytes)
+    : state_(std::make_unique<State>(budget_bytes)) {}
+
+KeptResults::~KeptResults() = default;
+
+std::shared_ptr<const void> KeptResults::get_any(const std::string& key, const Make& make) {
+  const auto entry = state_->entry(key);
+  const std::scoped_lock making(entry->making);
+  {
+    const std::scoped_lock lock(state_->mutex);
+    if (entry->result) return entry->result;
+  }
+  // A thread that waits inside for others must not pick up a view that waits for this very result.
+  std::shared_ptr<const void> result;
+  std::size_t bytes = 0;
+  std::exception_ptr error;  // must not cross TBB
+  tbb::this_task_arena::isolate([&] {
+    try {
+      result = make(bytes);
+    } catch (...) {
+      error = std::current_exception();
+    }
+  });
+  if (error) std::rethrow_exception(error);
+  state_->keep(key, entry, result, bytes);
+  return result;
+}
+
+std::size_t KeptResults::bytes_held() const {
+  const std::scoped_lock lock(state_->mutex);
+  return state_->bytes;
+}
+
+}  // namespace raystage

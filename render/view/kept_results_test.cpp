@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/view/kept_results.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <stdexcept>
+#include <thread>
+#include <vector>
+
+namespace raystage {
+namespace {
+
+/// Asks for a result of `size` bytes and counts how often it had to be made.
+int get(KeptResults& kept, const std::string& key, int value, std::size_t size,
+        std::atomic<int>& made) {
+  return *kept.get<int>(key, [&](std::size_t& bytes) {
+    ++made;
+    bytes = size;
+    return std::make_shared<const int>(value);
+  });
+}
+
+TEST(KeptResults, AreMadeOnce) {
+  KeptResults kept(100);
+  std::atomic<int> made = 0;
+  EXPECT_EQ(get(kept, "a", 1, 10, made), 1);
+  EXPECT_EQ(get(kept, "a", 2, 10, made), 1);
+  EXPECT_EQ(get(kept, "b", 3, 10, made), 3);
+  EXPECT_EQ(made, 2);
+  EXPECT_EQ(kept.bytes_held(), 20U);
+}
+
+TEST(KeptResults, LeastRecentlyUsedGoFirstWhenTheBoundIsReached) {
+  KeptResults kept(100);
+  std::atomic<int> made = 0;
+  get(kept, "a", 1, 50, made);
+  get(kept, "b", 2, 50, made);
+  get(kept, "a", 1, 50, made);
+  get(kept, "c", 3, 50, made);
+  EXPECT_EQ(kept.bytes_held(), 100U);
+  EXPECT_EQ(made, 3);
+  EXPECT_EQ(get(kept, "a", 9, 50, made), 1) << "was used after b";
+  EXPECT_EQ(get(kept, "b", 9, 50, made), 9) << "had gone";
+}
+
+TEST(KeptResults, OneThatIsLargerThanTheBoundIsUsedAllTheSame) {
+  KeptResults kept(100);
+  std::atomic<int> made = 0;
+  EXPECT_EQ(get(kept, "a", 1, 1000, made), 1);
+  EXPECT_EQ(get(kept, "b", 2, 10, made), 2);
+  EXPECT_EQ(kept.bytes_held(), 10U);
+}
+
+TEST(KeptResults, WhatIsInUseOutlivesItsPlace) {
+  KeptResults kept(10);
+  std::atomic<int> made = 0;
+  const auto held = kept.get<int>("a", [](std::size_t& bytes) {
+    bytes = 10;
+    return std::make_shared<const int>(5);
+  });
+  get(kept, "b", 2, 10, made);
+  EXPECT_EQ(*held, 5);
+}
+
+TEST(KeptResults, AFailureIsNotKept) {
+  KeptResults kept(100);
+  std::atomic<int> made = 0;
+  EXPECT_THROW(
+      kept.get<int>(
+          "a", [](std::size_t&) -> std::shared_ptr<const int> { throw std::runtime_error("no"); }),
+      std::runtime_error);
+  EXPECT_EQ(get(kept, "a", 1, 10, made), 1);
+}
+
+TEST(KeptResults, ManyThreadsMakeAResultOnce) {
+  KeptResults kept(1000);
+  std::atomic<int> made = 0;
+  std::vector<std::jthread> threads;
+  for (int i = 0; i < 8; ++i) {
+    threads.emplace_back([&] { EXPECT_EQ(get(kept, "a", 1, 10, made), 1); });
+  }
+  threads.clear();
+  EXPECT_EQ(made, 1);
+}
+
+}  // namespace
+}  // namespace raystage

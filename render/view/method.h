@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <span>
+#include <string_view>
+
+#include "render/view/instant.h"
+#include "render/view/kept_results.h"
+#include "render/view/method_options.h"
+#include "render/view/view.h"
+
+namespace raystage {
+
+/// What a method is asked for: a view of one instant.
+struct ViewRequest {
+  const VirtualCamera& view;
+  const Instant& instant;
+  /// Where rays are looked up by methods that need a surface and find none themselves:
+  /// a x + b y + c z + d = 0 in the world.
+  Eigen::Vector4d focal_plane;
+  const MethodOptions& options;  ///< of this method
+  KeptResults& kept;
+  std::size_t working_bytes;         ///< memory that the method may use meanwhile, beside `kept`
+  bool count_needed_pixels = false;  ///< fill RenderStatistics::pixels_needed (costs time)
+};
+
+/// A way to reconstruct views, chosen by name. Whatever is done per pixel is done inside.
+struct Method {
+  std::string_view name;
+  std::string_view summary;  ///< for people, a line
+  std::span<const OptionSpec> options;
+  /// For views without lens distortion.
+  RenderedView (*render)(const ViewRequest& request);
+  /// The slow, obvious one, for any view.
+  RenderedView (*render_reference)(const ViewRequest& request);
+};
+
+}  // namespace raystage

@@ -50,7 +50,8 @@ RgbImage photograph(const CameraGeometry& geometry, const SyntheticTake& setting
         const Eigen::Vector3d direction = pose.world_from_camera_rotation * *ray;
         const double t = (-settings.plane_depth - pose.position.z()) / direction.z();
         const Eigen::Vector3d hit = pose.position + t * direction;
-        linear = painted_plane(hit.x(), hit.y());
+        linear = settings.painting ? settings.painting(pose.position, direction)
+                                   : painted_plane(hit.x(), hit.y());
       }
       for (std::size_t c = 0; c < 3; ++c) {
         const PhotometricResponse& response = settings.photometric;

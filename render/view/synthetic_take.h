@@ -16,12 +16,17 @@
 
 namespace raystage::testing {
 
+/// Linear RGB of what a ray sees (origin, direction not unit; world).
+using Painting =
+    std::function<std::array<double, 3>(const Eigen::Vector3d&, const Eigen::Vector3d&)>;
+
 /// Linear RGB of a painted plane z = -depth at (x, y) in the world, metres; smooth.
 std::array<double, 3> painted_plane(double x, double y);
 
 struct SyntheticTake {
   std::vector<CameraGeometry> cameras;
   double plane_depth = 4;                   ///< the painted plane is z = -plane_depth
+  Painting painting;                        ///< what there is to see instead, if given
   int frames = 1;                           ///< at 15 fps
   std::vector<std::pair<int, int>> absent;  ///< (camera, frame) that were dropped
   PhotometricResponse photometric;          ///< of every camera, as calibrated

@@ -27,6 +27,7 @@ ROOMS = {
     "render/view": [],
     "render/sampling": ["render/view"],
     "render/planar": ["render/view", "render/sampling"],
+    "render/matching": [],
     "render": ["render/view", "render/sampling", "render/planar"],
     "render/evaluation": ["render", "render/view"],
     "ingest/simulated": [],

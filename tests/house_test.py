@@ -27,6 +27,7 @@ ROOMS = {
     "render/view": [],
     "render/sampling": ["render/view"],
     "render/planar": ["render/view", "render/sampling"],
+    "render/matching": [],
     "render/quality": ["render/view"],
     "render/automatic": ["render/view", "render/planar", "render/quality"],
     "render": ["render/view", "render/sampling", "render/planar", "render/automatic"],

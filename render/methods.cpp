@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "render/automatic/automatic.h"
 #include "render/planar/focal_plane.h"
 #include "render/slabs/slabs.h"
 #include "schemas/error.h"
@@ -11,7 +12,8 @@
 namespace raystage {
 
 std::span<const Method> methods() {
-  static const std::vector<Method> all{focal_plane_method(), nearest_method(), slabs_method()};
+  static const std::vector<Method> all{focal_plane_method(), nearest_method(), slabs_method(),
+                                       automatic_method()};
   return all;
 }
 

@@ -4,7 +4,6 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
-#include <span>
 
 #include "rig/camera_model.h"
 #include "store/frames/blend_space.h"
@@ -72,10 +71,6 @@ void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* r
 /// The run's sums of weighted codes themselves, rounded, on the scale of the blend space: R, G, B,
 /// A per pixel, A = 65535 where all cameras see. Rays that do not meet the plane give 0.
 void codes_of_run(const PixelRun& run, std::uint16_t* rgba);
-
-/// Sums of weighted codes, R, G, B, A with 65535 for 1, become premultiplied linear light, code
-/// 65535 being `full_scale`. `sums`: as aligned as a vector, at most 256.
-void linear_from_sums(std::span<const float> sums, BlendSpace space, float full_scale, float* rgba);
 
 /// The instruction set in use, e.g. "AVX3".
 const char* kernel_target();

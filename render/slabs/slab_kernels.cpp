@@ -16,6 +16,8 @@
 #include <hwy/highway.h>
 // clang-format on
 
+#include "render/sampling/finish-inl.h"
+
 HWY_BEFORE_NAMESPACE();
 namespace raystage {
 namespace HWY_NAMESPACE {
@@ -188,8 +190,7 @@ void sample_run(const SlabRun& run, BlendSpace space, float full_scale, float* r
       out_z[i] = !run.at_infinity && sums[4 * i + 3] > 0 ? 1 / slope
                                                          : std::numeric_limits<float>::infinity();
     }
-    linear_from_sums({sums, static_cast<std::size_t>(4 * n)}, space, full_scale,
-                     rgba + static_cast<std::size_t>(begin - run.begin) * 4);
+    finish(sums, n, space, full_scale, rgba + static_cast<std::size_t>(begin - run.begin) * 4);
   }
 }
 

@@ -27,6 +27,8 @@ struct SyntheticTake {
   std::vector<CameraGeometry> cameras;
   double plane_depth = 4;                   ///< the painted plane is z = -plane_depth
   Painting painting;                        ///< what there is to see instead, if given
+  bool knows_depth_range = true;            ///< whether take.json says one
+  std::optional<DepthRange> depth_range;    ///< as take.json says it; unless given, the plane's
   int frames = 1;                           ///< at 15 fps
   std::vector<std::pair<int, int>> absent;  ///< (camera, frame) that were dropped
   PhotometricResponse photometric;          ///< of every camera, as calibrated

@@ -5,6 +5,7 @@
 #include <map>
 #include <mutex>
 
+#include "render/fill/push_pull.h"
 #include "render/methods.h"
 #include "render/view/instant.h"
 #include "schemas/error.h"
@@ -81,8 +82,13 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                             state_->kept,
                             state_->settings.working_bytes,
                             state_->settings.count_needed_pixels};
-  return state_->settings.reference || distorted ? method.render_reference(request)
-                                                 : method.render(request);
+  const bool by_reference = state_->settings.reference || distorted;
+  RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
+  if (reconstruction.fill == HoleFill::kPushPull) {
+    const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
+    fill(image);
+  }
+  return image;
 }
 
 }  // namespace raystage

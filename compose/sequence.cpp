@@ -12,6 +12,7 @@
 #include <limits>
 #include <mutex>
 #include <new>
+#include <set>
 
 #include "compose/exr_file.h"
 #include "compose/frame_range.h"
@@ -233,6 +234,9 @@ class SequenceRun {
 
     const std::size_t bytes = write_exr(view, metadata, file);
     const std::scoped_lock lock(mutex_);
+    for (const std::string& note : view.notes) {
+      if (notes_.insert(note).second) options_.say(note);
+    }
     ++report_.rendered;
     report_.bytes_written += static_cast<std::int64_t>(bytes);
     report_.pixels_decoded += view.statistics.pixels_decoded;
@@ -253,8 +257,9 @@ class SequenceRun {
   const SequenceOptions& options_;
   std::stop_token stop_;
   std::atomic<std::int64_t> parts_done_ = 0;
-  std::mutex mutex_;  ///< of report_
+  std::mutex mutex_;  ///< of what follows
   SequenceReport report_;
+  std::set<std::string> notes_;  ///< said already
 };
 
 }  // namespace

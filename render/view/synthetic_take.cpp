@@ -73,7 +73,10 @@ void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::
   take.color_space = "srgb_texture";
   take.clock = "simulated";
   take.time_marks = "exposure_middle";
-  take.depth_range = DepthRange{settings.plane_depth, settings.plane_depth * 1.001};
+  if (settings.knows_depth_range) {
+    take.depth_range = settings.depth_range.value_or(
+        DepthRange{settings.plane_depth, settings.plane_depth * 1.001});
+  }
   RigDocument rig;
   rig.name = "synthetic";
   for (const CameraGeometry& camera : settings.cameras) {

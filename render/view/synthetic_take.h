@@ -22,6 +22,8 @@ std::array<double, 3> painted_plane(double x, double y);
 struct SyntheticTake {
   std::vector<CameraGeometry> cameras;
   double plane_depth = 4;                   ///< the painted plane is z = -plane_depth
+  bool knows_depth_range = true;            ///< whether take.json says one
+  std::optional<DepthRange> depth_range;    ///< as take.json says it; unless given, the plane's
   int frames = 1;                           ///< at 15 fps
   std::vector<std::pair<int, int>> absent;  ///< (camera, frame) that were dropped
   PhotometricResponse photometric;          ///< of every camera, as calibrated

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "rig/camera_model.h"
@@ -48,6 +49,9 @@ struct RenderedView {
   /// +infinity where A is 0.
   std::vector<float> z;
   RenderStatistics statistics;
+  /// What people should know about how it was made, a line each, the same for every frame of a
+  /// shot.
+  std::vector<std::string> notes;
 };
 
 /// An image of the view's size in which no camera saw a ray.

@@ -15,7 +15,7 @@ import urllib.parse
 
 # Top to bottom. A folder may include from itself and from what stands below it.
 HOUSE = ["tests", "cli", "farm", "replay", "compose", "render", "ingest", "images", "store", "rig",
-         "schemas"]
+         "charts", "schemas"]
 # Folders in folders: their own little house, bottom last.
 ROOMS = {
     "store/fixity": ["store", "store/jpeg"],

@@ -300,7 +300,7 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
 
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop) {
-  const ShotPlan plan(shot_file);
+  const ShotPlan plan(shot_file, options.fill);
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);

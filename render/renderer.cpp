@@ -8,6 +8,7 @@
 #include <map>
 #include <mutex>
 
+#include "render/fill/push_pull.h"
 #include "render/methods.h"
 #include "render/view/footprint.h"
 #include "render/view/instant.h"
@@ -108,8 +109,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                             state_->kept,
                             state_->settings.working_bytes,
                             state_->settings.count_needed_pixels};
-  RenderedView image = state_->settings.reference || distorted ? method.render_reference(request)
-                                                               : method.render(request);
+  const bool by_reference = state_->settings.reference || distorted;
+  RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
   if (factor > 1) image = averaged(image, factor);
   image.statistics.source_pixels_per_pixel = ratio;
   image.statistics.supersampling = factor;
@@ -118,6 +119,10 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
         fmt::format("the view asks for more resolution than the light field has: a pixel of the "
                     "cameras is at least {:g} pixels of the view wide",
                     halves / 2));
+  }
+  if (reconstruction.fill == HoleFill::kPushPull) {
+    const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
+    fill(image);
   }
   return image;
 }

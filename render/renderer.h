@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "render/view/view.h"
+#include "schemas/hole_fill.h"
 #include "schemas/option_values.h"
 #include "store/frames/blend_space.h"
 #include "store/take.h"
@@ -21,6 +22,7 @@ struct Reconstruction {
   /// a x + b y + c z + d = 0 in the world; (0, 0, 0, 1) lies at infinity. See plane_in_front_of().
   Eigen::Vector4d focal_plane{0, 0, 0, 1};
   OptionValues options = {};  ///< of the method, by name; see Method::options
+  HoleFill fill = HoleFill::kNone;
 };
 
 struct RendererSettings {

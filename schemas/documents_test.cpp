@@ -389,9 +389,23 @@ TEST(ShotDocument, ReadsEveryField) {
   EXPECT_EQ(shot.camera.at(1).orientation, (std::array<double, 4>{1, 0, 0, 0}));
   EXPECT_EQ(shot.layers.at(0).method, "focal_plane");
   EXPECT_EQ(shot.layers.at(0).speed, 1);
+  EXPECT_EQ(shot.layers.at(0).fill, HoleFill::kNone);
   EXPECT_EQ(shot.layers.at(0).focal_plane.kind, ShotDocument::FocalPlane::Kind::kDepth);
   EXPECT_EQ(shot.layers.at(0).focal_plane.depth, 8.69);
   EXPECT_EQ(shot.output.compression, "piz");
+}
+
+TEST(ShotDocument, FillComesBack) {
+  json document = good("shot");
+  for (const auto& [word, fill] :
+       {std::pair{"push_pull", HoleFill::kPushPull}, {"none", HoleFill::kNone}}) {
+    document["layers"][0]["fill"] = word;
+    const ShotDocument shot = parse_shot(document.dump(), "f");
+    EXPECT_EQ(shot.layers[0].fill, fill);
+    EXPECT_EQ(parse_shot(format_shot(shot), "f").layers[0].fill, fill);
+  }
+  document["layers"][0]["fill"] = "push-pull";
+  EXPECT_THROW(parse_shot(document.dump(), "f"), Error);
 }
 
 TEST(Documents, WhatCannotBeReadAgainIsNotWritten) {

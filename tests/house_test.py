@@ -15,7 +15,7 @@ import urllib.parse
 
 # Top to bottom. A folder may include from itself and from what stands below it.
 HOUSE = ["tests", "cli", "farm", "replay", "compose", "render", "ingest", "images", "store", "rig",
-         "schemas"]
+         "charts", "schemas"]
 # Folders in folders: their own little house, bottom last.
 ROOMS = {
     "store/fixity": ["store", "store/jpeg"],
@@ -26,14 +26,15 @@ ROOMS = {
     "store": ["store/jpeg"],
     "render/view": [],
     "render/sampling": ["render/view"],
-    "render/planar": ["render/view", "render/sampling"],
-    "render/slabs": ["render/view", "render/sampling"],
     "render/matching": [],
     "render/quality": ["render/view"],
-    "render/automatic": ["render/view", "render/planar", "render/quality"],
-    "render": ["render/view", "render/sampling", "render/planar", "render/slabs",
-               "render/automatic"],
-    "render/evaluation": ["render", "render/view", "render/quality"],
+    "render/fill": ["render/view"],
+    "render/planar": ["render/sampling", "render/view"],
+    "render/slabs": ["render/sampling", "render/view"],
+    "render/automatic": ["render/planar", "render/quality", "render/view"],
+    "render": ["render/automatic", "render/fill", "render/matching", "render/planar",
+               "render/quality", "render/sampling", "render/slabs", "render/view"],
+    "render/evaluation": ["render", "render/quality", "render/view"],
     "ingest/simulated": [],
     "ingest/record": ["ingest/sources"],
     "ingest/sources": ["ingest/simulated"],

@@ -100,6 +100,7 @@ double error_without(int camera, const Instant& middle, std::vector<int> present
   const auto index = static_cast<std::size_t>(camera);
   Instant instant = middle;
   instant.frame_of_camera[index] = -1;
+  std::erase(instant.members, camera);
   std::erase(present, camera);
   instant.present = std::make_shared<const Topology>(topology_of(*middle.rig, present));
   instant.complete = instant.present;

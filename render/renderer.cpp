@@ -91,4 +91,11 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   return image;
 }
 
+void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
+  for (const int camera : state_->members) {
+    const int frame = frames.frame[static_cast<std::size_t>(camera)];
+    if (frame >= 0) state_->cache.read_ahead(camera, frame);
+  }
+}
+
 }  // namespace raystage

@@ -48,6 +48,10 @@ class LightFieldRenderer {
   RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
                       const Reconstruction& reconstruction) const;
 
+  /// Asks for the frames that a later render() will need to be read from the disk meanwhile. A
+  /// hint: of cameras that earlier views did not look at nothing is read.
+  void read_ahead(const FrameSelection& frames) const;
+
  private:
   struct State;
   std::unique_ptr<State> state_;

@@ -50,7 +50,7 @@ RgbImage photograph(const CameraGeometry& geometry, const SyntheticTake& setting
         const Eigen::Vector3d direction = pose.world_from_camera_rotation * *ray;
         const double t = (-settings.plane_depth - pose.position.z()) / direction.z();
         const Eigen::Vector3d hit = pose.position + t * direction;
-        linear = painted_plane(hit.x(), hit.y());
+        linear = settings.paint(hit.x(), hit.y());
       }
       for (std::size_t c = 0; c < 3; ++c) {
         const PhotometricResponse& response = settings.photometric;
@@ -73,12 +73,15 @@ void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::
   take.color_space = "srgb_texture";
   take.clock = "simulated";
   take.time_marks = "exposure_middle";
-  take.depth_range = DepthRange{settings.plane_depth, settings.plane_depth * 1.001};
+  take.depth_range = DepthRange{settings.plane_depth, settings.plane_depth * settings.far_factor};
   RigDocument rig;
   rig.name = "synthetic";
   for (const CameraGeometry& camera : settings.cameras) {
     take.cameras.push_back({camera.id, "", "", ""});
     rig.cameras.push_back({camera, settings.photometric});
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      rig.cameras.back().geometry.world_from_camera[4 * axis + 3] += settings.origin[axis];
+    }
   }
   TakeWriter writer(folder, take, rig);
   for (std::size_t i = 0; i < settings.cameras.size(); ++i) {

@@ -21,7 +21,11 @@ std::array<double, 3> painted_plane(double x, double y);
 
 struct SyntheticTake {
   std::vector<CameraGeometry> cameras;
-  double plane_depth = 4;                   ///< the painted plane is z = -plane_depth
+  /// Where the take puts the origin of all that stands here, in its world.
+  std::array<double, 3> origin{};
+  double plane_depth = 4;     ///< the painted plane is z = -plane_depth
+  double far_factor = 1.001;  ///< far end of the depth range, in plane depths
+  std::function<std::array<double, 3>(double, double)> paint = painted_plane;
   int frames = 1;                           ///< at 15 fps
   std::vector<std::pair<int, int>> absent;  ///< (camera, frame) that were dropped
   PhotometricResponse photometric;          ///< of every camera, as calibrated

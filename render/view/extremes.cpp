@@ -59,11 +59,10 @@ void add_eyes(std::vector<Extreme>& all) {
   all.push_back(of_grid("on the array plane", {{0.01, 0.013, 0}}));
   all.push_back(of_grid("1e-12 m behind it", {{0.01, 0.013, 1e-12}}));
   all.push_back(of_grid("1e-12 m before it", {{0.01, 0.013, -1e-12}}));
-  all.push_back(of_grid("on it, looking along", {{0.01, 0.013, 0}, 50, 90}, {1, 0, 0.2, 4}));
-  all.push_back(of_grid("1e-12 m off, looking along", {{0.01, 0.013, 1e-12}, 50, 90, 25, 18},
-                        {1, 0, 0.2, 4}));
+  all.push_back(of_grid("on it, looking along", {{0.01, 0.013, 0}, 150, 100}));
+  all.push_back(of_grid("1e-12 m off, looking along", {{0.01, 0.013, 1e-12}, 150, 100}));
   all.push_back(of_grid("in a camera's place", {{0.06, 0, 0}}));
-  all.push_back(of_grid("on an edge", {{0.03, 0, 0}}));
+  all.push_back(of_grid("on an edge", {{0.02, 0, 0}}));
   all.push_back(of_grid("rays through a vertex and edges", {{0, 0, 0.1}, 50, 0, 25, 19}));
   all.push_back(of_grid("in front", {{0.01, 0.013, -0.3}, 10}));
   all.push_back(of_grid("1 m behind", {{0.01, 0.013, 1}, 6}));
@@ -73,7 +72,7 @@ void add_eyes(std::vector<Extreme>& all) {
 
 void add_planes(std::vector<Extreme>& all) {
   constexpr double kEdgeOn = 0.5;  // metres below the axis
-  all.push_back(of_grid("focus 1e-3 m ahead", {{0.01, 0.013, 1e-4}}, {0, 0, 1, 9e-4}));
+  all.push_back(of_grid("focus 1e-3 m ahead", {{0, 0, 1e-4}}, {0, 0, 1, 9e-4}));
   all.push_back(of_grid("focus at 1e9 m", {}, {0, 0, 1, 1e9}));
   all.push_back(of_grid("focus at infinity", {}, {0, 0, 0, 1}));
   all.push_back(of_grid("focus edge-on", {}, {0, 1, 0, kEdgeOn}));
@@ -86,7 +85,7 @@ void add_planes(std::vector<Extreme>& all) {
 
 void add_images(std::vector<Extreme>& all) {
   all.push_back(of_grid("field of view 0.01 degrees", {kEye, 0.01}));
-  all.push_back(of_grid("field of view 179 degrees", {{0.01, 0.013, 0}, 179}));
+  all.push_back(of_grid("field of view 179 degrees", {{0.01, 0.013, 0}, 179, 0, 25, 19}));
   all.push_back(of_grid("179 degrees, 16384 px", {{0.01, 0.013, 0}, 179, 0, 16384, 2}));
   all.push_back(of_grid("16384 px", {kEye, 50, 3, 16384, 2}));
   all.push_back(of_grid("1 x 1 px", {kEye, 50, 0, 1, 1}));

@@ -27,6 +27,7 @@ ROOMS = {
     "render/view": [],
     "render/sampling": ["render/view"],
     "render/planar": ["render/view", "render/sampling"],
+    "render/matching": [],
     "render/fill": ["render/view"],
     "render": ["render/view", "render/sampling", "render/planar", "render/fill"],
     "render/evaluation": ["render", "render/view"],

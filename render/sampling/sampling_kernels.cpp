@@ -12,7 +12,8 @@
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
-#include <hwy/contrib/math/math-inl.h>
+#include "render/sampling/finish-inl.h"
+#include "render/sampling/lens-inl.h"
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
@@ -122,37 +123,12 @@ void find_taps(const SourceView& source, int begin, int y, int n, const float* s
     const auto w = values(d, ramp_w, steps);
     const auto in_front = hn::Gt(w, zero);
     const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
-    auto x_ideal = hn::Mul(values(d, ramp_x, steps), inverse);
-    auto y_ideal = hn::Mul(values(d, ramp_y, steps), inverse);
-    auto seen = hn::IfThenElseZero(in_front, one);
-    if (source.distorted) {  // Brown-Conrady, as CameraModel::pixel_from_ideal
-      const auto xx = hn::Mul(x_ideal, x_ideal), yy = hn::Mul(y_ideal, y_ideal);
-      const auto xy2 = hn::Mul(set(2), hn::Mul(x_ideal, y_ideal));
-      const auto rr = hn::Add(xx, yy);
-      auto radial = hn::MulAdd(rr, set(source.k3), set(source.k2));
-      radial = hn::MulAdd(rr, radial, set(source.k1));
-      radial = hn::MulAdd(rr, radial, one);
-      const auto tangential_x =
-          hn::MulAdd(set(source.p1), xy2, hn::Mul(set(source.p2), hn::MulAdd(set(2), xx, rr)));
-      const auto tangential_y =
-          hn::MulAdd(set(source.p2), xy2, hn::Mul(set(source.p1), hn::MulAdd(set(2), yy, rr)));
-      x_ideal = hn::MulAdd(x_ideal, radial, tangential_x);
-      y_ideal = hn::MulAdd(y_ideal, radial, tangential_y);
-      const auto room = hn::Sub(
-          one, hn::Mul(rr, set(1.0F / source.fold_radius_squared)));  // 1 - 0 without a fold
-      seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(room, set(kFoldFade)))));
-    }
-    const auto u = hn::MulAdd(x_ideal, set(source.fx), set(source.cx));
-    const auto v = hn::MulAdd(y_ideal, set(source.fy), set(source.cy));
-    const auto to_border = hn::Min(hn::Min(u, hn::Sub(width, u)), hn::Min(v, hn::Sub(height, v)));
-    seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(to_border, set(kBorderFade)))));
-    // Positions that count for nothing (also not-a-number) are read at a harmless place.
-    const auto counts = hn::Gt(seen, zero);
-    const auto weight = hn::IfThenElseZero(counts, hn::Mul(seen, hn::Load(d, share + i)));
-    const auto left =
-        hn::Min(hn::Max(hn::Sub(hn::IfThenElseZero(counts, u), half), zero), hn::Sub(width, one));
-    const auto top =
-        hn::Min(hn::Max(hn::Sub(hn::IfThenElseZero(counts, v), half), zero), hn::Sub(height, one));
+    const auto x_ideal = hn::Mul(values(d, ramp_x, steps), inverse);
+    const auto y_ideal = hn::Mul(values(d, ramp_y, steps), inverse);
+    const auto sight = through_lens(d, source, x_ideal, y_ideal, in_front);
+    const auto weight = hn::Mul(sight.seen, hn::Load(d, share + i));
+    const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), hn::Sub(width, one));
+    const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), hn::Sub(height, one));
     const auto x0 = hn::Floor(left), y0 = hn::Floor(top);
     const auto right_part = hn::Sub(left, x0), lower_part = hn::Sub(top, y0);
     const auto lower = hn::Mul(weight, lower_part), upper = hn::Sub(weight, lower);
@@ -186,44 +162,6 @@ void add_samples(const SourceView& source, const Taps& taps, int n, bool first,
     sum = hn::MulAdd(hn::Set(d, taps.weight10[i]), pixel(lower), sum);
     sum = hn::MulAdd(hn::Set(d, taps.weight11[i]), pixel(lower + 4), sum);
     hn::Store(sum, d, accumulator + 4 * i);
-  }
-}
-
-/// sRGB's curve, from blended codes back to linear light (IEC 61966-2-1).
-template <class D>
-hn::Vec<D> linear_from_codes(D d, hn::Vec<D> code) {
-  const auto set = [&](float value) { return hn::Set(d, value); };
-  const auto straight = hn::Mul(code, set(1 / 12.92F));
-  const auto base = hn::MulAdd(code, set(1 / 1.055F), set(0.055F / 1.055F));
-  const auto curved = hn::Exp(d, hn::Mul(set(2.4F), hn::Log(d, base)));
-  return hn::IfThenElse(hn::Le(code, set(0.04045F)), straight, curved);
-}
-
-/// Sums of weighted codes, 0 to 65535, become premultiplied linear light.
-void finish(const float* HWY_RESTRICT sums, int n, BlendSpace space, float full_scale,
-            float* HWY_RESTRICT rgba) {
-  const hn::ScalableTag<float> d;
-  const hn::RebindToUnsigned<decltype(d)> du;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto unit = hn::Set(d, 1.0F / 65535), scale = hn::Set(d, full_scale);
-  const auto three = hn::Set(du, 3);
-  const auto is_alpha = hn::RebindMask(d, hn::Eq(hn::And(hn::Iota(du, 0), three), three));
-  HWY_ALIGN float last[16];
-  for (int i = 0; i < 4 * n; i += lanes) {
-    const auto sum = hn::Mul(hn::Load(d, sums + i), unit);
-    auto colour = hn::Mul(sum, scale);
-    if (space == BlendSpace::kPerceptual) {
-      const auto alpha = hn::Broadcast<3>(sum);
-      const auto code = hn::Div(sum, hn::Max(alpha, hn::Set(d, 1e-20F)));
-      colour = hn::Mul(linear_from_codes(d, code), hn::Mul(alpha, scale));
-    }
-    const auto out = hn::IfThenElse(is_alpha, sum, colour);
-    if (i + lanes <= 4 * n) {
-      hn::StoreU(out, d, rgba + i);
-    } else {
-      hn::Store(out, d, last);
-      std::copy(last, last + (4 * n - i), rgba + i);
-    }
   }
 }
 

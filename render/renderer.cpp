@@ -63,6 +63,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   instant.rig = &state_->take.rig();
   instant.cache = &state_->cache;
   instant.frame_of_camera.assign(static_cast<std::size_t>(state_->take.camera_count()), -1);
+  instant.members = state_->members;
   std::vector<int> present;
   for (const int camera : state_->members) {
     const int frame = frames.frame[static_cast<std::size_t>(camera)];

@@ -212,9 +212,10 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   if (held && holds(*held, wanted)) return held;
 
   const JpegLayout& layout = state_->layout_of(key, *entry);
-  const McuMask all = held ? McuMask(wanted.size(), 1) : McuMask{};
+  const bool whole = held || wanted.empty();
+  const McuMask all(whole ? static_cast<std::size_t>(layout.mcu_count()) : 0, 1);
   auto fresh =
-      state_->share(state_->decode(key, layout, held ? all : wanted, pixels_decoded), state_);
+      state_->share(state_->decode(key, layout, whole ? all : wanted, pixels_decoded), state_);
   {
     const std::scoped_lock lock(state_->mutex);
     const auto kept = state_->entries.find(key);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 
 #include "render/lumigraph/ray_chunk.h"
 
@@ -100,7 +101,7 @@ void normalise(std::span<ChunkWeights> weights, int count) {
       total = hn::Add(total, weight);
       most = hn::Max(most, hn::IfThenElseZero(counts, hn::Load(d, camera.seen.data() + i)));
     }
-    const auto scale = hn::Div(most, hn::Max(total, hn::Set(d, kTiny)));
+    const auto scale = hn::Div(most, hn::Max(total, hn::Set(d, 1e-37F)));
     for (ChunkWeights& camera : weights) {
       hn::Store(hn::Mul(scale, hn::Load(d, camera.weight.data() + i)), d, camera.weight.data() + i);
     }
@@ -179,6 +180,38 @@ void share(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
     }
   }
   normalise(weights, chunk.count);
+}
+
+void measure(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+             std::span<const ChunkWeights> weights, float* HWY_RESTRICT effective,
+             float* HWY_RESTRICT nearest) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto zero = hn::Zero(d);
+  const auto none = hn::Set(d, std::numeric_limits<float>::infinity());
+  for (int i = 0; i < chunk.count; i += lanes) {
+    auto sum = zero, squares = zero, least = none;
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      const auto weight = hn::Load(d, weights[c].weight.data() + i);
+      const auto has_weight = hn::Gt(weight, zero);
+      if (hn::AllFalse(d, has_weight)) continue;
+      sum = hn::Add(sum, weight);
+      squares = hn::MulAdd(weight, weight, squares);
+      const auto distance = beside(d, chunk, *cameras[c], i).distance;
+      least = hn::Min(least, hn::IfThenElse(has_weight, distance, none));
+    }
+    hn::Store(hn::Div(hn::Mul(sum, sum), hn::Max(squares, hn::Set(d, kTiny))), d, effective + i);
+    hn::Store(least, d, nearest + i);
+  }
+}
+
+bool any(const ChunkWeights& weights, int count) {
+  const hn::ScalableTag<float> d;
+  for (int i = 0; i < count; i += static_cast<int>(hn::Lanes(d))) {
+    const auto weight = hn::Load(d, weights.weight.data() + i);
+    if (!hn::AllFalse(d, hn::Gt(weight, hn::Zero(d)))) return true;
+  }
+  return false;
 }
 
 /// Upper left of the four neighbours of a position, and how far it lies from there.
@@ -265,6 +298,8 @@ namespace raystage {
 
 HWY_EXPORT(weigh);
 HWY_EXPORT(share);
+HWY_EXPORT(measure);
+HWY_EXPORT(any);
 HWY_EXPORT(add);
 HWY_EXPORT(mark);
 HWY_EXPORT(finish_all);
@@ -276,6 +311,13 @@ void weigh_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> ca
 void share_rays(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
                 std::span<ChunkWeights> weights) {
   HWY_DYNAMIC_DISPATCH(share)(chunk, cameras, weights);
+}
+void measure_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                     std::span<const ChunkWeights> weights, float* effective, float* nearest) {
+  HWY_DYNAMIC_DISPATCH(measure)(chunk, cameras, weights, effective, nearest);
+}
+bool counts(const ChunkWeights& weights, int count) {
+  return HWY_DYNAMIC_DISPATCH(any)(weights, count);
 }
 void add_camera(const SourceView& lens, const ChunkWeights& weights, int count, float* sums) {
   HWY_DYNAMIC_DISPATCH(add)(lens, weights, count, sums);

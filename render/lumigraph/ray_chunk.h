@@ -68,6 +68,15 @@ void weigh_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> ca
 void share_rays(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
                 std::span<ChunkWeights> weights);
 
+/// Per ray, of the cameras that have a weight: how many of equal weight would be as many
+/// (effective_cameras()), and how near the nearest of their centres is to the ray's line, metres;
+/// 0 and infinity where there are none. Aligned, kSize each.
+void measure_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                     std::span<const ChunkWeights> weights, float* effective, float* nearest);
+
+/// Whether a camera has a weight for any of the rays.
+bool counts(const ChunkWeights& weights, int count);
+
 /// Adds bilinear samples: `sums` grows by weight * (R, G, B, 65535), 4 floats a ray, aligned.
 void add_camera(const SourceView& lens, const ChunkWeights& weights, int count, float* sums);
 

@@ -115,4 +115,19 @@ std::vector<WeightedCamera> weigh_cameras_reference(const Rig& rig, std::span<co
   return found;
 }
 
+double effective_cameras(std::span<const WeightedCamera> cameras) {
+  double sum = 0, squares = 0;
+  for (const WeightedCamera& camera : cameras) {
+    sum += camera.weight;
+    squares += camera.weight * camera.weight;
+  }
+  return squares > 0 ? sum * sum / squares : 0;
+}
+
+double nearest_ray(std::span<const WeightedCamera> cameras) {
+  double nearest = kInfinity;
+  for (const WeightedCamera& camera : cameras) nearest = std::min(nearest, camera.beside);
+  return nearest;
+}
+
 }  // namespace raystage

@@ -61,4 +61,9 @@ std::vector<WeightedCamera> weigh_cameras_reference(const Rig& rig, std::span<co
                                                     const WorldRay& ray, double inverse_distance,
                                                     const RayWeighing& weighing, double spacing);
 
+/// How many cameras of equal weight would be as many: (sum w)^2 / sum w^2; 0 for none.
+double effective_cameras(std::span<const WeightedCamera> cameras);
+/// The least `beside`; infinity for none.
+double nearest_ray(std::span<const WeightedCamera> cameras);
+
 }  // namespace raystage

@@ -173,7 +173,10 @@ class SequenceRun {
     for_each_in_flight(
         frames_.size(), static_cast<std::size_t>(in_flight),
         [this] { return stop_.stop_requested(); },
-        [this](std::size_t index) { process(frames_[index]); });
+        [this, in_flight](std::size_t index) {
+          read_ahead(index + static_cast<std::size_t>(in_flight));
+          process(frames_[index]);
+        });
     report_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report_.asked = static_cast<int>(frames_.size());
@@ -188,6 +191,12 @@ class SequenceRun {
  private:
   // Reading, sampling and writing in tenths of a frame, so that a heavy frame shows progress.
   static constexpr int kPartsOfFrame = 10, kPartsOfRender = 8;
+
+  /// The frames in flight keep the processors busy; the disk works for the one that comes next.
+  void read_ahead(std::size_t index) {
+    if (index >= frames_.size() || !frames_[index].tick) return;
+    renderer_.read_ahead(plan_.timeline().ticks[static_cast<std::size_t>(*frames_[index].tick)]);
+  }
 
   void process(const PlannedFrame& frame) {
     int parts_left = kPartsOfFrame;

@@ -198,6 +198,13 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   print.number("fx", view.intrinsics.fx).number("fy", view.intrinsics.fy);
   if (!frame.tick) return print.text("source", "none").hex();
   const FrameSelection& tick = timeline_.ticks[static_cast<std::size_t>(*frame.tick)];
+  const Method& method = method_named(reconstruction_.method);
+  if (method.files_read != nullptr) {
+    const MethodOptions options(method.options, reconstruction_.options, method.name);
+    for (const auto& file : method.files_read(options, take_, tick)) {
+      print.text("file", read_file(file));
+    }
+  }
   print.integer("time", tick.time_ns);
   for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
     if (tick.frame[camera] < 0) {

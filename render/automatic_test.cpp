@@ -33,6 +33,7 @@ class Automatic : public ::testing::Test {
     instant_.frame_of_camera.assign(16, 0);
     std::vector<int> all;
     for (int i = 0; i < 16; ++i) all.push_back(i);
+    instant_.members = all;
     instant_.present = std::make_shared<const Topology>(topology_of(take_->rig(), all));
     instant_.complete = instant_.present;
   }

@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "render/fill/push_pull.h"
+#include "render/lumigraph/lumigraph.h"
 #include "render/methods.h"
 #include "render/view/footprint.h"
 #include "render/view/instant.h"
@@ -37,6 +38,27 @@ struct LightFieldRenderer::State {
     auto& known = topologies[cameras];
     if (!known) known = std::make_shared<const Topology>(topology_of(take.rig(), cameras));
     return known;
+  }
+
+  /// Without topologies where no camera is present.
+  Instant instant(const FrameSelection& frames) {
+    Instant instant;
+    instant.take = &take;
+    instant.time_ns = frames.time_ns;
+    instant.rig = &take.rig();
+    instant.cache = &cache;
+    instant.frame_of_camera.assign(static_cast<std::size_t>(take.camera_count()), -1);
+    instant.members = members;
+    std::vector<int> present;
+    for (const int camera : members) {
+      const int frame = frames.frame[static_cast<std::size_t>(camera)];
+      instant.frame_of_camera[static_cast<std::size_t>(camera)] = frame;
+      if (frame >= 0) present.push_back(camera);
+    }
+    if (present.empty()) return instant;
+    instant.present = topology(present);
+    instant.complete = present == members ? instant.present : topology(members);
+    return instant;
   }
 };
 
@@ -80,23 +102,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   const Method& method = method_named(reconstruction.method);
   const MethodOptions options(method.options, reconstruction.options,
                               "method " + reconstruction.method);
-  Instant instant;
-  instant.take = &state_->take;
-  instant.time_ns = frames.time_ns;
-  instant.rig = &state_->take.rig();
-  instant.cache = &state_->cache;
-  instant.frame_of_camera.assign(static_cast<std::size_t>(state_->take.camera_count()), -1);
-  instant.members = state_->members;
-  std::vector<int> present;
-  for (const int camera : state_->members) {
-    const int frame = frames.frame[static_cast<std::size_t>(camera)];
-    instant.frame_of_camera[static_cast<std::size_t>(camera)] = frame;
-    if (frame >= 0) present.push_back(camera);
-  }
-  if (present.empty()) return empty_view(view);
-  instant.present = state_->topology(present);
-  instant.complete =
-      present == state_->members ? instant.present : state_->topology(state_->members);
+  const Instant instant = state_->instant(frames);
+  if (!instant.present) return empty_view(view);
 
   const double ratio = source_pixels_per_pixel(view, instant, reconstruction.focal_plane);
   const int factor = supersampling(ratio, view, state_->settings);
@@ -112,6 +119,10 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   const bool by_reference = state_->settings.reference || distorted;
   RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
   if (factor > 1) image = averaged(image, factor);
+  if (reconstruction.fill == HoleFill::kPushPull) {
+    const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
+    fill(image);
+  }
   image.statistics.source_pixels_per_pixel = ratio;
   image.statistics.supersampling = factor;
   if (const double halves = std::floor(2 / ratio); ratio > 0 && halves >= 3) {
@@ -120,11 +131,30 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                     "cameras is at least {:g} pixels of the view wide",
                     halves / 2));
   }
-  if (reconstruction.fill == HoleFill::kPushPull) {
-    const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
-    fill(image);
-  }
   return image;
+}
+
+void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,
+                               const Reconstruction& reconstruction,
+                               std::span<RaySample> samples) const {
+  const Method& method = method_named(reconstruction.method);
+  MethodOptions options(method.options, reconstruction.options, "method " + reconstruction.method);
+  const Method lumigraph = lumigraph_method();
+  if (method.name != lumigraph.name) options = MethodOptions(lumigraph.options, {}, lumigraph.name);
+  const Instant instant = state_->instant(frames);
+  std::fill(samples.begin(), samples.end(), RaySample{});
+  if (!instant.present) return;
+  const RaySurface surface =
+      proxy_surface(options, reconstruction.focal_plane, state_->take, state_->kept);
+  const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
+  answer(rays, instant, surface, ray_weighing(options), samples);
+}
+
+void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
+  for (const int camera : state_->members) {
+    const int frame = frames.frame[static_cast<std::size_t>(camera)];
+    if (frame >= 0) state_->cache.read_ahead(camera, frame);
+  }
 }
 
 }  // namespace raystage

@@ -4,10 +4,13 @@
 #include <Eigen/Core>
 #include <cstddef>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "render/rays/ray_query.h"
 #include "render/view/view.h"
+#include "render/view/world_ray.h"
 #include "schemas/hole_fill.h"
 #include "schemas/option_values.h"
 #include "store/frames/blend_space.h"
@@ -52,6 +55,16 @@ class LightFieldRenderer {
   /// input) for an unknown method, options that it does not have, or frames that cannot be read.
   RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
                       const Reconstruction& reconstruction) const;
+
+  /// Asks for the frames that a later render() will need to be read from the disk meanwhile. A
+  /// hint: of cameras that earlier views did not look at nothing is read.
+  void read_ahead(const FrameSelection& frames) const;
+
+  /// Any rays, not only those of a view, into as many `samples`: see query_rays(). Method
+  /// `lumigraph` by its options; every other with lumigraph's own weights, on the focal plane. No
+  /// fill.
+  void query(std::span<const WorldRay> rays, const FrameSelection& frames,
+             const Reconstruction& reconstruction, std::span<RaySample> samples) const;
 
  private:
   struct State;

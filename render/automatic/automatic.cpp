@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 
 #include "render/automatic/left_out_camera.h"
 #include "rig/sampling_limits.h"

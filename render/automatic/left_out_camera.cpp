@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <set>
 #include <vector>
 
 #include "render/quality/image_quality.h"
@@ -16,27 +15,16 @@ namespace {
 
 constexpr std::size_t kMostCameras = 3;
 
-/// Every camera that may contribute, whether or not it has a frame at the request's instant.
-std::vector<int> members_of(const Instant& instant) {
-  std::set<int> members;
-  for (const Topology::Cell& cell : instant.complete->cells) {
-    for (const int camera : cell) {
-      if (camera >= 0) members.insert(camera);
-    }
-  }
-  return {members.begin(), members.end()};
-}
-
 /// The frames of the members at the middle of the take.
-Instant middle_instant(const Instant& now, const std::vector<int>& members) {
+Instant middle_instant(const Instant& now) {
   Instant middle = now;
-  const auto frames = now.take->archive(members.front()).frames();
+  const auto frames = now.take->archive(now.members.front()).frames();
   middle.time_ns = frames.empty() ? now.time_ns : frames[frames.size() / 2].time_ns;
   const auto tolerance =
       static_cast<Nanoseconds>(kNanosecondsPerSecond / now.take->document().nominal_fps / 2);
   const FrameSelection selection = select_frames(*now.take, middle.time_ns, tolerance);
   std::ranges::fill(middle.frame_of_camera, -1);
-  for (const int camera : members) {
+  for (const int camera : now.members) {
     const auto i = static_cast<std::size_t>(camera);
     middle.frame_of_camera[i] = selection.frame[i];
   }
@@ -100,8 +88,8 @@ double error_without(int camera, const Instant& middle, std::vector<int> present
   const auto index = static_cast<std::size_t>(camera);
   Instant instant = middle;
   instant.frame_of_camera[index] = -1;
-  std::erase(instant.members, camera);
   std::erase(present, camera);
+  std::erase(instant.members, camera);
   instant.present = std::make_shared<const Topology>(topology_of(*middle.rig, present));
   instant.complete = instant.present;
   const Rig::Camera& left_out = middle.rig->cameras[index];
@@ -122,10 +110,9 @@ double error_without(int camera, const Instant& middle, std::vector<int> present
 double error_at_left_out_cameras(const Method& method, const OptionValues& given,
                                  const ViewRequest& request) {
   constexpr std::size_t kFewest = 4;  // three to blend when one is left out
-  const std::vector<int> members = members_of(request.instant);
-  const Instant middle = middle_instant(request.instant, members);
+  const Instant middle = middle_instant(request.instant);
   std::vector<int> present;
-  for (const int camera : members) {
+  for (const int camera : middle.members) {
     if (middle.is_present(camera)) present.push_back(camera);
   }
   constexpr double kNone = -std::numeric_limits<double>::infinity();

@@ -141,6 +141,28 @@ BENCHMARK(BM_FromMemory)  // by cameras, by threads, by resolution
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime();
 
+/// slabs upright and with the view rolled by a quarter turn, so that neighbouring pixels lie in
+/// different rows of the nodes' images: what tiles instead of rows could gain at most.
+void BM_Rolled(benchmark::State& state) {
+  const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, 1);
+  RendererSettings settings;
+  settings.left_out = all_but_middle(8);
+  const LightFieldRenderer renderer(bench_take(), settings);
+  const FrameSelection frames = select_frames(bench_take(), 0, 1'000'000);
+  VirtualCamera view = view_of(8, 512);
+  if (state.range(0) != 0) view.pose.world_from_camera_rotation << 0, -1, 0, 1, 0, 0, 0, 0, 1;
+  renderer.render(view, frames, reconstruction(1));
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(renderer.render(view, frames, reconstruction(1)).rgba.data());
+  }
+}
+BENCHMARK(BM_Rolled)
+    ->Arg(0)
+    ->Arg(1)
+    ->ArgName("rolled")
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
+
 /// What a new instant costs slabs before its first view: all 64 cameras decoded and rectified, or
 /// rectified alone where `decoded`.
 void BM_Rectify(benchmark::State& state) {

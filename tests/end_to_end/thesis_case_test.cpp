@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Core>
+#include <cmath>
+#include <numbers>
 
 #include "compose/exr_file.h"
 #include "render/view/synthetic_take.h"
@@ -21,7 +23,7 @@ constexpr int kFrames = 8, kSize = 512;
 
 /// Largest difference of a frame from the painted plane that all cameras look at, 4 m away.
 double error_of(const ExrImage& image, const Eigen::Vector3d& eye) {
-  const VirtualCamera view = virtual_camera_with_fov(kSize, kSize, 40 * 3.14159265358979 / 180, {});
+  const VirtualCamera view = virtual_camera_with_fov(kSize, kSize, 40 * std::numbers::pi / 180, {});
   double worst = 0;
   for (int y = 0; y < kSize; ++y) {
     for (int x = 0; x < kSize; ++x) {

@@ -42,8 +42,6 @@ pkg_check_modules(AVDEVICE REQUIRED libavdevice)
 if(RAYSTAGE_TESTS)
   find_package(GTest REQUIRED)                     # GTest::gtest_main
   find_package(rapidcheck REQUIRED)                # rapidcheck
-endif()
-if(RAYSTAGE_TESTS OR RAYSTAGE_BENCHMARKS)
   find_package(Boost 1.74 REQUIRED)                # Boost::headers
 endif()
 if(RAYSTAGE_BENCHMARKS)

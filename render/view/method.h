@@ -26,6 +26,12 @@ struct ViewRequest {
   bool count_needed_pixels = false;  ///< fill RenderStatistics::pixels_needed (costs time)
 };
 
+/// Options that make a method cheaper or finer than it is unless told, for those who compare.
+struct MethodPreset {
+  std::string_view name;     ///< e.g. "fast", "fine"
+  std::string_view options;  ///< "NAME=VALUE,..."
+};
+
 /// A way to reconstruct views, chosen by name. Whatever is done per pixel is done inside.
 struct Method {
   std::string_view name;
@@ -35,6 +41,7 @@ struct Method {
   RenderedView (*render)(const ViewRequest& request);
   /// The slow, obvious one, for any view.
   RenderedView (*render_reference)(const ViewRequest& request);
+  std::span<const MethodPreset> presets = {};
 };
 
 }  // namespace raystage

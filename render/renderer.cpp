@@ -23,12 +23,13 @@ struct LightFieldRenderer::State {
       : take(of_take),
         settings(with_settings),
         cache(of_take, with_settings.cache_bytes, with_settings.blend_space),
-        kept(with_settings.kept_bytes) {}
+        kept(with_settings.kept ? with_settings.kept
+                                : std::make_shared<KeptResults>(with_settings.kept_bytes)) {}
 
   const Take& take;
   RendererSettings settings;
   FrameCache cache;
-  KeptResults kept;
+  std::shared_ptr<KeptResults> kept;
   std::vector<int> members;  // cameras not left out
   std::mutex mutex;
   std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
@@ -113,7 +114,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                             instant,
                             reconstruction.focal_plane,
                             options,
-                            state_->kept,
+                            *state_->kept,
                             state_->settings.working_bytes,
                             state_->settings.count_needed_pixels};
   const bool by_reference = state_->settings.reference || distorted;

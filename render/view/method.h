@@ -30,6 +30,12 @@ struct ViewRequest {
   bool count_needed_pixels = false;  ///< fill RenderStatistics::pixels_needed (costs time)
 };
 
+/// Options that make a method cheaper or finer than it is unless told, for those who compare.
+struct MethodPreset {
+  std::string_view name;     ///< e.g. "fast", "fine"
+  std::string_view options;  ///< "NAME=VALUE,..."
+};
+
 /// A way to reconstruct views, chosen by name. Whatever is done per pixel is done inside.
 struct Method {
   std::string_view name;
@@ -42,6 +48,7 @@ struct Method {
   /// Files beside the archives that determine the pixels, for fingerprints; null: none.
   std::vector<std::filesystem::path> (*files_read)(const MethodOptions& options, const Take& take,
                                                    const FrameSelection& frames) = nullptr;
+  std::span<const MethodPreset> presets = {};
 };
 
 }  // namespace raystage

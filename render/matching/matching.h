@@ -31,8 +31,8 @@ struct PlaneMap {
 };
 
 struct SemiGlobalSettings {
-  int p1 = 60;   ///< penalty where neighbours are one plane apart: 0 to p2
-  int p2 = 400;  ///< where they are further apart: p1 to 4000
+  int p1 = 40;   ///< penalty where neighbours are one plane apart: 0 to p2
+  int p2 = 200;  ///< where they are further apart: p1 to 4000
   bool sub_plane = true;
   /// A byte per pixel of the image that edges are taken from, row-major; may be empty. A step in it
   /// lowers p2 to p2 / (1 + |step| / guide_scale), never below p1: depth may jump where light does.

@@ -59,7 +59,7 @@ class PlaneSweep : public ::testing::Test {
     SyntheticTake take;
     take.cameras = testing::camera_grid(rows, columns, 0.1, 96, 72, distortion);
     take.depth_range = DepthRange{2.5, 7};
-    take.scene = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+    take.painting = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
       const Eigen::Vector3d hit = from + kSlanted.distance(from, direction) * direction;
       return texture(hit.x(), hit.y());
     };
@@ -67,7 +67,7 @@ class PlaneSweep : public ::testing::Test {
   }
   static SyntheticTake step_edge() {
     SyntheticTake take = slanted(3, 3);
-    take.scene = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+    take.painting = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
       const Plane& plane = hits_wall(from, direction) ? kFront : kBack;
       const Eigen::Vector3d hit = from + plane.distance(from, direction) * direction;
       return texture(hit.x(), hit.y() + plane.c);
@@ -298,7 +298,7 @@ TEST_F(PlaneSweep, RendersLinearBlendAndDistortedViews) {
 
 TEST_F(PlaneSweep, SaysWhatItLacks) {
   SyntheticTake settings = slanted(2, 2);
-  settings.depth_range = DepthRange{};
+  settings.knows_depth_range = false;
   const Take take = write(settings);
   EXPECT_THROW(render(take, a_view()), Error);
   EXPECT_THROW(render(take, a_view(), {{"near", 2.0}}), Error);

@@ -34,4 +34,5 @@ else
   echo "no $data/shop: the benchmark runs on a painted plane" >&2
 fi
 "$build/bin/focal_plane_bench"
+"$build/bin/plane_sweep_bench"
 "$build/bin/jpeg_bench"

@@ -35,6 +35,7 @@ struct RendererSettings {
   std::vector<int> left_out;  ///< cameras of the take that must not contribute
   BlendSpace blend_space = BlendSpace::kPerceptual;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
+  bool measure_coverage = false;     ///< fills RenderedView::cameras and nearest_ray (costs time)
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
 };
 

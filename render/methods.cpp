@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "render/hull/visual_hull.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/planar/focal_plane.h"
 #include "schemas/error.h"
@@ -11,7 +12,8 @@
 namespace raystage {
 
 std::span<const Method> methods() {
-  static const std::vector<Method> all{focal_plane_method(), nearest_method(), lumigraph_method()};
+  static const std::vector<Method> all{focal_plane_method(), nearest_method(), lumigraph_method(),
+                                       visual_hull_method()};
   return all;
 }
 

@@ -44,6 +44,7 @@ struct RendererSettings {
   /// view would not fit in working_bytes.
   int most_supersampling = 8;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
+  bool measure_coverage = false;     ///< fills RenderedView::cameras and nearest_ray (costs time)
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
 };
 

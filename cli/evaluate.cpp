@@ -8,6 +8,7 @@
 
 #include "cli/choice.h"
 #include "cli/command.h"
+#include "cli/focal_depth.h"
 #include "cli/parse.h"
 #include "cli/threads.h"
 #include "render/evaluation/evaluation.h"
@@ -28,22 +29,6 @@ struct Options {
   double memory_gb = 1;
 };
 
-std::optional<double> depth_from(const std::string& text) {
-  if (text == "best") return std::nullopt;
-  std::size_t used = 0;
-  double depth = 0;
-  try {
-    depth = std::stod(text, &used);
-  } catch (const std::exception&) {
-    used = 0;
-  }
-  if (used == 0 || used != text.size() || !(depth > 0)) {
-    throw Error::bad_input("found '" + text + "', allowed: best, or a depth above 0 in metres",
-                           "--focal-depth", "Use for example --focal-depth 4.5");
-  }
-  return depth;
-}
-
 /// Appends a row under one heading; the table is rewritten whole, never half.
 void append_row(const std::filesystem::path& file, const Evaluation& evaluation,
                 const std::string& label) {
@@ -59,7 +44,7 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
     const auto [name, value] = option_from_text(text);
     settings.options[name] = value;
   }
-  settings.focal_depth = depth_from(options.focal_depth);
+  settings.focal_depth = focal_depth_from(options.focal_depth);
   settings.cache_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   const Take take(options.take);
   ViewsDocument views;

@@ -30,6 +30,7 @@ constexpr Command kCommands[] = {
     {"repair", "close what a crash left open, save what can be saved of a damaged take"},
     {"render", "render a shot as an EXR sequence"},
     {"evaluate", "render views whose truth is known; measure error and time"},
+    {"bench", "measure every method against truth: error against time, as a page"},
     {"preview", "turn an EXR sequence into a movie and a contact sheet"},
 };
 

@@ -26,7 +26,7 @@ struct Options {
   std::string shot, output, frames;
   int threads = 0, frames_in_flight = 0;
   double memory_gb = 0;
-  bool chromaticities = false;
+  bool chromaticities = false, coverage = false;
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
   std::optional<HoleFill> fill;
@@ -73,6 +73,10 @@ void declare(CLI::App& app, Options& options) {
       ->type_name("GB");
   app.add_flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");
+  app.add_flag(
+      "--coverage", options.coverage,
+      "write channels lf.cameras (how many cameras are behind a pixel) and lf.nearest (how near\n"
+      "the nearest of them passes to its ray, metres)");
   add_choice<ProgressStyle>(
       app, "--progress", options.progress,
       {{"auto", ProgressStyle::kAuto},
@@ -116,6 +120,7 @@ ExitCode render(const Options& options, std::stop_token stop) {
   sequence.frames_in_flight = options.frames_in_flight;
   sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   sequence.chromaticities = options.chromaticities;
+  sequence.coverage_measures = options.coverage;
   sequence.program_version = RAYSTAGE_VERSION;
   sequence.progress = [&](double done) { progress.report(done); };
   sequence.say = [&](std::string_view line) { progress.say(line); };

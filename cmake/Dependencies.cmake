@@ -22,6 +22,7 @@ set_target_properties(OpenImageIO::OpenImageIO PROPERTIES INTERFACE_INCLUDE_DIRE
 find_package(assimp 5.2 CONFIG REQUIRED)           # assimp::assimp
 find_package(embree 3 CONFIG REQUIRED)             # embree
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # PkgConfig::TURBOJPEG
+pkg_check_modules(PNG REQUIRED IMPORTED_TARGET libpng)                      # PkgConfig::PNG
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)                   # PkgConfig::ZSTD
 pkg_check_modules(XXHASH REQUIRED IMPORTED_TARGET libxxhash)               # PkgConfig::XXHASH
 pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)                     # PkgConfig::HWY
@@ -42,8 +43,6 @@ pkg_check_modules(AVDEVICE REQUIRED libavdevice)
 if(RAYSTAGE_TESTS)
   find_package(GTest REQUIRED)                     # GTest::gtest_main
   find_package(rapidcheck REQUIRED)                # rapidcheck
-endif()
-if(RAYSTAGE_TESTS OR RAYSTAGE_BENCHMARKS)
   find_package(Boost 1.74 REQUIRED)                # Boost::headers
 endif()
 if(RAYSTAGE_BENCHMARKS)

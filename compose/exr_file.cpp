@@ -168,6 +168,16 @@ std::vector<std::byte> encode_exr(const RenderedView& view, const ExrMetadata& m
   frame_buffer.insert("Z", slice(Imf::FLOAT, z.data(), view.width, 1, 0, 0, 0.0));
   frame_buffer.insert("lf.coverage", slice(Imf::FLOAT, coverage.data(), view.width, 1, 0, 0, 0.0));
 
+  std::vector<float> cameras(view.cameras), nearest(view.nearest_ray);
+  if (metadata.coverage_measures) {
+    cameras.resize(pixels, 0.0F);
+    nearest.resize(pixels, std::numeric_limits<float>::infinity());
+    replace_nan(cameras, 0.0F);
+    replace_nan(nearest, std::numeric_limits<float>::infinity());
+    frame_buffer.insert("lf.cameras", slice(Imf::FLOAT, cameras.data(), view.width, 1, 0, 0, 0.0));
+    frame_buffer.insert("lf.nearest", slice(Imf::FLOAT, nearest.data(), view.width, 1, 0, 0, 0.0));
+  }
+
   MemoryStream stream;
   stream.reserve(pixels * 8);
   {

@@ -12,8 +12,9 @@
 
 namespace raystage {
 
-/// The bytes of a scanline EXR file: half R, G, B, A, float Z and lf.coverage. Colours that half
-/// cannot hold are cut to +-65504; a NaN becomes 0 (Z: +infinity). Deterministic.
+/// The bytes of a scanline EXR file: half R, G, B, A, float Z and lf.coverage, on request
+/// lf.cameras and lf.nearest (a view that does not know them had none). Colours that half cannot
+/// hold are cut to +-65504; a NaN becomes 0 (Z: +infinity). Deterministic.
 std::vector<std::byte> encode_exr(const RenderedView& view, const ExrMetadata& metadata);
 
 /// encode_exr() to a file, under a temporary name and renamed. Returns the bytes written. Throws

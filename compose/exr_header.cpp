@@ -122,6 +122,10 @@ Imf::Header exr_header(int width, int height, const ExrMetadata& metadata) {
   header.channels().insert("Z", Imf::Channel(Imf::FLOAT));
   // pLinear stays false: coverage is data, and must not be treated as light.
   header.channels().insert("lf.coverage", Imf::Channel(Imf::FLOAT));
+  if (metadata.coverage_measures) {
+    header.channels().insert("lf.cameras", Imf::Channel(Imf::FLOAT));
+    header.channels().insert("lf.nearest", Imf::Channel(Imf::FLOAT));
+  }
 
   add_perspective(header, metadata.camera);
   addFramesPerSecond(header, Imf::Rational(metadata.fps_numerator,

@@ -31,6 +31,7 @@ struct ExrMetadata {
   /// Writes `chromaticities` (Rec.709) for readers that do not know `colorInteropID`; the
   /// recommendation forbids both in one file.
   bool chromaticities = false;
+  bool coverage_measures = false;  ///< channels lf.cameras and lf.nearest
 };
 
 /// OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z backward). Imath
@@ -41,7 +42,8 @@ Imath::M44f exr_world_to_camera(const Pose& pose);
 /// runs from 0 at 1 cm in front of the camera to 1 at infinity.
 Imath::M44f exr_world_to_ndc(const VirtualCamera& camera);
 
-/// The whole header, channels R, G, B, A (half), Z and lf.coverage (float) included. Throws Error
+/// The whole header, channels R, G, B, A (half), Z, lf.coverage and, if so, the measures (float)
+/// included. Throws Error
 /// (bad input) for an unknown compression.
 Imf::Header exr_header(int width, int height, const ExrMetadata& metadata);
 

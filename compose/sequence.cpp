@@ -17,6 +17,7 @@
 #include "compose/exr_file.h"
 #include "compose/frame_range.h"
 #include "compose/sequence_name.h"
+#include "render/methods.h"
 #include "schemas/atomic_file.h"
 #include "schemas/parallel.h"
 #include "schemas/resources.h"
@@ -31,6 +32,8 @@ constexpr std::size_t kMinCache = 64 * kMiB;
 constexpr std::size_t kDefaultCache = 4096 * kMiB;
 /// The view (24), its EXR samples (16), the file being built (16) and the renderer's own tables.
 constexpr std::size_t kBytesPerPixelInFlight = 96;
+/// The coverage measures on top: of the view, for the file, in it.
+constexpr std::size_t kMeasuresBytesPerPixelInFlight = 24;
 constexpr std::size_t kRawExrBytesPerPixel = 16;
 
 std::string size_text(double bytes) {
@@ -44,8 +47,9 @@ struct MemoryPlan {
 };
 
 MemoryPlan plan_memory(const ShotDocument& shot, const SequenceOptions& options) {
-  const std::size_t per_frame = static_cast<std::size_t>(shot.width) *
-                                static_cast<std::size_t>(shot.height) * kBytesPerPixelInFlight;
+  const std::size_t per_frame =
+      static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height) *
+      (kBytesPerPixelInFlight + (options.coverage_measures ? kMeasuresBytesPerPixelInFlight : 0));
   const std::size_t budget =
       options.memory_bytes > 0 ? options.memory_bytes : available_memory() / 2;
   if (budget < per_frame + kMinCache) {
@@ -214,7 +218,8 @@ class SequenceRun {
 
   void process_or_throw(const PlannedFrame& frame, int& parts_left) {
     const std::filesystem::path file = name_.path(frame.frame);
-    const std::string fingerprint = plan_.fingerprint(frame, options_.chromaticities);
+    const std::string fingerprint =
+        plan_.fingerprint(frame, options_.chromaticities, options_.coverage_measures);
     if (options_.existing == ExistingFiles::kSkip && exr_is_whole(file, fingerprint)) {
       const std::scoped_lock lock(mutex_);
       ++report_.skipped;
@@ -224,6 +229,7 @@ class SequenceRun {
     metadata.fingerprint = fingerprint;
     metadata.program_version = options_.program_version;
     metadata.chromaticities = options_.chromaticities;
+    metadata.coverage_measures = options_.coverage_measures;
 
     RenderedView view;
     if (frame.tick) {
@@ -313,6 +319,11 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
+  if (options.coverage_measures && !method_named(plan.reconstruction().method).measures_coverage) {
+    throw Error::bad_input(
+        "method " + plan.reconstruction().method + " does not measure its coverage",
+        shot_file.string(), "Leave --coverage out, or choose another method");
+  }
   const MemoryPlan memory = plan_memory(shot, options);
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
@@ -320,6 +331,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   if (options.existing == ExistingFiles::kError) check_existing(name, numbers);
   RendererSettings settings;
   settings.cache_bytes = memory.cache_bytes;
+  settings.measure_coverage = options.coverage_measures;
   const LightFieldRenderer renderer(plan.take(), settings);
   check_folder(name.folder());
   check_room(name.folder(), shot, frames.size(), options);

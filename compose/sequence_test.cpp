@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compose/sequence.h"
 
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfInputFile.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -244,6 +247,39 @@ TEST_F(Sequence, FillColoursWhatNobodySawAndTheFingerprintKnows) {
   options_.fill.reset();
   shot_.layers[0].fill = HoleFill::kPushPull;
   EXPECT_EQ(run().skipped, 1);
+}
+
+TEST_F(Sequence, CoverageMeasuresAreChannelsOnRequest) {
+  options_.frames = {101};
+  const auto channels = [&] {
+    const Imf::InputFile input(file(101).c_str());
+    std::vector<std::string> names;
+    const Imf::ChannelList& list = input.header().channels();
+    for (auto it = list.begin(); it != list.end(); ++it) names.emplace_back(it.name());
+    return names;
+  };
+  run();
+  EXPECT_THAT(channels(), ElementsAre("A", "B", "G", "R", "Z", "lf.coverage"));
+  options_.existing = ExistingFiles::kSkip;
+  options_.coverage_measures = true;
+  EXPECT_EQ(run().rendered, 1) << "the fingerprint knows the difference";
+  EXPECT_THAT(channels(),
+              ElementsAre("A", "B", "G", "R", "Z", "lf.cameras", "lf.coverage", "lf.nearest"));
+  Imf::InputFile input(file(101).c_str());
+  std::vector<float> cameras(40 * 30), nearest(40 * 30);
+  Imf::FrameBuffer pixels;
+  const auto insert = [&](const char* name, std::vector<float>& values) {
+    pixels.insert(name, Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(values.data()),
+                                   sizeof(float), sizeof(float) * 40));
+  };
+  insert("lf.cameras", cameras);
+  insert("lf.nearest", nearest);
+  input.setFrameBuffer(pixels);
+  input.readPixels(0, 29);
+  EXPECT_GT(cameras[15 * 40 + 20], 1.5F);
+  EXPECT_LE(cameras[15 * 40 + 20], 3.0F);
+  EXPECT_GT(nearest[15 * 40 + 20], 0.02F);
+  EXPECT_LT(nearest[15 * 40 + 20], 0.06F);
 }
 
 TEST_F(Sequence, SameBytesForAnyNumberOfThreadsAndFramesInFlight) {

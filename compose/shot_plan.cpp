@@ -186,9 +186,11 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
   return planned;
 }
 
-std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities) const {
+std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities,
+                                  bool coverage_measures) const {
   Fingerprint print(common_);
   print.integer("chromaticities", chromaticities ? 1 : 0);
+  print.integer("coverage_measures", coverage_measures ? 1 : 0);
   print.integer("frame", frame.frame);
   const VirtualCamera view = camera(frame.frame);
   for (const double value : view.pose.world_from_camera_rotation.reshaped()) {

@@ -64,7 +64,8 @@ class ShotPlan {
   /// the shot, take.json and rig.json, time and XXH3 of each source frame, kReconstructionVersion.
   /// Not of paths, threads or other frames. The timeline counts by what it selects, so that a take
   /// synchronised anew to the same frames needs no new rendering.
-  std::string fingerprint(const PlannedFrame& frame, bool chromaticities) const;
+  std::string fingerprint(const PlannedFrame& frame, bool chromaticities,
+                          bool coverage_measures) const;
   ExrMetadata metadata(const PlannedFrame& frame) const;
 
  private:

@@ -24,6 +24,11 @@ TEST(Methods, AreFoundByNameAndTheirOptionsAreSound) {
     // What is so unless given must itself be allowed.
     const MethodOptions fallbacks(method.options, {}, method.name);
     EXPECT_NO_THROW(MethodOptions(method.options, fallbacks.values(), method.name)) << method.name;
+    for (const MethodPreset& preset : method.presets) {
+      const OptionValues values = options_from_text(preset.options);
+      EXPECT_FALSE(values.empty()) << method.name << ' ' << preset.name;
+      EXPECT_NO_THROW(MethodOptions(method.options, values, method.name)) << preset.options;
+    }
   }
   EXPECT_THROW(method_named("focal"), Error);
 }

@@ -23,12 +23,13 @@ struct LightFieldRenderer::State {
       : take(of_take),
         settings(with_settings),
         cache(of_take, with_settings.cache_bytes, with_settings.blend_space),
-        kept(with_settings.kept_bytes) {}
+        kept(with_settings.kept ? with_settings.kept
+                                : std::make_shared<KeptResults>(with_settings.kept_bytes)) {}
 
   const Take& take;
   RendererSettings settings;
   FrameCache cache;
-  KeptResults kept;
+  std::shared_ptr<KeptResults> kept;
   std::vector<int> members;  // cameras not left out
   std::mutex mutex;
   std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
@@ -100,10 +101,20 @@ LightFieldRenderer::~LightFieldRenderer() = default;
 RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSelection& frames,
                                         const Reconstruction& reconstruction) const {
   const Method& method = method_named(reconstruction.method);
+  if (state_->settings.measure_coverage && !method.measures_coverage) {
+    throw Error::bad_input("method " + reconstruction.method + " does not measure its coverage",
+                           "method", "Leave --coverage out, or choose another method");
+  }
   const MethodOptions options(method.options, reconstruction.options,
                               "method " + reconstruction.method);
   const Instant instant = state_->instant(frames);
-  if (!instant.present) return empty_view(view);
+  if (!instant.present) {
+    RenderedView nothing = empty_view(view);
+    if (!state_->settings.measure_coverage) return nothing;
+    nothing.cameras.assign(nothing.coverage.size(), 0.0F);
+    nothing.nearest_ray = nothing.z;  // infinity
+    return nothing;
+  }
 
   const double ratio = source_pixels_per_pixel(view, instant, reconstruction.focal_plane);
   const int factor = supersampling(ratio, view, state_->settings);
@@ -113,9 +124,10 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                             instant,
                             reconstruction.focal_plane,
                             options,
-                            state_->kept,
+                            *state_->kept,
                             state_->settings.working_bytes,
-                            state_->settings.count_needed_pixels};
+                            state_->settings.count_needed_pixels,
+                            state_->settings.measure_coverage};
   const bool by_reference = state_->settings.reference || distorted;
   RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
   if (factor > 1) image = averaged(image, factor);

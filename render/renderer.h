@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "render/rays/ray_query.h"
+#include "render/view/kept_results.h"
 #include "render/view/view.h"
 #include "render/view/world_ray.h"
 #include "schemas/hole_fill.h"
@@ -29,8 +30,11 @@ struct Reconstruction {
 };
 
 struct RendererSettings {
-  std::size_t cache_bytes = std::size_t{1} << 30;    ///< decoded source frames kept in memory
-  std::size_t kept_bytes = std::size_t{1} << 30;     ///< what methods work out once for many views
+  std::size_t cache_bytes = std::size_t{1} << 30;  ///< decoded source frames kept in memory
+  std::size_t kept_bytes = std::size_t{1} << 30;   ///< what methods work out once for many views
+  /// Where that is kept, shared with other renderers of the same take and cameras; null: in a place
+  /// of its own, of `kept_bytes`.
+  std::shared_ptr<KeptResults> kept = nullptr;
   std::size_t working_bytes = std::size_t{1} << 30;  ///< what a method may use for one view
   std::vector<int> left_out;  ///< cameras of the take that must not contribute
   BlendSpace blend_space = BlendSpace::kPerceptual;
@@ -40,6 +44,7 @@ struct RendererSettings {
   /// view would not fit in working_bytes.
   int most_supersampling = 8;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
+  bool measure_coverage = false;     ///< fills RenderedView::cameras and nearest_ray (costs time)
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
 };
 

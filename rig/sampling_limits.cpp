@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 
 namespace raystage {
@@ -20,6 +21,19 @@ double largest_alias_free_spacing(double focal_length, DepthRange range) {
   const double depths = inverse_depth_range(range);
   return depths > 0 ? kAliasFreeDisparity / (focal_length * depths)
                     : std::numeric_limits<double>::infinity();
+}
+
+double alias_free_planes(double disparity_range) {
+  // A range that fits exactly must not take a plane more for a rounding error.
+  return std::max(1.0, std::ceil(disparity_range / kAliasFreeDisparity - 1e-9));
+}
+
+DepthRange alias_free_depths(double focal_length, double spacing, double focal_depth) {
+  // A point at inverse depth q moves by focal_length * spacing * q from camera to camera.
+  const double reach = kAliasFreeDisparity / 2 / (focal_length * spacing);
+  const double farthest = 1 / focal_depth - reach;
+  return {1 / (1 / focal_depth + reach),
+          farthest > 0 ? 1 / farthest : std::numeric_limits<double>::infinity()};
 }
 
 double camera_spacing(const Rig& rig, const Topology& topology) {

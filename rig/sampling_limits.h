@@ -19,6 +19,14 @@ inline constexpr double kAliasFreeDisparity = 2;
 /// for a scene without depth. `focal_length` in pixels.
 double largest_alias_free_spacing(double focal_length, DepthRange range);
 
+/// Focal planes that free a disparity range between neighbouring cameras, pixels, of ghosts: each
+/// does for kAliasFreeDisparity; at least 1.
+double alias_free_planes(double disparity_range);
+
+/// The depths that a focal plane at `focal_depth` frees of ghosts: a pixel of disparity either way.
+/// Metres, may be infinite; everything where `spacing` is 0.
+DepthRange alias_free_depths(double focal_length, double spacing, double focal_depth);
+
 /// How far apart neighbouring cameras of the array are at most, metres: the widest cell's second
 /// longest side (in a grid the longest is the diagonal); 0 for a single centre.
 double camera_spacing(const Rig& rig, const Topology& topology);

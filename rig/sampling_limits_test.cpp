@@ -47,6 +47,27 @@ TEST(SamplingLimits, ASceneWithoutDepthHasNoLimit) {
   EXPECT_EQ(largest_alias_free_spacing(300, {4, 4}), kInfinity);
 }
 
+TEST(SamplingLimits, OnePlaneFreesAPixelOfDisparityEitherWay) {
+  const double focal_length = 160 / std::tan(31 * std::numbers::pi / 180);
+  const double nearest = 0.06 * focal_length / 2;  // eq. 4.3
+  const DepthRange whole = alias_free_depths(focal_length, 0.06, 2 * nearest);
+  EXPECT_NEAR(whole.near, nearest, 1e-9);
+  EXPECT_GT(whole.far, 1e6);
+  const DepthRange wider = alias_free_depths(focal_length, 0.12, 2 * nearest);
+  EXPECT_NEAR(disparity_range(focal_length, 0.12, wider), kAliasFreeDisparity, 1e-9);
+  const DepthRange alone = alias_free_depths(focal_length, 0, 4);
+  EXPECT_EQ(alone.near, 0);
+  EXPECT_EQ(alone.far, kInfinity);
+  EXPECT_EQ(alias_free_depths(focal_length, 0.06, kInfinity).far, kInfinity);
+}
+
+TEST(SamplingLimits, PlanesAreAsManyAsTheRangeHasPairsOfPixels) {
+  EXPECT_EQ(alias_free_planes(0), 1);
+  EXPECT_EQ(alias_free_planes(2), 1);
+  EXPECT_EQ(alias_free_planes(2.1), 2);
+  EXPECT_EQ(alias_free_planes(96), 48);
+}
+
 TEST(SamplingLimits, SpacingIsAGridsPitchAndNotItsDiagonal) {
   EXPECT_DOUBLE_EQ(spacing_of({{0, 0, 0}, {0.06, 0, 0}, {0, 0.06, 0}, {0.06, 0.06, 0}}), 0.06);
   EXPECT_DOUBLE_EQ(spacing_of({{0, 0, 0}, {0.06, 0, 0}, {0, 0.08, 0}, {0.06, 0.08, 0}}), 0.08);

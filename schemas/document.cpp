@@ -46,7 +46,8 @@ const SchemaValidator& validator_of(std::string_view kind) {
   if (kind == "import") return validator_once<3>(kind);
   if (kind == "record") return validator_once<4>(kind);
   if (kind == "recording") return validator_once<5>(kind);
-  return validator_once<6>("views");
+  if (kind == "bench") return validator_once<6>(kind);
+  return validator_once<7>("views");
 }
 
 void check_version(std::string_view kind, const json& document, std::string_view name) {
@@ -170,6 +171,33 @@ void add_depth_range(const std::optional<DepthRange>& range, nlohmann::ordered_j
   } else {
     values.push_back(range->far);
   }
+}
+
+OptionValues options_from(const Located& object) {
+  OptionValues options;
+  for (const auto& [name, value] : object.value.items()) {
+    if (name.starts_with("x_") || name.starts_with("comment")) continue;
+    if (value.is_boolean()) {
+      options[name] = value.get<bool>();
+    } else if (value.is_number()) {
+      options[name] = value.get<double>();
+    } else if (value.is_string()) {
+      options[name] = value.get<std::string>();
+    } else {
+      throw object.at(name).refuse(
+          fmt::format("found {}, allowed: a number, text, true or false", found(value)),
+          "See raystage render --methods for the options that there are");
+    }
+  }
+  return options;
+}
+
+nlohmann::ordered_json json_from(const OptionValues& options) {
+  nlohmann::ordered_json json = nlohmann::ordered_json::object();
+  for (const auto& [name, value] : options) {
+    std::visit([&json, &key = name](const auto& of_type) { json[key] = of_type; }, value);
+  }
+  return json;
 }
 
 }  // namespace raystage

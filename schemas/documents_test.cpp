@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "schemas/atomic_file.h"
+#include "schemas/bench_document.h"
 #include "schemas/error.h"
 #include "schemas/import_manifest.h"
 #include "schemas/rig_document.h"
@@ -51,6 +52,14 @@ json good(const std::string& kind) {
     document["layers"] = {{{"take", "../take"}, {"focal_plane", {{"depth_m", 8.69}}}}};
     return document;
   }
+  if (kind == "bench") {
+    document["settings"] = {
+        {{"label", "one plane"}, {"method", "focal_plane"}, {"focal_depth_m", 8.69}},
+        {{"label", "sweep"},
+         {"method", "plane_sweep"},
+         {"options", {{"planes", 96}, {"aggregation", "box"}, {"sub_plane", true}}}}};
+    return document;
+  }
   if (kind == "views") {
     document["color_space"] = "srgb_texture";
     document["views"] = {camera("a", 0), camera("b", 0.1)};
@@ -85,6 +94,7 @@ std::string rewritten(const std::string& kind, const std::string& text) {
   if (kind == "rig") return format_rig(parse_rig(text, "f.json"));
   if (kind == "take") return format_take(parse_take(text, "f.json"));
   if (kind == "shot") return format_shot(parse_shot(text, "f.json"));
+  if (kind == "bench") return format_bench(parse_bench(text, "f.json"));
   if (kind == "views") return format_views(parse_views(text, "f.json"));
   return format_import_manifest(parse_import_manifest(text, "f.json"));
 }
@@ -102,7 +112,7 @@ std::string refusal(const std::string& kind, const json& document) {
 
 class EveryDocument : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryDocument,
-                         ::testing::Values("rig", "take", "shot", "import", "views"));
+                         ::testing::Values("rig", "take", "shot", "import", "views", "bench"));
 
 TEST_P(EveryDocument, ComesBackTheSame) {
   const std::string once = rewritten(GetParam(), good(GetParam()).dump());
@@ -412,6 +422,25 @@ TEST(ShotDocument, FillComesBack) {
   }
   document["layers"][0]["fill"] = "push-pull";
   EXPECT_THROW(parse_shot(document.dump(), "f"), Error);
+}
+
+TEST(Documents, BenchSettingsAreRead) {
+  const BenchDocument bench = parse_bench(good("bench").dump(), "f");
+  ASSERT_EQ(bench.settings.size(), 2U);
+  EXPECT_EQ(bench.settings[0].focal_depth, 8.69);
+  EXPECT_EQ(bench.settings[1],
+            (BenchDocument::Setting{
+                "sweep",
+                "plane_sweep",
+                {{"planes", 96.0}, {"aggregation", std::string("box")}, {"sub_plane", true}},
+                {}}));
+  json document = good("bench");
+  document["settings"][1]["label"] = "one plane";
+  EXPECT_THAT(refusal("bench", document),
+              AllOf(HasSubstr("#/settings/1/label"), HasSubstr("came before")));
+  document = good("bench");
+  document["settings"][1]["options"]["planes"] = json::array({1});
+  EXPECT_THAT(refusal("bench", document), HasSubstr("#/settings/1/options/planes"));
 }
 
 TEST(Documents, WhatCannotBeReadAgainIsNotWritten) {

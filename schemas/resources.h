@@ -19,4 +19,7 @@ std::size_t free_memory();
 /// Largest resident size of this process so far, bytes.
 std::size_t peak_memory();
 
+/// Lets peak_memory() count from what the process holds now. Says whether the kernel allows it.
+bool reset_peak_memory();
+
 }  // namespace raystage

@@ -72,33 +72,6 @@ ordered_json json_from(const FocalPlane& plane) {
   return "best";
 }
 
-OptionValues options_from(const Located& object) {
-  OptionValues options;
-  for (const auto& [name, value] : object.value.items()) {
-    if (name.starts_with("x_") || name.starts_with("comment")) continue;
-    if (value.is_boolean()) {
-      options[name] = value.get<bool>();
-    } else if (value.is_number()) {
-      options[name] = value.get<double>();
-    } else if (value.is_string()) {
-      options[name] = value.get<std::string>();
-    } else {
-      throw object.at(name).refuse(
-          fmt::format("found {}, allowed: a number, text, true or false", found(value)),
-          "See raystage render --methods for the options that there are");
-    }
-  }
-  return options;
-}
-
-ordered_json json_from(const OptionValues& options) {
-  ordered_json json = ordered_json::object();
-  for (const auto& [name, value] : options) {
-    std::visit([&json, &key = name](const auto& of_type) { json[key] = of_type; }, value);
-  }
-  return json;
-}
-
 ShotDocument::Layer layer_from(const Located& object) {
   ShotDocument::Layer layer;
   layer.name = object.get("name", layer.name);

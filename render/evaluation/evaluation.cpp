@@ -2,7 +2,10 @@
 #include "render/evaluation/evaluation.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <numeric>
+#include <set>
 
 #include "images/image_file.h"
 #include "render/methods.h"
@@ -32,7 +35,7 @@ int index_of(const Take& take, const std::string& id) {
 
 std::vector<Subject> subjects_of(const Take& take, const ViewsDocument& views,
                                  const std::filesystem::path& views_folder,
-                                 const std::vector<std::string>& leave_out) {
+                                 const std::vector<std::string>& leave_out, int step) {
   std::vector<Subject> subjects;
   for (const ViewsDocument::View& view : views.views) {
     subjects.push_back({view.geometry.id, virtual_camera_from_geometry(view.geometry), view.time_ns,
@@ -53,28 +56,15 @@ std::vector<Subject> subjects_of(const Take& take, const ViewsDocument& views,
                           }});
     }
   }
-  if (subjects.empty()) {
+  std::vector<Subject> chosen;
+  for (std::size_t i = 0; i < subjects.size(); i += static_cast<std::size_t>(step)) {
+    chosen.push_back(std::move(subjects[i]));
+  }
+  if (chosen.empty()) {
     throw Error::bad_input("there is no view to evaluate", views_folder.string(),
                            "Give a views document, or cameras by --leave-out");
   }
-  return subjects;
-}
-
-std::vector<int> cameras_left_out(const Take& take, const EvaluationSettings& settings) {
-  std::vector<int> left_out;
-  for (const std::string& id : settings.leave_out) left_out.push_back(index_of(take, id));
-  if (settings.camera_step <= 1) return left_out;
-  for (int i = 0; i < take.camera_count(); ++i) {
-    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(i)];
-    if (!camera.row || !camera.column) {
-      throw Error::bad_input("camera '" + camera.id + "' has no place in a grid",
-                             take.folder().string(), "Leave cameras out by name instead");
-    }
-    if (*camera.row % settings.camera_step != 0 || *camera.column % settings.camera_step != 0) {
-      left_out.push_back(i);
-    }
-  }
-  return left_out;
+  return chosen;
 }
 
 double focal_depth_of(const Take& take, const EvaluationSettings& settings) {
@@ -95,6 +85,8 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
     mean.quality.covered += view.quality.covered / static_cast<double>(views.size());
     mean.decode_ms += view.decode_ms / static_cast<double>(views.size());
     mean.render_ms += view.render_ms / static_cast<double>(views.size());
+    mean.render_least_ms += view.render_least_ms / static_cast<double>(views.size());
+    mean.prepare_ms += view.prepare_ms / static_cast<double>(views.size());
     if (std::isnan(view.quality.psnr_db)) continue;
     ++covering;
     mean.quality.psnr_db += view.quality.psnr_db;
@@ -110,7 +102,151 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
   return mean;
 }
 
+/// Mean of what preparing an instant took.
+double prepare_ms_of(const std::vector<ViewEvaluation>& views) {
+  double sum = 0, count = 0;
+  for (const ViewEvaluation& view : views) {
+    sum += view.prepare_ms;
+    count += view.prepare_ms > 0 ? 1 : 0;
+  }
+  return count > 0 ? sum / count : 0;
+}
+
+/// Reads the frames of the views, so that the first setting measured does not pay for the disk.
+void read_ahead(const Take& take, const std::vector<Subject>& subjects, Nanoseconds tolerance,
+                const std::vector<int>& left_out) {
+  std::set<Nanoseconds> seen;
+  std::uint64_t sum = 0;
+  for (const Subject& subject : subjects) {
+    if (!seen.insert(subject.time).second) continue;
+    const FrameSelection frames = select_frames(take, subject.time, tolerance);
+    for (int camera = 0; camera < take.camera_count(); ++camera) {
+      const int frame = frames.frame[static_cast<std::size_t>(camera)];
+      if (frame < 0 || std::ranges::find(left_out, camera) != left_out.end()) continue;
+      constexpr std::size_t kPage = 4096;
+      const auto bytes = take.archive(camera).jpeg(frame);
+      for (std::size_t at = 0; at < bytes.size(); at += kPage) {
+        sum += static_cast<std::uint64_t>(bytes[at]);
+      }
+    }
+  }
+  [[maybe_unused]] volatile const std::uint64_t read = sum;  // or reading is optimised away
+}
+
+using Clock = std::chrono::steady_clock;
+
+double ms_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+/// Renders one view as often as its times ask for.
+class TimedView {
+ public:
+  TimedView(const Take& take, const RendererSettings& settings, const Subject& subject,
+            const FrameSelection& frames, const Reconstruction& reconstruction)
+      : take_(take),
+        settings_(settings),
+        subject_(subject),
+        frames_(frames),
+        reconstruction_(reconstruction) {}
+
+  /// Fills the times of `result`. A renderer of its own, so that no frame is cached when its time
+  /// is taken.
+  RenderedView render(int repeat, ViewEvaluation& result) const {
+    const LightFieldRenderer renderer(take_, settings_);
+    const std::size_t kept_before = settings_.kept->bytes_held();
+    const auto start = Clock::now();
+    RenderedView view = renderer.render(subject_.camera, frames_, reconstruction_);
+    const double first_ms = ms_since(start) - view.statistics.decode_ms;
+    const bool prepared = settings_.kept->bytes_held() != kept_before;
+    result.decode_ms = view.statistics.decode_ms;
+    result.render_ms = result.render_least_ms = first_ms;
+    if (repeat == 0) return view;
+
+    constexpr double kEnoughMs = 2000;
+    std::vector<double> times;
+    double sum = 0;
+    while (static_cast<int>(times.size()) < repeat && (times.empty() || sum < kEnoughMs)) {
+      const auto again = Clock::now();
+      const RenderedView same = renderer.render(subject_.camera, frames_, reconstruction_);
+      times.push_back(ms_since(again) - same.statistics.decode_ms);
+      sum += times.back();
+    }
+    std::ranges::sort(times);
+    const std::size_t half = times.size() / 2;
+    result.render_ms = times.size() % 2 == 1 ? times[half] : (times[half - 1] + times[half]) / 2;
+    result.render_least_ms = times.front();
+    if (prepared) result.prepare_ms = std::max(0.0, first_ms - result.render_ms);
+    return view;
+  }
+
+  /// Source pixels decoded per pixel needed; counting takes time, so this one's is not taken.
+  double decoded_per_needed() const {
+    RendererSettings counting = settings_;
+    counting.count_needed_pixels = true;
+    const RenderStatistics counts = LightFieldRenderer(take_, counting)
+                                        .render(subject_.camera, frames_, reconstruction_)
+                                        .statistics;
+    return counts.pixels_needed > 0 ? static_cast<double>(counts.pixels_decoded) /
+                                          static_cast<double>(counts.pixels_needed)
+                                    : std::numeric_limits<double>::quiet_NaN();
+  }
+
+ private:
+  const Take& take_;
+  const RendererSettings& settings_;
+  const Subject& subject_;
+  const FrameSelection& frames_;
+  const Reconstruction& reconstruction_;
+};
+
 }  // namespace
+
+std::vector<int> cameras_left_out(const Take& take, const std::vector<std::string>& leave_out,
+                                  int camera_step) {
+  std::vector<int> left_out;
+  for (const std::string& id : leave_out) left_out.push_back(index_of(take, id));
+  if (camera_step <= 1) return left_out;
+  // By rank, not number: a grid may count 0, 2, 4.
+  std::set<int> rows, columns;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    if (!camera.row || !camera.column) {
+      throw Error::bad_input("camera '" + camera.id + "' has no place in a grid",
+                             take.folder().string(), "Leave cameras out by name instead");
+    }
+    rows.insert(*camera.row);
+    columns.insert(*camera.column);
+  }
+  const auto kept = [camera_step](const std::set<int>& numbers, int number) {
+    return std::distance(numbers.begin(), numbers.find(number)) % camera_step == 0;
+  };
+  for (int i = 0; i < take.camera_count(); ++i) {
+    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(i)];
+    const bool stays = kept(rows, *camera.row) && kept(columns, *camera.column);
+    if (!stays && std::ranges::find(left_out, i) == left_out.end()) left_out.push_back(i);
+  }
+  return left_out;
+}
+
+Steadiness steadiness_of(std::span<const ViewEvaluation> views) {
+  std::vector<double> psnr;
+  for (const ViewEvaluation& view : views) {
+    if (std::isfinite(view.quality.psnr_db)) psnr.push_back(view.quality.psnr_db);
+  }
+  Steadiness steadiness;
+  if (psnr.empty()) return steadiness;
+  const auto count = static_cast<double>(psnr.size());
+  const double mean = std::accumulate(psnr.begin(), psnr.end(), 0.0) / count;
+  double squares = 0;
+  for (std::size_t i = 0; i < psnr.size(); ++i) {
+    squares += (psnr[i] - mean) * (psnr[i] - mean);
+    if (i == 0) continue;
+    steadiness.largest_step_db =
+        std::max(steadiness.largest_step_db, std::abs(psnr[i] - psnr[i - 1]));
+  }
+  steadiness.deviation_db = std::sqrt(squares / count);
+  return steadiness;
+}
 
 Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                           const std::filesystem::path& views_folder,
@@ -125,50 +261,49 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   evaluation.take = take.document().name;
   evaluation.method = settings.method;
   evaluation.focal_depth = focal_depth_of(take, settings);
-  const std::vector<Subject> subjects = subjects_of(take, views, views_folder, settings.leave_out);
+  const std::vector<Subject> subjects =
+      subjects_of(take, views, views_folder, settings.leave_out, settings.view_step);
   const Reconstruction reconstruction{settings.method,
                                       plane_in_front_of(take.rig(), evaluation.focal_depth),
                                       settings.options, settings.fill};
   RendererSettings renderer_settings;
   renderer_settings.cache_bytes = settings.cache_bytes;
   renderer_settings.blend_space = settings.blend_space;
-  renderer_settings.left_out = cameras_left_out(take, settings);
+  renderer_settings.left_out = cameras_left_out(take, settings.leave_out, settings.camera_step);
+  renderer_settings.kept = std::make_shared<KeptResults>(renderer_settings.kept_bytes);
   evaluation.cameras = take.camera_count() - static_cast<int>(renderer_settings.left_out.size());
   const auto tolerance =
       static_cast<Nanoseconds>(kNanosecondsPerSecond / take.document().nominal_fps / 2);
   if (!settings.image_folder.empty()) create_folder(settings.image_folder);
+  read_ahead(take, subjects, tolerance, renderer_settings.left_out);
 
   for (const Subject& subject : subjects) {
     if (stop.stop_requested()) {
       throw Error::failed("stopped", take.folder().string(), "Run the command again");
     }
     const FrameSelection frames = select_frames(take, subject.time, tolerance);
-    // A renderer for each view, so that nothing is cached when its time is taken; and one that
-    // counts, whose time is not.
-    renderer_settings.count_needed_pixels = false;
-    const RenderedView view =
-        LightFieldRenderer(take, renderer_settings).render(subject.camera, frames, reconstruction);
-    renderer_settings.count_needed_pixels = true;
-    const RenderStatistics counts = LightFieldRenderer(take, renderer_settings)
-                                        .render(subject.camera, frames, reconstruction)
-                                        .statistics;
+    ViewEvaluation result;
+    result.id = subject.id;
+    const TimedView timed(take, renderer_settings, subject, frames, reconstruction);
+    const RenderedView view = timed.render(settings.repeat, result);
+    if (settings.count_needed_pixels) result.decoded_per_needed = timed.decoded_per_needed();
     const RgbImage image = srgb_image(view);
     if (!settings.image_folder.empty()) {
       write_image(image, settings.image_folder / (subject.id + ".png"));
     }
-    ViewEvaluation result;
-    result.id = subject.id;
-    result.quality = compare_images(image, subject.truth(), covered_pixels(view));
-    result.decode_ms = view.statistics.decode_ms;
-    result.render_ms = view.statistics.plan_ms + view.statistics.render_ms;
-    if (counts.pixels_needed > 0) {
-      result.decoded_per_needed =
-          static_cast<double>(counts.pixels_decoded) / static_cast<double>(counts.pixels_needed);
+    const RgbImage truth = subject.truth();
+    const std::vector<std::uint8_t> covered = covered_pixels(view);
+    result.quality = compare_images(image, truth, covered);
+    if (settings.on_picture) {
+      settings.on_picture(
+          {evaluation.views.size(), subjects.size(), subject.id, image, truth, covered});
     }
     evaluation.views.push_back(result);
     progress(static_cast<double>(evaluation.views.size()) / static_cast<double>(subjects.size()));
   }
   evaluation.mean = mean_of(evaluation.views);
+  evaluation.steadiness = steadiness_of(evaluation.views);
+  evaluation.prepare_ms = prepare_ms_of(evaluation.views);
   return evaluation;
 }
 

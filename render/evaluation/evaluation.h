@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <limits>
 #include <optional>
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -18,6 +20,15 @@
 
 namespace raystage {
 
+/// A view as it was rendered, and what is true there.
+struct EvaluatedPicture {
+  std::size_t index, count;  ///< which of how many views
+  const std::string& id;
+  const RgbImage& image;
+  const RgbImage& truth;
+  std::span<const std::uint8_t> covered;  ///< 1 per pixel that counts
+};
+
 struct EvaluationSettings {
   std::string method = "focal_plane";
   OptionValues options;  ///< of the method
@@ -29,18 +40,37 @@ struct EvaluationSettings {
   /// Every n-th row and column of the grid contributes, counted from the first: fewer cameras.
   int camera_step = 1;
   HoleFill fill = HoleFill::kNone;  ///< when not none, all pixels are measured
+  int view_step = 1;  ///< every n-th view is rendered, from the first
+  /// Renderings of each view that are timed after the first one, with frames decoded and what the
+  /// method keeps at hand; at most as many as take 2 s. 0: the first one's times are reported.
+  int repeat = 0;
+  bool count_needed_pixels = true;  ///< renders each view once more, to count
   BlendSpace blend_space = BlendSpace::kPerceptual;
   std::filesystem::path image_folder;  ///< rendered views as PNG go here; empty: nowhere
   std::size_t cache_bytes = std::size_t{1} << 30;
+  std::function<void(const EvaluatedPicture&)> on_picture;  ///< sees every view; may be empty
 };
 
 /// What one view cost and how wrong it was.
 struct ViewEvaluation {
   std::string id;
   ImageQuality quality;
-  double decode_ms = 0, render_ms = 0;  ///< wall clock, nothing cached before
+  double decode_ms = 0;  ///< wall clock, nothing cached before
+  /// Wall clock without decoding: the median of the repeated renderings, else the first one's.
+  double render_ms = 0;
+  double render_least_ms = 0;  ///< the shortest of them
+  /// What the method worked out in this view and kept for others, wall clock; measured only where
+  /// renderings are repeated, otherwise part of `render_ms`.
+  double prepare_ms = 0;
   /// Source pixels entropy-decoded per distinct pixel sampled; not-a-number where none was.
   double decoded_per_needed = std::numeric_limits<double>::quiet_NaN();
+};
+
+/// How PSNR goes along the views in their order, where it is finite: flicker, if they follow a
+/// path.
+struct Steadiness {
+  double deviation_db = 0;     ///< standard deviation over the views
+  double largest_step_db = 0;  ///< from one view to the next, absolute
 };
 
 struct Evaluation {
@@ -49,7 +79,16 @@ struct Evaluation {
   int cameras = 0;         ///< that could contribute
   std::vector<ViewEvaluation> views;
   ViewEvaluation mean;  ///< over the views that cover anything
+  Steadiness steadiness;
+  double prepare_ms = 0;  ///< mean over the views that had anything to prepare: once an instant
 };
+
+Steadiness steadiness_of(std::span<const ViewEvaluation> views);
+
+/// Indices of the take's cameras that do not contribute. Throws Error (bad input): an id that the
+/// take does not have; a camera without a place in a grid, with a step above 1.
+std::vector<int> cameras_left_out(const Take& take, const std::vector<std::string>& leave_out,
+                                  int camera_step);
 
 /// Renders every view at its time (each camera's nearest frame within half a frame time) and
 /// compares it with its truth image. `views` may be empty if cameras are left out.

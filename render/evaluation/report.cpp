@@ -31,6 +31,8 @@ std::string evaluation_as_json(const Evaluation& evaluation) {
       {"method", evaluation.method},       {"focal_depth_m", number(evaluation.focal_depth)},
       {"cameras", evaluation.cameras},     {"mean", as_json(evaluation.mean)}};
   document["mean"].erase("id");
+  document["steadiness"] = {{"psnr_deviation_db", evaluation.steadiness.deviation_db},
+                            {"psnr_largest_step_db", evaluation.steadiness.largest_step_db}};
   document["views"] = nlohmann::ordered_json::array();
   for (const ViewEvaluation& view : evaluation.views) document["views"].push_back(as_json(view));
   return document.dump(2) + "\n";
@@ -49,6 +51,11 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
   };
   for (const ViewEvaluation& view : evaluation.views) add(view);
   add(evaluation.mean);
+  if (evaluation.views.size() > 1) {
+    text += fmt::format(
+        "PSNR from view to view: standard deviation {:.2f} dB, largest step {:.2f} dB\n",
+        evaluation.steadiness.deviation_db, evaluation.steadiness.largest_step_db);
+  }
   return text;
 }
 

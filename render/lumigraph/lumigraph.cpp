@@ -66,6 +66,10 @@ class LumigraphFrame {
 
   RenderedView render() {
     RenderedView image = empty_view(view_);
+    if (request_.measure_coverage) {
+      image.cameras.assign(image.coverage.size(), 0.0F);
+      image.nearest_ray = image.z;  // infinity
+    }
     const auto start = Clock::now();
     make_blocks();
     meet_surface();
@@ -279,7 +283,16 @@ class LumigraphFrame {
       image.z[first + i] =
           static_cast<float>(forward.dot(scratch.rays[i].direction)) / chunk.inverse_distance[i];
     }
+    if (request_.measure_coverage) measure(first, scratch, image);
     if (!block.complete.empty()) lower_coverage(block, first, scratch, image);
+  }
+
+  static void measure(std::size_t first, const Scratch& scratch, RenderedView& image) {
+    alignas(64) std::array<float, RayChunk::kSize> effective{}, nearest{};
+    measure_cameras(scratch.chunk, scratch.cameras, scratch.weights, effective.data(),
+                    nearest.data());
+    std::copy_n(effective.begin(), scratch.chunk.count, &image.cameras[first]);
+    std::copy_n(nearest.begin(), scratch.chunk.count, &image.nearest_ray[first]);
   }
 
   void lower_coverage(const Block& block, std::size_t first, Scratch& scratch,

@@ -20,7 +20,12 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
   const CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
   const double spacing = camera_spacing(*instant.rig);
 
-  const auto reconstruct = [&](int x, int y, float* rgba, float& coverage, float& z) {
+  if (request.measure_coverage) {
+    image.cameras.assign(image.coverage.size(), 0.0F);
+    image.nearest_ray = image.z;  // infinity
+  }
+
+  const auto reconstruct = [&](int x, int y, std::size_t at) {
     const auto ray_in_view = view_model.unproject({x + 0.5, y + 0.5});
     if (!ray_in_view) return;
     const WorldRay ray{view.pose.position,
@@ -31,15 +36,20 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
     const auto cameras = weigh_cameras_reference(*instant.rig, frames.present(), ray,
                                                  inverse_distance, weighing, spacing);
     const auto pixel = frames.blend(cameras);
-    std::copy(pixel.begin(), pixel.end(), rgba);
-    coverage = rgba[3];
-    if (!(rgba[3] > 0)) return;
-    z = static_cast<float>(view.pose.viewing_direction().dot(ray.direction) / inverse_distance);
+    std::copy(pixel.begin(), pixel.end(), &image.rgba[at * 4]);
+    image.coverage[at] = pixel[3];
+    if (request.measure_coverage) {
+      image.cameras[at] = static_cast<float>(effective_cameras(cameras));
+      image.nearest_ray[at] = static_cast<float>(nearest_ray(cameras));
+    }
+    if (!(pixel[3] > 0)) return;
+    image.z[at] =
+        static_cast<float>(view.pose.viewing_direction().dot(ray.direction) / inverse_distance);
     if (frames.present().size() == instant.members.size()) return;
     for (const WeightedCamera& camera : weigh_cameras_reference(
              *instant.rig, instant.members, ray, inverse_distance, weighing, spacing)) {
       if (!instant.is_present(camera.camera))
-        coverage -= static_cast<float>(camera.weight) * rgba[3];
+        image.coverage[at] -= static_cast<float>(camera.weight) * pixel[3];
     }
   };
 
@@ -47,7 +57,7 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
     for (int x = 0; x < view.width; ++x) {
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
                              static_cast<std::size_t>(x);
-      reconstruct(x, y, &image.rgba[at * 4], image.coverage[at], image.z[at]);
+      reconstruct(x, y, at);
     }
   });
   const auto end = std::chrono::steady_clock::now();

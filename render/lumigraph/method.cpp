@@ -73,7 +73,8 @@ Method lumigraph_method() {
           options,
           by_lumigraph,
           by_lumigraph_reference,
-          files_read};
+          files_read,
+          true};
 }
 
 }  // namespace raystage

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "render/sampling/source_view.h"
+#include "render/sampling/sight.h"
 
 namespace raystage {
 namespace {
@@ -15,20 +15,6 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-/// How far a camera sees along a direction (of its own frame), and where in its image.
-double seen_along(const CameraModel& model, const Vector3d& direction, Vector2d& pixel) {
-  if (direction.z() >= 0) return 0;
-  const Vector2d ideal(direction.x() / -direction.z(), direction.y() / direction.z());
-  const auto projected = model.pixel_from_ideal(ideal);
-  if (!projected) return 0;
-  pixel = *projected;
-  const double to_border =
-      std::min({pixel.x(), model.width() - pixel.x(), pixel.y(), model.height() - pixel.y()});
-  const double to_fold = 1 - ideal.squaredNorm() / model.fold_radius_squared();
-  return std::clamp(to_border * double{kBorderFade}, 0.0, 1.0) *
-         (model.has_distortion() ? std::clamp(to_fold * double{kFoldFade}, 0.0, 1.0) : 1.0);
-}
 
 double within_image(const CameraModel& model, const Vector2d& pixel, double border) {
   const double to_border =

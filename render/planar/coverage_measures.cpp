@@ -26,8 +26,7 @@ void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
     const auto in_view = view_model.unproject({x + 0.5, y + 0.5});
     if (!in_view || !(image.rgba[at * 4 + 3] > 0)) return;
     const Intrinsics& k = view.intrinsics;
-    auto crossing =
-        cells.locate(in_view->x() * k.fx + k.cx, -in_view->y() * k.fy + k.cy);
+    auto crossing = cells.locate(in_view->x() * k.fx + k.cx, -in_view->y() * k.fy + k.cy);
     if (!crossing) return;
     if (weights == CornerWeights::kNearest) crossing = cells.nearest(*crossing);
     const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
@@ -39,11 +38,10 @@ void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
       const Eigen::Vector3d to_camera = camera.pose.position - view.pose.position;
       Eigen::Vector2d pixel;
       const double weight =
-          crossing->weight[i] *
-          seen_along(camera.model,
-                     camera.pose.world_from_camera_rotation.transpose() *
-                         (ray - to_camera * inverse_depth),
-                     pixel);
+          crossing->weight[i] * seen_along(camera.model,
+                                           camera.pose.world_from_camera_rotation.transpose() *
+                                               (ray - to_camera * inverse_depth),
+                                           pixel);
       if (!(weight > 0)) continue;
       sum += weight;
       squares += weight * weight;

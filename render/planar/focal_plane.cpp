@@ -7,6 +7,7 @@
 #include <limits>
 #include <mutex>
 
+#include "render/planar/coverage_measures.h"
 #include "render/sampling/source_view.h"
 #include "render/view/plane_projection.h"
 #include "render/view/ray_cells.h"
@@ -291,13 +292,18 @@ namespace {
 
 template <CornerWeights kWeights>
 RenderedView on_plane(const ViewRequest& r) {
-  return render_focal_plane(r.view, r.instant, r.focal_plane, kWeights, r.count_needed_pixels);
+  RenderedView image =
+      render_focal_plane(r.view, r.instant, r.focal_plane, kWeights, r.count_needed_pixels);
+  if (r.measure_coverage) measure_planar_coverage(r, kWeights, image);
+  return image;
 }
 
 template <CornerWeights kWeights>
 RenderedView on_plane_reference(const ViewRequest& r) {
-  return render_focal_plane_reference(r.view, r.instant, r.focal_plane, kWeights,
-                                      r.count_needed_pixels);
+  RenderedView image = render_focal_plane_reference(r.view, r.instant, r.focal_plane, kWeights,
+                                                    r.count_needed_pixels);
+  if (r.measure_coverage) measure_planar_coverage(r, kWeights, image);
+  return image;
 }
 
 }  // namespace
@@ -307,7 +313,9 @@ Method focal_plane_method() {
           "three cameras a ray, blended where it meets the focal plane",
           {},
           on_plane<CornerWeights::kLinear>,
-          on_plane_reference<CornerWeights::kLinear>};
+          on_plane_reference<CornerWeights::kLinear>,
+          nullptr,
+          true};
 }
 
 Method nearest_method() {
@@ -315,7 +323,9 @@ Method nearest_method() {
           "the camera nearest to the ray, alone, where it meets the focal plane",
           {},
           on_plane<CornerWeights::kNearest>,
-          on_plane_reference<CornerWeights::kNearest>};
+          on_plane_reference<CornerWeights::kNearest>,
+          nullptr,
+          true};
 }
 
 }  // namespace raystage

@@ -37,8 +37,17 @@ struct Weights {
   HWY_ALIGN float camera[3][kChunk];
 };
 
-/// A linear function of the pixel, from the chunk's first pixel on: the base in double, the short
-/// way from there in float.
+/// The pixel of a chunk where a linear function is nearest to 0. From there its values are exact to
+/// a few units in their own last place, however much larger they are elsewhere in the chunk.
+int anchor_of(const double* function, int begin, int y, int n) {
+  const double at_begin = function[0] * (begin + 0.5) + (function[1] * (y + 0.5) + function[2]);
+  if (function[0] == 0) return begin;
+  const double steps = std::round(-at_begin / function[0]);
+  return begin + static_cast<int>(std::min(std::max(steps, 0.0), n - 1.0));
+}
+
+/// A linear function of the pixel, from the chunk's anchor on: the base in double, the short way
+/// from there in float.
 struct Ramp {
   float base, step;
 };
@@ -60,9 +69,10 @@ void find_weights(const PixelRun& run, int begin, int n, Weights& weights) {
   const double total = run.total[0] * middle + (run.total[1] * (run.y + 0.5) + run.total[2]);
   const double scale = 1 / total;  // keeps the shares near 1 whatever the distance to the array
   Ramp shares[3] = {};
-  for (int c = 0; c < run.count; ++c) shares[c] = ramp(run.share[c].data(), begin, run.y, scale);
+  const int anchor = anchor_of(run.total.data(), begin, run.y, n);
+  for (int c = 0; c < run.count; ++c) shares[c] = ramp(run.share[c].data(), anchor, run.y, scale);
   for (int i = 0; i < n; i += lanes) {
-    const auto steps = hn::Iota(d, static_cast<float>(i));
+    const auto steps = hn::Iota(d, static_cast<float>(begin + i - anchor));
     const auto zero = hn::Zero(d);
     const auto w0 = hn::Max(values(d, shares[0], steps), zero);
     const auto w1 = hn::Max(values(d, shares[1], steps), zero);
@@ -107,19 +117,20 @@ void find_taps(const SourceView& source, int begin, int y, int n, const float* s
   const hn::RebindToSigned<decltype(d)> di;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const double* m = source.ideal_from_pixel.data();
+  const int anchor = anchor_of(m, begin, y, n);  // X = 0: where the camera looks
   // Common scale of (X, Y, W): only their ratio matters, and float must hold them.
-  const double w_here = m[6] * (begin + 0.5) + (m[7] * (y + 0.5) + m[8]);
+  const double w_here = m[6] * (anchor + 0.5) + (m[7] * (y + 0.5) + m[8]);
   const double scale = w_here != 0 ? 1 / std::abs(w_here) : 1;
-  const Ramp ramp_x = ramp(m, begin, y, scale);
-  const Ramp ramp_y = ramp(m + 3, begin, y, scale);
-  const Ramp ramp_w = ramp(m + 6, begin, y, scale);
+  const Ramp ramp_x = ramp(m, anchor, y, scale);
+  const Ramp ramp_y = ramp(m + 3, anchor, y, scale);
+  const Ramp ramp_w = ramp(m + 6, anchor, y, scale);
   const auto set = [&](float value) { return hn::Set(d, value); };
   const auto one = set(1), zero = hn::Zero(d), half = set(0.5F);
   const auto width = set(static_cast<float>(source.width));
   const auto height = set(static_cast<float>(source.height));
 
   for (int i = 0; i < n; i += lanes) {
-    const auto steps = hn::Iota(d, static_cast<float>(i));
+    const auto steps = hn::Iota(d, static_cast<float>(begin + i - anchor));
     const auto w = values(d, ramp_w, steps);
     const auto in_front = hn::Gt(w, zero);
     const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
@@ -183,9 +194,10 @@ void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba,
     }
     if (first) std::fill(sums, sums + 4 * n, 0.0F);
     float* out_z = z + (begin - run.begin);
-    const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
+    const int anchor = anchor_of(run.slope.data(), begin, run.y, n);
+    const Ramp along = ramp(run.slope.data(), anchor, run.y, 1 / run.distance);
     for (int i = 0; i < n; ++i) {
-      const float slope = along.base + static_cast<float>(i) * along.step;
+      const float slope = along.base + static_cast<float>(begin + i - anchor) * along.step;
       const bool met = run.at_infinity || slope > 0;
       if (!met) std::fill(sums + 4 * i, sums + 4 * i + 4, 0.0F);
       out_z[i] = !run.at_infinity && sums[4 * i + 3] > 0 ? 1 / slope
@@ -288,10 +300,11 @@ void mark(const PixelRun& run) {
     const int n = std::min(kChunk, run.end - begin);
     find_weights(run, begin, n, weights);
     if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
-    const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
+    const int anchor = anchor_of(run.slope.data(), begin, run.y, n);
+    const Ramp along = ramp(run.slope.data(), anchor, run.y, 1 / run.distance);
     if (!run.at_infinity) {
       for (int i = 0; i < n; ++i) {  // rays that never meet the plane want nothing
-        if (along.base + static_cast<float>(i) * along.step > 0) continue;
+        if (along.base + static_cast<float>(begin + i - anchor) * along.step > 0) continue;
         for (auto& camera : weights.camera) camera[i] = 0;
       }
     }

@@ -57,7 +57,10 @@ class CostScratch {
   struct Camera {
     std::uint32_t *red_blue, *green, *seen;
   };
-  Camera camera(int i);
+  Camera camera(int i) {
+    std::uint32_t* first = samples_.data() + 3 * static_cast<std::size_t>(i) * stride_;
+    return {first, first + stride_, first + 2 * stride_};
+  }
   std::int32_t* offsets() { return offsets_.data(); }
   std::uint32_t* right() { return right_.data(); }
   std::uint32_t* down() { return down_.data(); }

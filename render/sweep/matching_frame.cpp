@@ -56,9 +56,4 @@ CostScratch::CostScratch(int planes)
       lower_(2 * stride_),
       offsets_(stride_) {}
 
-CostScratch::Camera CostScratch::camera(int i) {
-  std::uint32_t* first = samples_.data() + 3 * static_cast<std::size_t>(i) * stride_;
-  return {first, first + stride_, first + 2 * stride_};
-}
-
 }  // namespace raystage

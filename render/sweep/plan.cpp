@@ -22,7 +22,7 @@ constexpr std::array kOptions{
                   "how neighbouring pixels help each other to a plane"),
     whole_option("p1", 40, 0, 4000,
                  "semi_global: penalty for one plane's change, of a cost of 255"),
-    whole_option("p2", 200, 0, 4000, "semi_global: penalty for a larger change, at least p1"),
+    whole_option("p2", 800, 0, 4000, "semi_global: penalty for a larger change, at least p1"),
     whole_option("box_radius", 2, 1, 7, "box: pixels to each side that are summed over"),
     number_option("truncation", 40, 1, 255, "difference of 8-bit codes beyond which all are alike"),
     flag_option("sub_plane", true, "depths between planes, by a parabola through the costs"),

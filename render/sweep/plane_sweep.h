@@ -29,7 +29,7 @@ struct Settings {
   Aggregation aggregation = Aggregation::kSemiGlobal;
   LookUp look_up = LookUp::kCubic;
   bool sub_plane = true;
-  int p1 = 40, p2 = 200, box_radius = 2;
+  int p1 = 40, p2 = 800, box_radius = 2;
   double truncation = 40;
 };
 

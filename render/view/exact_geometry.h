@@ -83,8 +83,8 @@ inline std::optional<Real> exact_depth(const Eigen::Vector4d& plane, const Eigen
   return -(dot(normal, exact(eye)) + plane.w()) / along;
 }
 
-/// Where a camera without distortion sees the point of `plane` on the ray, in pixels; nullopt where
-/// the ray does not meet it ahead, or the camera does not look towards it.
+/// Where a camera sees the point of `plane` on the ray, in pixels, however far outside of its
+/// image; nullopt where the ray does not meet it ahead, or the camera does not look towards it.
 inline std::optional<std::array<Real, 2>> exact_pixel(const Intrinsics& k, const Pose& camera,
                                                       const Eigen::Vector4d& plane,
                                                       const Eigen::Vector3d& eye,
@@ -98,8 +98,12 @@ inline std::optional<std::array<Real, 2>> exact_pixel(const Intrinsics& k, const
   const Eigen::Matrix3d& r = camera.world_from_camera_rotation;
   const Real ahead = -dot(exact(r.col(2)), towards);
   if (ahead <= 0) return std::nullopt;
-  return std::array<Real, 2>{k.fx * (dot(exact(r.col(0)), towards) / ahead) + k.cx,
-                             k.fy * (-dot(exact(r.col(1)), towards) / ahead) + k.cy};
+  const Real x = dot(exact(r.col(0)), towards) / ahead, y = -dot(exact(r.col(1)), towards) / ahead;
+  const Distortion& d = k.distortion;
+  const Real rr = x * x + y * y, radial = 1 + rr * (d.k1 + rr * (d.k2 + rr * Real(d.k3)));
+  return std::array<Real, 2>{
+      k.fx * (x * radial + 2 * x * y * d.p1 + (rr + 2 * x * x) * d.p2) + k.cx,
+      k.fy * (y * radial + (rr + 2 * y * y) * d.p1 + 2 * x * y * d.p2) + k.cy};
 }
 
 }  // namespace raystage::testing

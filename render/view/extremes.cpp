@@ -73,6 +73,7 @@ void add_eyes(std::vector<Extreme>& all) {
 void add_planes(std::vector<Extreme>& all) {
   constexpr double kEdgeOn = 0.5;  // metres below the axis
   all.push_back(of_grid("focus 1e-3 m ahead", {{0, 0, 1e-4}}, {0, 0, 1, 9e-4}));
+  all.push_back(of_grid("focus tilted, 1e-3 m ahead", {{0, 0, 1e-4}}, {0.3, -0.2, 1, 9e-4}));
   all.push_back(of_grid("focus at 1e9 m", {}, {0, 0, 1, 1e9}));
   all.push_back(of_grid("focus at infinity", {}, {0, 0, 0, 1}));
   all.push_back(of_grid("focus edge-on", {}, {0, 1, 0, kEdgeOn}));

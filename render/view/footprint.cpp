@@ -82,16 +82,23 @@ RenderedView averaged(const RenderedView& image, int factor) {
   mean.rgba.resize(pixels * 4);
   mean.coverage.resize(pixels);
   mean.z.resize(pixels);
+  if (!image.cameras.empty()) mean.cameras.resize(pixels);
+  if (!image.nearest_ray.empty()) mean.nearest_ray.resize(pixels);
   const float share = 1.0F / static_cast<float>(factor * factor);
   raystage::parallel_for(0, mean.height, [&](int y) {
     for (int x = 0; x < mean.width; ++x) {
-      float sum[4] = {0, 0, 0, 0}, coverage = 0, inverse_depth = 0;
+      float sum[4] = {0, 0, 0, 0}, coverage = 0, inverse_depth = 0, cameras = 0;
+      float nearest_ray = std::numeric_limits<float>::infinity();
       for (int i = 0; i < factor * factor; ++i) {
         const auto row = static_cast<std::size_t>(y * factor + i / factor);
         const std::size_t from = row * static_cast<std::size_t>(image.width) +
                                  static_cast<std::size_t>(x * factor + i % factor);
         for (std::size_t c = 0; c < 4; ++c) sum[c] += image.rgba[from * 4 + c];
         coverage += image.coverage[from];
+        if (!image.cameras.empty()) cameras += image.cameras[from];
+        if (!image.nearest_ray.empty()) {
+          nearest_ray = std::min(nearest_ray, image.nearest_ray[from]);
+        }
         if (const float alpha = image.rgba[from * 4 + 3]; alpha > 0) {
           inverse_depth += alpha / image.z[from];
         }
@@ -100,6 +107,8 @@ RenderedView averaged(const RenderedView& image, int factor) {
                              static_cast<std::size_t>(x);
       for (std::size_t c = 0; c < 4; ++c) mean.rgba[to * 4 + c] = sum[c] * share;
       mean.coverage[to] = coverage * share;
+      if (!image.cameras.empty()) mean.cameras[to] = cameras * share;
+      if (!image.nearest_ray.empty()) mean.nearest_ray[to] = nearest_ray;
       mean.z[to] =
           inverse_depth > 0 ? sum[3] / inverse_depth : std::numeric_limits<float>::infinity();
     }

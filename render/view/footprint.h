@@ -18,8 +18,9 @@ double source_pixels_per_pixel(const VirtualCamera& view, const Instant& instant
 /// The view with `factor` times as many pixels along each axis, over the same image.
 VirtualCamera supersampled(const VirtualCamera& view, int factor);
 
-/// The mean of factor x factor pixels each: of premultiplied linear light, alpha and coverage; of
-/// inverse depths where alpha is above 0, by alpha (they are what is linear on a plane). Statistics
+/// The mean of factor x factor pixels each: of premultiplied linear light, alpha, coverage and,
+/// where measured, cameras; of inverse depths where alpha is above 0, by alpha (they are what is
+/// linear on a plane); the least, where measured, of nearest_ray. Statistics
 /// and notes are kept. `image`: of a view made by supersampled() with that factor.
 RenderedView averaged(const RenderedView& image, int factor);
 

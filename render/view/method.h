@@ -28,6 +28,13 @@ struct ViewRequest {
   KeptResults& kept;
   std::size_t working_bytes;         ///< memory that the method may use meanwhile, beside `kept`
   bool count_needed_pixels = false;  ///< fill RenderStatistics::pixels_needed (costs time)
+  bool measure_coverage = false;     ///< fill RenderedView::cameras and nearest_ray (costs time)
+};
+
+/// Options that make a method cheaper or finer than it is unless told, for those who compare.
+struct MethodPreset {
+  std::string_view name;     ///< e.g. "fast", "fine"
+  std::string_view options;  ///< "NAME=VALUE,..."
 };
 
 /// A way to reconstruct views, chosen by name. Whatever is done per pixel is done inside.
@@ -42,6 +49,8 @@ struct Method {
   /// Files beside the archives that determine the pixels, for fingerprints; null: none.
   std::vector<std::filesystem::path> (*files_read)(const MethodOptions& options, const Take& take,
                                                    const FrameSelection& frames) = nullptr;
+  bool measures_coverage = false;  ///< knows what ViewRequest::measure_coverage asks for
+  std::span<const MethodPreset> presets = {};
 };
 
 }  // namespace raystage

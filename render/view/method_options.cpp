@@ -131,6 +131,29 @@ OptionValues::value_type option_from_text(std::string_view text) {
   return {name, std::string(value)};
 }
 
+OptionValues options_from_text(std::string_view text) {
+  OptionValues options;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find(','), text.size());
+    const auto [name, value] = option_from_text(text.substr(0, end));
+    if (!options.emplace(name, value).second) {
+      throw Error::bad_input("found '" + name + "' twice, allowed: once", "option",
+                             "Keep one of them");
+    }
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return options;
+}
+
+std::string text_of(const OptionValues& options) {
+  std::string text;
+  for (const auto& [name, value] : options) {
+    const std::string* word = std::get_if<std::string>(&value);
+    text += (text.empty() ? "" : ",") + name + "=" + (word != nullptr ? *word : shown(value));
+  }
+  return text;
+}
+
 std::string describe(const OptionSpec& spec) {
   const OptionValue value = fallback(spec);
   const std::string unless =

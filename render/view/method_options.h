@@ -75,6 +75,12 @@ class MethodOptions {
 /// (bad input) where there is no '=' or no name.
 OptionValues::value_type option_from_text(std::string_view text);
 
+/// "NAME=VALUE,NAME=VALUE", none where empty. Throws Error (bad input) as above, and for a name
+/// that comes twice.
+OptionValues options_from_text(std::string_view text);
+/// The same the other way, by name.
+std::string text_of(const OptionValues& options);
+
 /// A line for people: name, unless-given value, range, help.
 std::string describe(const OptionSpec& spec);
 

@@ -84,6 +84,21 @@ TEST(MethodOptions, ComeFromTheCommandLine) {
   EXPECT_THROW(option_from_text("=3"), Error);
 }
 
+TEST(MethodOptions, ComeAsAListAndGoBack) {
+  const OptionValues values = options_from_text("planes=96,shape=hexagon,sub_plane=true,step=0.25");
+  EXPECT_EQ(values, (OptionValues{{"planes", 96.0},
+                                  {"shape", std::string("hexagon")},
+                                  {"sub_plane", true},
+                                  {"step", 0.25}}));
+  EXPECT_EQ(text_of(values), "planes=96,shape=hexagon,step=0.25,sub_plane=true");
+  EXPECT_EQ(options_from_text(text_of(values)), values);
+  EXPECT_TRUE(options_from_text("").empty());
+  EXPECT_EQ(text_of({}), "");
+  for (const char* text : {"planes", "planes=1,,step=2", "planes=1,planes=2"}) {
+    EXPECT_THROW(options_from_text(text), Error) << text;
+  }
+}
+
 TEST(MethodOptions, AreDescribedWithRangeAndFallback) {
   EXPECT_EQ(describe(kSpecs[1]),
             "planes = 0 (a whole number from 0 to 4096): how many; 0: eq. 2.1");

@@ -51,6 +51,12 @@ struct RenderedView {
   /// Planar depth along the view's axis, metres, of the surface the rays were looked up on;
   /// +infinity where A is 0.
   std::vector<float> z;
+  /// On request, else empty: how many cameras of equal weight would be as many as those behind a
+  /// pixel, (sum w)^2 / sum w^2; 0 where there are none.
+  std::vector<float> cameras;
+  /// On request, else empty: metres, least distance from the pixel's ray (a whole line) to the
+  /// centre of a camera that contributes; +infinity where none does.
+  std::vector<float> nearest_ray;
   RenderStatistics statistics;
   /// What people should know about how it was made, a line each, the same for every frame of a
   /// shot.

@@ -35,4 +35,5 @@ else
 fi
 "$build/bin/focal_plane_bench"
 "$build/bin/thesis_bench"
+"$build/bin/plane_sweep_bench"
 "$build/bin/jpeg_bench"

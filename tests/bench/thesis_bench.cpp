@@ -7,7 +7,10 @@
 #include <tbb/global_control.h>
 #include <tbb/parallel_pipeline.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "render/renderer.h"
@@ -108,6 +111,7 @@ BENCHMARK(BM_FromArchives)
     ->ArgsProduct({{0, 1}, {1, 2}})
     ->ArgNames({"method", "threads"})
     ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
     ->UseRealTime()
     ->MinTime(2);
 
@@ -124,12 +128,16 @@ void BM_FromMemory(benchmark::State& state) {
   for (int warm = 0; warm < 3; ++warm) {
     renderer.render(view, frames, reconstruction(state.range(0)));
   }
-  double cameras = 0;
+  double cameras = 0, best_ms = std::numeric_limits<double>::infinity();
   for (auto _ : state) {
+    const auto start = std::chrono::steady_clock::now();
     const RenderedView image = renderer.render(view, frames, reconstruction(state.range(0)));
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+    best_ms = std::min(best_ms, took.count());  // where others share the machine
     cameras = image.statistics.cameras_used;
     benchmark::DoNotOptimize(image.rgba.data());
   }
+  state.counters["best_ms"] = best_ms;
   state.SetLabel(kMethods[state.range(0)]);
   state.counters["cameras_used"] = cameras;
 }
@@ -139,6 +147,7 @@ BENCHMARK(BM_FromMemory)  // by cameras, by threads, by resolution
     ->ArgsProduct({{0, 1}, {8}, {2}, {256, 1024, 2048}})
     ->ArgNames({"method", "per_side", "threads", "size"})
     ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
     ->UseRealTime();
 
 /// slabs upright and with the view rolled by a quarter turn, so that neighbouring pixels lie in
@@ -152,15 +161,21 @@ void BM_Rolled(benchmark::State& state) {
   VirtualCamera view = view_of(8, 512);
   if (state.range(0) != 0) view.pose.world_from_camera_rotation << 0, -1, 0, 1, 0, 0, 0, 0, 1;
   renderer.render(view, frames, reconstruction(1));
+  double best_ms = std::numeric_limits<double>::infinity();
   for (auto _ : state) {
+    const auto start = std::chrono::steady_clock::now();
     benchmark::DoNotOptimize(renderer.render(view, frames, reconstruction(1)).rgba.data());
+    const std::chrono::duration<double, std::milli> took = std::chrono::steady_clock::now() - start;
+    best_ms = std::min(best_ms, took.count());
   }
+  state.counters["best_ms"] = best_ms;
 }
 BENCHMARK(BM_Rolled)
     ->Arg(0)
     ->Arg(1)
     ->ArgName("rolled")
     ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
     ->UseRealTime();
 
 /// What a new instant costs slabs before its first view: all 64 cameras decoded and rectified, or
@@ -186,6 +201,7 @@ BENCHMARK(BM_Rectify)
     ->Arg(1)
     ->ArgName("decoded")
     ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
     ->UseRealTime();
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "schemas/bench_document.h"
 #include "schemas/error.h"
 #include "schemas/import_manifest.h"
 #include "schemas/record_config.h"
@@ -52,7 +53,7 @@ void read_offsets(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 9) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 10) {
     case 0:
       round_trip(text, raystage::parse_rig, raystage::format_rig);
       break;
@@ -76,6 +77,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 8:
       read_offsets(text);
+      break;
+    case 9:
+      round_trip(text, raystage::parse_bench, raystage::format_bench);
       break;
     default:
       round_trip(

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// How many cameras are behind a pixel, and how near the nearest of them passes to its ray.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "render/renderer.h"
+#include "render/view/synthetic_take.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+
+class CoverageMeasures : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(3, 3, 0.06, 160, 120, {-0.15, 0.02, 0, 0, 0});
+    settings.absent = {{8, 0}};
+    write_synthetic_take(settings, folder_.path() / "take");
+  }
+  RenderedView render(const std::string& method, const Vector3d& eye, bool reference = false,
+                      bool measured = true) const {
+    const Take take(folder_.path() / "take");
+    VirtualCamera view = virtual_camera_with_fov(91, 71, 0.8, {});
+    view.pose.position = eye;
+    RendererSettings settings;
+    settings.measure_coverage = measured;
+    settings.reference = reference;
+    return LightFieldRenderer(take, settings)
+        .render(view, select_frames(take, 0, 1), {method, {0, 0, 1, 4}});
+  }
+  static constexpr std::size_t kMiddle = 35 * 91 + 45;
+  TestFolder folder_;
+};
+
+TEST_F(CoverageMeasures, AgreeWithTheReferenceForEveryMethod) {
+  for (const char* method : {"focal_plane", "nearest", "lumigraph"}) {
+    for (const Vector3d& eye : {Vector3d(0.01, 0.02, 0.05), Vector3d(0.02, 0, -0.1)}) {
+      const RenderedView fast = render(method, eye), reference = render(method, eye, true);
+      std::size_t compared = 0, differ = 0;
+      for (std::size_t i = 0; i < fast.coverage.size(); ++i) {
+        if (reference.rgba[4 * i + 3] < 0.999F) continue;
+        ++compared;
+        const bool agree = std::abs(fast.cameras[i] - reference.cameras[i]) < 0.02F &&
+                           std::abs(fast.nearest_ray[i] - reference.nearest_ray[i]) < 1e-5F;
+        differ += agree ? 0 : 1;
+      }
+      EXPECT_GT(compared, fast.coverage.size() / 2) << method;
+      EXPECT_LE(differ, compared / 200) << method;  // where one gives way to the next
+    }
+  }
+}
+
+TEST_F(CoverageMeasures, CountCamerasAndDistances) {
+  const Vector3d at_camera(0, 0, 0), between(0.02, 0.02, 0);  // the cell's centroid
+  for (const char* method : {"focal_plane", "nearest", "lumigraph"}) {
+    const RenderedView image = render(method, at_camera);
+    EXPECT_NEAR(image.cameras[kMiddle], 1, 0.02) << method;
+    EXPECT_NEAR(image.nearest_ray[kMiddle], 0, 1e-6) << method;
+  }
+  EXPECT_NEAR(render("focal_plane", between).cameras[kMiddle], 3, 0.05);
+  EXPECT_NEAR(render("focal_plane", between).nearest_ray[kMiddle], std::hypot(0.02, 0.02), 1e-5);
+  EXPECT_EQ(render("nearest", between).cameras[kMiddle], 1);
+  EXPECT_NEAR(render("lumigraph", between).nearest_ray[kMiddle], std::hypot(0.02, 0.02), 1e-5);
+}
+
+TEST_F(CoverageMeasures, AreOnlyThereOnRequestAndSayWhereNobodySees) {
+  EXPECT_TRUE(render("focal_plane", {0, 0, 0}, false, false).cameras.empty());
+  EXPECT_TRUE(render("lumigraph", {0, 0, 0}, false, false).nearest_ray.empty());
+  for (const char* method : {"focal_plane", "nearest", "lumigraph"}) {
+    const RenderedView image = render(method, {60, 0, 0});
+    ASSERT_EQ(image.rgba[4 * kMiddle + 3], 0) << method;
+    EXPECT_EQ(image.cameras[kMiddle], 0) << method;
+    EXPECT_EQ(image.nearest_ray[kMiddle], std::numeric_limits<float>::infinity()) << method;
+  }
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/evaluation/evaluation.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "render/view/synthetic_take.h"
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+std::vector<ViewEvaluation> views_of(const std::vector<double>& psnr) {
+  std::vector<ViewEvaluation> views(psnr.size());
+  for (std::size_t i = 0; i < psnr.size(); ++i) views[i].quality.psnr_db = psnr[i];
+  return views;
+}
+
+TEST(Steadiness, IsSpreadAndLargestStep) {
+  const Steadiness steadiness = steadiness_of(views_of({30, 32, 31, 35}));
+  EXPECT_NEAR(steadiness.deviation_db, std::sqrt((4 + 0 + 1 + 9) / 4.0), 1e-12);
+  EXPECT_EQ(steadiness.largest_step_db, 4);
+  EXPECT_EQ(steadiness_of(views_of({30})).largest_step_db, 0);
+  EXPECT_EQ(steadiness_of({}).deviation_db, 0);
+}
+
+TEST(Steadiness, PassesOverViewsWithoutAValue) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double same = std::numeric_limits<double>::infinity();
+  const Steadiness steadiness = steadiness_of(views_of({30, nan, 31, same, 30.5}));
+  EXPECT_EQ(steadiness.largest_step_db, 1);
+  EXPECT_LT(steadiness.deviation_db, 1);
+}
+
+class EvaluatedTake : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(5, 5, 0.03, 64, 48);
+    for (CameraGeometry& camera : settings.cameras) {
+      // As a set of which every second row and column was kept.
+      camera.row = 2 * *camera.row;
+      camera.column = 2 * *camera.column;
+    }
+    write_synthetic_take(settings, folder_.path() / "take");
+    settings_.focal_depth = 4;
+    settings_.leave_out = {"r2c2"};
+  }
+  Evaluation evaluate(const Take& take) const {
+    return evaluate_views(take, {}, {}, settings_, [](double) {}, {});
+  }
+  TestFolder folder_;
+  EvaluationSettings settings_;
+};
+
+TEST_F(EvaluatedTake, StepsCountRowsNotTheirNumbers) {
+  const Take take(folder_.path() / "take");
+  EXPECT_TRUE(cameras_left_out(take, {}, 1).empty());
+  // Rows 0, 4, 8 of 0, 2, 4, 6, 8: 9 of 25 stay.
+  const std::vector<int> second = cameras_left_out(take, {}, 2);
+  EXPECT_EQ(second.size(), 16U);
+  EXPECT_THAT(cameras_left_out(take, {}, 4), ::testing::SizeIs(21));
+  EXPECT_THAT(cameras_left_out(take, {"r0c1"}, 1), ElementsAre(1));
+  EXPECT_THROW(cameras_left_out(take, {"nobody"}, 1), Error);
+}
+
+TEST_F(EvaluatedTake, RepeatingChangesTimesOnly) {
+  const Take take(folder_.path() / "take");
+  const Evaluation once = evaluate(take);
+  settings_.repeat = 4;
+  settings_.count_needed_pixels = false;
+  std::size_t seen = 0;
+  settings_.on_picture = [&](const EvaluatedPicture& picture) {
+    EXPECT_EQ(picture.index, seen++);
+    EXPECT_EQ(picture.count, 1U);
+    EXPECT_EQ(picture.id, "r2c2");
+    EXPECT_EQ(picture.image.width, 64);
+    EXPECT_EQ(picture.truth.height, 48);
+    EXPECT_EQ(picture.covered.size(), 64U * 48U);
+  };
+  const Evaluation repeated = evaluate(take);
+  EXPECT_EQ(seen, 1U);
+  EXPECT_EQ(repeated.mean.quality.psnr_db, once.mean.quality.psnr_db);
+  EXPECT_GT(repeated.mean.render_ms, 0);
+  EXPECT_GT(repeated.mean.render_least_ms, 0);
+  EXPECT_LE(repeated.mean.render_least_ms, repeated.mean.render_ms);
+  EXPECT_EQ(repeated.prepare_ms, 0);  // one plane keeps nothing
+  EXPECT_FALSE(std::isnan(once.mean.decoded_per_needed));
+  EXPECT_TRUE(std::isnan(repeated.mean.decoded_per_needed));
+}
+
+TEST_F(EvaluatedTake, EveryNthView) {
+  const Take take(folder_.path() / "take");
+  settings_.leave_out = {"r2c2", "r1c1", "r3c3"};
+  settings_.view_step = 2;
+  const Evaluation evaluation = evaluate(take);
+  ASSERT_EQ(evaluation.views.size(), 2U);
+  EXPECT_EQ(evaluation.views[1].id, "r3c3");
+  EXPECT_EQ(evaluation.cameras, 22);
+  const auto json = nlohmann::json::parse(evaluation_as_json(evaluation));
+  EXPECT_EQ(json["steadiness"]["psnr_largest_step_db"],
+            std::abs(evaluation.views[0].quality.psnr_db - evaluation.views[1].quality.psnr_db));
+  EXPECT_THAT(evaluation_as_text(evaluation), HasSubstr("largest step"));
+}
+
+}  // namespace
+}  // namespace raystage

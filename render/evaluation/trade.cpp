@@ -1,0 +1,195 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/evaluation/trade.h"
+
+#include <malloc.h>
+#include <tbb/global_control.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <fstream>
+#include <limits>
+#include <set>
+
+#include "render/evaluation/trade_front.h"
+#include "render/methods.h"
+#include "rig/sampling_limits.h"
+#include "schemas/error.h"
+#include "schemas/resources.h"
+
+namespace raystage {
+namespace {
+
+void check(const TradePlan& plan) {
+  if (plan.settings.empty() || plan.camera_steps.empty() || plan.threads.empty()) {
+    throw Error::bad_input("there is nothing to measure", "bench",
+                           "Give at least one setting, camera step and number of threads");
+  }
+  std::set<std::string> labels;
+  for (const TradeSetting& setting : plan.settings) {
+    if (!labels.insert(setting.label).second) {
+      throw Error::bad_input("two settings are called '" + setting.label + "'", "bench",
+                             "Give every setting a label of its own");
+    }
+    MethodOptions(method_named(setting.method).options, setting.options,
+                  "setting " + setting.label);
+  }
+}
+
+std::string processor_name() {
+  std::ifstream file("/proc/cpuinfo");
+  for (std::string line; std::getline(file, line);) {
+    if (!line.starts_with("model name")) continue;
+    const std::size_t colon = line.find(": ");
+    if (colon != std::string::npos) return line.substr(colon + 2);
+  }
+  return "unknown";
+}
+
+/// Eq. 2.1 for the cameras that a row has, with their mean focal length.
+std::optional<SpacingPrediction> prediction_of(const Take& take,
+                                               const std::vector<std::string>& leave_out,
+                                               const TradeRow& row) {
+  if (!take.document().depth_range) return std::nullopt;
+  const std::vector<int> left_out = cameras_left_out(take, leave_out, row.camera_step);
+  std::vector<int> cameras;
+  double focal_length = 0;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    if (std::ranges::find(left_out, camera) != left_out.end()) continue;
+    cameras.push_back(camera);
+    focal_length += take.rig().cameras[static_cast<std::size_t>(camera)].model.intrinsics().fx;
+  }
+  focal_length /= static_cast<double>(cameras.size());
+  SpacingPrediction predicted;
+  predicted.spacing = camera_spacing(take.rig(), topology_of(take.rig(), cameras));
+  predicted.disparity_px =
+      disparity_range(focal_length, predicted.spacing, *take.document().depth_range);
+  predicted.planes = alias_free_planes(predicted.disparity_px);
+  predicted.alias_free =
+      alias_free_depths(focal_length, predicted.spacing, row.evaluation.focal_depth);
+  return predicted;
+}
+
+/// Marks what is worth its time, among rows of the same cameras and threads.
+void mark_fronts(std::vector<TradeRow>& rows) {
+  const auto mark = [&rows](auto quality_of, bool TradeRow::*flag) {
+    for (TradeRow& row : rows) {
+      // Rows of other cameras or threads, and those that failed, cannot beat one of these.
+      std::vector<TradePoint> points;
+      for (const TradeRow& other : rows) {
+        const bool comparable = other.failure.empty() && other.camera_step == row.camera_step &&
+                                other.threads == row.threads;
+        points.push_back(
+            {comparable ? other.seconds_per_frame() : std::numeric_limits<double>::quiet_NaN(),
+             quality_of(other)});
+      }
+      row.*flag = pareto_front(points)[static_cast<std::size_t>(&row - rows.data())] != 0;
+    }
+  };
+  mark([](const TradeRow& row) { return row.evaluation.mean.quality.psnr_db; },
+       &TradeRow::on_psnr_front);
+  mark([](const TradeRow& row) { return row.evaluation.mean.quality.ssim; },
+       &TradeRow::on_ssim_front);
+}
+
+}  // namespace
+
+std::vector<TradeSetting> default_trade_settings() {
+  std::vector<TradeSetting> settings;
+  for (const Method& method : methods()) {
+    const std::string name(method.name);
+    settings.push_back({name, name, {}, {}});
+    for (const MethodPreset& preset : method.presets) {
+      settings.push_back(
+          {name + " " + std::string(preset.name), name, options_from_text(preset.options), {}});
+    }
+  }
+  return settings;
+}
+
+TradeSetting trade_setting_from_text(std::string_view text) {
+  const std::size_t first = text.find(':');
+  if (first == std::string_view::npos) return {std::string(text), std::string(text), {}, {}};
+  const std::string_view rest = text.substr(first + 1);
+  const std::size_t second = std::min(rest.find(':'), rest.size());
+  const std::string_view options = rest.substr(std::min(second + 1, rest.size()));
+  if (first == 0 || second == 0) {
+    throw Error::bad_input(
+        "found '" + std::string(text) + "', allowed: LABEL:METHOD:NAME=VALUE,...", "--setting",
+        "Write for example fine:plane_sweep:planes=96");
+  }
+  return {std::string(text.substr(0, first)),
+          std::string(rest.substr(0, second)),
+          options_from_text(options),
+          {}};
+}
+
+Trade measure_trade(const Take& take, const ViewsDocument& views,
+                    const std::filesystem::path& views_folder, const TradePlan& plan,
+                    const std::function<void(const Trade&)>& on_row,
+                    const std::function<void(double)>& progress, std::stop_token stop) {
+  check(plan);
+  Trade trade;
+  trade.take = take.document().name;
+  trade.cpu = processor_name();
+  trade.repeat = plan.common.repeat;
+  std::optional<Error> first_failure;
+  const std::size_t all = plan.threads.size() * plan.camera_steps.size() * plan.settings.size();
+  bool measured = false;
+
+  const auto measure = [&](TradeRow& row) {
+    EvaluationSettings settings = plan.common;
+    settings.method = row.setting.method;
+    settings.options = row.setting.options;
+    if (row.setting.focal_depth) settings.focal_depth = row.setting.focal_depth;
+    settings.camera_step = row.camera_step;
+    // Threads change no byte of a picture: those of the first number of them do.
+    if (row.threads == plan.threads.front()) {
+      settings.on_picture = [&](const EvaluatedPicture& picture) {
+        trade.pictures.add(trade.rows.size(), picture, plan.pictures);
+      };
+    }
+    malloc_trim(0);  // what the row before has left is not this one's
+    const bool counted = reset_peak_memory();
+    const auto share = [&](double done) {
+      progress((static_cast<double>(trade.rows.size()) + done) / static_cast<double>(all));
+    };
+    row.evaluation = evaluate_views(take, views, views_folder, settings, share, stop);
+    row.peak_memory = counted ? peak_memory() : 0;
+    row.predicted = prediction_of(take, settings.leave_out, row);
+  };
+
+  for (const int threads : plan.threads) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(threads));
+    tbb::task_arena arena(threads);
+    for (const int camera_step : plan.camera_steps) {
+      for (const TradeSetting& setting : plan.settings) {
+        TradeRow row;
+        row.setting = setting;
+        row.camera_step = camera_step;
+        row.threads = threads;
+        try {
+          arena.execute([&] { measure(row); });
+          measured = true;
+          if (trade.views.empty()) {
+            for (const auto& view : row.evaluation.views) trade.views.push_back(view.id);
+          }
+        } catch (const Error& error) {
+          if (stop.stop_requested()) return trade;
+          row.evaluation = {};
+          row.failure = error.what();
+          if (!first_failure) first_failure = error;
+        }
+        trade.rows.push_back(std::move(row));
+        mark_fronts(trade.rows);
+        trade.complete = trade.rows.size() == all;
+        progress(static_cast<double>(trade.rows.size()) / static_cast<double>(all));
+        on_row(trade);
+      }
+    }
+  }
+  if (!measured) throw *first_failure;
+  return trade;
+}
+
+}  // namespace raystage

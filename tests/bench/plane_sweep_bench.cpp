@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+// plane_sweep against the same in OpenCV: 96 planes, 4 cameras, 5x5 box, best plane, blend.
+// The take: $RAYSTAGE_BENCH_TAKE; by default 8x8 cameras of 960x640 looking at a painted plane.
+#include <benchmark/benchmark.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "render/renderer.h"
+#include "render/sweep/camera_field.h"
+#include "render/view/plane_projection.h"
+#include "render/view/synthetic_take.h"
+#include "schemas/transfer_function.h"
+#include "store/jpeg/decode.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kWidth = 960, kHeight = 640, kPlanes = 96;
+constexpr double kTruncation = 40;
+
+class BenchTake {
+ public:
+  BenchTake() {
+    if (const char* folder = std::getenv("RAYSTAGE_BENCH_TAKE")) {
+      take_ = std::make_unique<Take>(folder);
+      return;
+    }
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(4, 4, 0.0615, kWidth, kHeight);
+    settings.plane_depth = 5;
+    settings.depth_range = DepthRange{3, 40};
+    settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
+    write_synthetic_take(settings, folder_.path() / "take");
+    take_ = std::make_unique<Take>(folder_.path() / "take");
+  }
+  const Take& take() const { return *take_; }
+
+ private:
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+};
+
+const Take& take() {
+  static const BenchTake opened;
+  return opened.take();
+}
+
+/// Amid the four cameras in the middle of the array: they share every ray alike.
+VirtualCamera middle_view() {
+  Pose pose;
+  pose.position = take().rig().centre();
+  return virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, pose);
+}
+
+Reconstruction sweep(OptionValues options) {
+  options["planes"] = static_cast<double>(kPlanes);
+  return {"plane_sweep", {0, 0, 0, 1}, std::move(options)};
+}
+
+OptionValues as_opencv() {
+  return {{"aggregation", std::string("box")},
+          {"look_up", std::string("linear")},
+          {"sub_plane", false}};
+}
+
+RenderedView render(const LightFieldRenderer& renderer, const OptionValues& options) {
+  return renderer.render(middle_view(), select_frames(take(), 0, kNanosecondsPerSecond),
+                         sweep(options));
+}
+
+/// The peer: every camera warped onto every plane.
+class OpenCvSweep {
+ public:
+  OpenCvSweep() {
+    const Rig& rig = take().rig();
+    const VirtualCamera view = middle_view();
+    const DepthRange scene = *take().document().depth_range;
+    std::vector<int> all;
+    for (int i = 0; i < take().camera_count(); ++i) all.push_back(i);
+    const InverseDepthRange range = inverse_depths_in_view(view, rig, scene);
+    planes_ = planes_across(range, kPlanes);
+    const CameraField field(view, rig, all, range, 4);
+    JpegDecoder decoder;
+    for (const int i : field.tile(field.columns() / 2, field.rows() / 2).best) {
+      const RgbImage image = decoder.decode(take().archive(i).jpeg(0), "frame");
+      cv::Mat frame(image.height, image.width, CV_8UC3);
+      std::copy(image.pixels.begin(), image.pixels.end(), frame.data);
+      frames_.push_back(frame);
+      cameras_.push_back(i);
+    }
+  }
+
+  /// Codes, and the plane of each pixel.
+  cv::Mat render(cv::Mat& best_plane) const {
+    cv::Mat best_cost(kHeight, kWidth, CV_32F, cv::Scalar(1e9)), colour(kHeight, kWidth, CV_32FC3);
+    best_plane = cv::Mat(kHeight, kWidth, CV_32S, cv::Scalar(0));
+    std::vector<cv::Mat> warped(frames_.size());
+    for (int plane = 0; plane < kPlanes; ++plane) {
+      cv::Mat mean = cv::Mat::zeros(kHeight, kWidth, CV_32FC3);
+      for (std::size_t k = 0; k < frames_.size(); ++k) {
+        cv::Mat codes;
+        cv::warpPerspective(frames_[k], codes, frame_from_view(k, plane), {kWidth, kHeight},
+                            cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
+        codes.convertTo(warped[k], CV_32F);
+        mean += warped[k];
+      }
+      mean /= static_cast<double>(frames_.size());
+      cv::Mat cost = cv::Mat::zeros(kHeight, kWidth, CV_32F), off, off_mean;
+      for (const cv::Mat& image : warped) {
+        cv::absdiff(image, mean, off);
+        cv::transform(off, off_mean, cv::Matx13f(1 / 3.0F, 1 / 3.0F, 1 / 3.0F));
+        cv::min(off_mean, kTruncation, off_mean);
+        cost += off_mean;
+      }
+      cv::boxFilter(cost, cost, CV_32F, {5, 5});
+      const cv::Mat better = cost < best_cost;
+      cost.copyTo(best_cost, better);
+      mean.copyTo(colour, better);
+      best_plane.setTo(plane, better);
+    }
+    return colour;
+  }
+
+ private:
+  cv::Mat frame_from_view(std::size_t k, int plane) const {
+    const VirtualCamera view = middle_view();
+    const Rig::Camera& camera = take().rig().cameras[static_cast<std::size_t>(cameras_[k])];
+    const double depth = 1 / planes_.inverse_depth(plane);
+    const Eigen::Vector3d axis = view.pose.viewing_direction();
+    const PlaneProjection projection(
+        view, {axis.x(), axis.y(), axis.z(), -axis.dot(view.pose.position) - depth});
+    const Intrinsics& i = camera.model.intrinsics();
+    Eigen::Matrix3d pixel_from_ideal;
+    pixel_from_ideal << i.fx, 0, i.cx - 0.5, 0, i.fy, i.cy - 0.5, 0, 0, 1;
+    Eigen::Matrix3d centre;  // OpenCV's pixel centres are whole numbers
+    centre << 1, 0, 0.5, 0, 1, 0.5, 0, 0, 1;
+    const Eigen::Matrix3d m = pixel_from_ideal * projection.ideal_from_pixel(camera.pose) * centre;
+    cv::Mat result(3, 3, CV_64F);
+    for (int r = 0; r < 3; ++r) {
+      for (int c = 0; c < 3; ++c) result.at<double>(r, c) = m(r, c);
+    }
+    return result;
+  }
+
+  SweepPlanes planes_;
+  std::vector<int> cameras_;
+  std::vector<cv::Mat> frames_;
+};
+
+void BM_OpenCv(benchmark::State& state) {
+  const OpenCvSweep peer;
+  cv::setNumThreads(static_cast<int>(state.range(0)));
+  cv::Mat planes, codes;
+  for (auto _ : state) {
+    codes = peer.render(planes);
+    benchmark::DoNotOptimize(codes.data);
+  }
+  // Whether it is the same picture.
+  const LightFieldRenderer renderer(take(), {});
+  const RenderedView ours = render(renderer, as_opencv());
+  double squares = 0, count = 0;
+  for (int y = 8; y < kHeight - 8; ++y) {
+    for (int x = 8; x < kWidth - 8; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y * kWidth + x) * 4;
+      if (ours.rgba[at + 3] < 0.999F) continue;
+      const auto& code = codes.at<cv::Vec3f>(y, x);
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double own = srgb_from_linear(static_cast<double>(ours.rgba[at + c])) * 255;
+        const double off = own - static_cast<double>(code[static_cast<int>(c)]);
+        squares += off * off;
+        ++count;
+      }
+    }
+  }
+  state.counters["to_ours_dB"] = 10 * std::log10(255.0 * 255.0 / (squares / count));
+}
+BENCHMARK(BM_OpenCv)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime()->Iterations(2);
+
+void BM_PlaneSweep(benchmark::State& state, const OptionValues& options) {
+  const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(state.range(0)));
+  const LightFieldRenderer renderer(take(), {});
+  for (int warm = 0; warm < 2; ++warm) benchmark::DoNotOptimize(render(renderer, options));
+  double plan = 0, least = 1e9;
+  for (auto _ : state) {
+    const RenderedView image = render(renderer, options);
+    plan = image.statistics.plan_ms;
+    least = std::min(
+        least, image.statistics.plan_ms + image.statistics.decode_ms + image.statistics.render_ms);
+    benchmark::DoNotOptimize(image.rgba.data());
+  }
+  state.counters["plan_ms"] = plan;
+  state.counters["least_ms"] = least;
+}
+BENCHMARK_CAPTURE(BM_PlaneSweep, box_as_opencv, as_opencv())
+    ->Arg(1)
+    ->Arg(2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->Iterations(4);
+BENCHMARK_CAPTURE(BM_PlaneSweep, semi_global, OptionValues{})
+    ->Arg(1)
+    ->Arg(2)
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->Iterations(4);
+
+}  // namespace
+}  // namespace raystage
+
+BENCHMARK_MAIN();

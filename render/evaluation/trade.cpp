@@ -6,6 +6,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <exception>
 #include <fstream>
 #include <limits>
 #include <set>
@@ -132,7 +133,7 @@ Trade measure_trade(const Take& take, const ViewsDocument& views,
   trade.take = take.document().name;
   trade.cpu = processor_name();
   trade.repeat = plan.common.repeat;
-  std::optional<Error> first_failure;
+  std::exception_ptr first_failure;
   const std::size_t all = plan.threads.size() * plan.camera_steps.size() * plan.settings.size();
   bool measured = false;
 
@@ -178,17 +179,17 @@ Trade measure_trade(const Take& take, const ViewsDocument& views,
           if (stop.stop_requested()) return trade;
           row.evaluation = {};
           row.failure = error.what();
-          if (!first_failure) first_failure = error;
+          if (!first_failure) first_failure = std::current_exception();
         }
         trade.rows.push_back(std::move(row));
         mark_fronts(trade.rows);
         trade.complete = trade.rows.size() == all;
         progress(static_cast<double>(trade.rows.size()) / static_cast<double>(all));
-        on_row(trade);
+        if (measured) on_row(trade);
       }
     }
   }
-  if (!measured) throw *first_failure;
+  if (!measured) std::rethrow_exception(first_failure);
   return trade;
 }
 

@@ -68,13 +68,16 @@ Method lumigraph_method() {
                                 "worked out for every pixel, or every 16 pixels and interpolated"));
     return all;
   }();
+  static constexpr MethodPreset kPresets[]{{"fast", "weights=blending_field"},
+                                           {"8 cameras", "cameras=8"}};
   return {"lumigraph",
           "the few cameras that suit each ray best, blended where it meets the plane or a mesh",
           options,
           by_lumigraph,
           by_lumigraph_reference,
           files_read,
-          true};
+          true,
+          kPresets};
 }
 
 }  // namespace raystage

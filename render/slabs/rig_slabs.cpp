@@ -82,9 +82,16 @@ std::shared_ptr<const RigSlabs> slabs_of(const ViewRequest& request) {
 }
 
 Method slabs_method() {
+  static constexpr MethodPreset kPresets[]{{"fast", "interpolation=bilinear_st"},
+                                           {"small", "uv_scale=0.5"}};
   return {"slabs",
           "four cameras a ray, from two-plane slabs into which the frames are rectified once",
-          kOptions, render_slabs, render_slabs_reference};
+          kOptions,
+          render_slabs,
+          render_slabs_reference,
+          nullptr,
+          false,
+          kPresets};
 }
 
 }  // namespace raystage

@@ -118,8 +118,16 @@ float absent_share(const Plan& plan, const Instant& instant, int x, int y) {
 }  // namespace plane_sweep
 
 Method plane_sweep_method() {
-  return {"plane_sweep", "the nearest cameras, where they agree best: depth found view by view",
-          plane_sweep::kOptions, plane_sweep::render, plane_sweep::render_reference};
+  static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"},
+                                           {"fine", "cameras=6,step_px=0.25"}};
+  return {"plane_sweep",
+          "the nearest cameras, where they agree best: depth found view by view",
+          plane_sweep::kOptions,
+          plane_sweep::render,
+          plane_sweep::render_reference,
+          nullptr,
+          false,
+          kPresets};
 }
 
 }  // namespace raystage

@@ -145,7 +145,7 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
   EXPECT_EQ(run("raystage").exit_code, 2);
   EXPECT_EQ(run("raystage fly").exit_code, 2);
   for (const char* command : {"record", "join", "import", "simulate", "sync", "info", "verify",
-                              "repair", "render", "evaluate", "preview"}) {
+                              "repair", "render", "evaluate", "bench", "preview"}) {
     SCOPED_TRACE(command);
     EXPECT_EQ(run(std::string("raystage ") + command + " --no-such-option").exit_code, 2);
     EXPECT_EQ(run(std::string("raystage ") + command).exit_code, 2);

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// `raystage bench` as users run it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <nlohmann/json.hpp>
+
+#include "render/view/synthetic_take.h"
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::AllOf;
+using testing::CommandResult;
+using testing::files_with;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::run;
+using testing::text_of;
+using testing::write_text;
+
+class Bench : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(3, 3, 0.06, 96, 72);
+    settings.knows_depth_range = false;
+    write_synthetic_take(settings, take_);
+  }
+  std::string command(const std::string& options) const {
+    return "raystage bench '" + take_.string() + "' --leave-out r1c1 -o '" + out_.string() + "' " +
+           options;
+  }
+  nlohmann::json document() const { return nlohmann::json::parse(text_of(out_ / "trade.json")); }
+
+  TestFolder folder_;
+  const std::filesystem::path take_ = folder_.path() / "take", out_ = folder_.path() / "out";
+};
+
+TEST_F(Bench, WritesTablesAndAPage) {
+  const CommandResult result = run(
+      command("--focal-depth 4 --setting focal_plane --setting 'one:nearest' -j 1,2 --repeat 1"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("| one "), HasSubstr("PSNR dB")));
+  EXPECT_THAT(result.err, HasSubstr("Progress: 100%"));
+  EXPECT_EQ(document()["rows"].size(), 4U);
+  EXPECT_EQ(document()["complete"], true);
+  // The scene lies on the plane.
+  EXPECT_GT(document()["rows"][0]["psnr_db"].get<double>(), 40);
+  EXPECT_GT(document()["rows"][0]["peak_memory_bytes"].get<double>(), 1e6);
+  EXPECT_THAT(text_of(out_ / "trade.csv"), HasSubstr("\r\none,nearest,,1,2,"));
+  EXPECT_THAT(text_of(out_ / "trade.html"), AllOf(HasSubstr("</html>"), Not(HasSubstr("://"))));
+  EXPECT_TRUE(files_with(folder_.path(), ".tmp").empty());
+}
+
+TEST_F(Bench, TakesSettingsFromADocument) {
+  write_text(folder_.path() / "s.json", R"({"schema": "raystage/bench/1", "settings": [
+    {"label": "near", "method": "focal_plane", "focal_depth_m": 2},
+    {"label": "right", "method": "focal_plane", "focal_depth_m": 4}]})");
+  const std::string settings = "--settings '" + (folder_.path() / "s.json").string() + "' ";
+  ASSERT_EQ(run(command(settings)).exit_code, 0);
+  const auto rows = document()["rows"];
+  EXPECT_GT(rows[1]["psnr_db"].get<double>(), rows[0]["psnr_db"].get<double>() + 3);
+  EXPECT_EQ(rows[0]["focal_depth_m"], 2);
+  // A setting asked for that cannot be rendered: the take has no depth range.
+  const CommandResult partly = run(command(settings + "--setting focal_plane"));
+  EXPECT_EQ(partly.exit_code, 3) << partly.err;
+  EXPECT_THAT(partly.err, HasSubstr("no depth range"));
+  EXPECT_THAT(document()["rows"][0]["failure"].get<std::string>(), HasSubstr("no depth range"));
+  EXPECT_TRUE(document()["rows"][0]["psnr_db"].is_null());
+}
+
+TEST_F(Bench, MeasuresEveryMethodUnlessTold) {
+  const CommandResult result = run(command("--focal-depth 4 --repeat 1 --quiet"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_THAT(result.out, AllOf(HasSubstr("| focal_plane "), HasSubstr("| nearest ")));
+  EXPECT_EQ(result.err.find("Progress"), std::string::npos);
+}
+
+TEST_F(Bench, BadUsageIsNamed) {
+  for (const char* options :
+       {"--setting no_method", "--setting a:nearest --setting a:focal_plane", "--setting a::x=1",
+        "--setting nearest:nearest:option=1", "--focal-depth -1", "--camera-step 0", "--threads -1",
+        "--repeat 0", "--settings none.json", "--leave-out nobody", "--pictures -1"}) {
+    SCOPED_TRACE(options);
+    const CommandResult result = run(command(options));
+    EXPECT_EQ(result.exit_code, 2) << result.err;
+    EXPECT_THAT(result.err, Not(HasSubstr("unexpected")));
+  }
+  EXPECT_EQ(run("raystage bench '" + take_.string() + "' --focal-depth 4").exit_code, 2);
+  EXPECT_FALSE(std::filesystem::exists(out_ / "trade.json"));
+}
+
+TEST_F(Bench, ASignalLeavesWhatIsFinished) {
+  std::string settings;
+  for (int i = 0; i < 200; ++i) settings += "--setting s" + std::to_string(i) + ":nearest ";
+  const CommandResult result = testing::run_and_signal(
+      command("--focal-depth 4 --repeat 1000 " + settings), SIGINT, out_ / "trade.csv");
+  EXPECT_EQ(result.exit_code, 128 + SIGINT) << result.err;
+  EXPECT_EQ(document()["complete"], false);
+  EXPECT_GE(document()["rows"].size(), 1U);
+  EXPECT_LT(document()["rows"].size(), 200U);
+  EXPECT_THAT(text_of(out_ / "trade.html"), HasSubstr("before it was stopped"));
+  EXPECT_TRUE(files_with(folder_.path(), ".tmp").empty());
+}
+
+}  // namespace
+}  // namespace raystage

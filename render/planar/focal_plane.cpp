@@ -5,8 +5,10 @@
 #include <atomic>
 #include <chrono>
 #include <limits>
-#include <mutex>
+#include <utility>
+#include <vector>
 
+#include "render/sampling/needed_mcus.h"
 #include "render/sampling/source_view.h"
 #include "render/view/plane_projection.h"
 #include "render/view/ray_cells.h"
@@ -31,6 +33,8 @@ int log2_of(int power_of_two) {
 
 /// One view's rendering, stage by stage: plan (which source pixels), decode, blend.
 class FocalPlaneFrame {
+  static constexpr int kRowsPerBlock = 8;
+
  public:
   FocalPlaneFrame(const VirtualCamera& view, const Instant& instant, const Eigen::Vector4d& plane,
                   CornerWeights weights, bool count_needed)
@@ -44,10 +48,10 @@ class FocalPlaneFrame {
         sources_(instant.rig->cameras.size()) {}
 
   RenderedView render() {
-    RenderedView image = empty_view(view_);
-    if (!projection_.at_infinity() && projection_.distance() == 0)
-      return image;  // eye on the plane
     const auto start = Clock::now();
+    if (!projection_.at_infinity() && projection_.distance() == 0)
+      return empty_view(view_);  // eye on the plane
+    RenderedView image = unset_view(view_);
     find_spans();
     open_sources();
     mark_needed();
@@ -102,6 +106,8 @@ class FocalPlaneFrame {
     }
   }
 
+  std::vector<RayCells::Span>& spans_of(int y) { return spans_[static_cast<std::size_t>(y)]; }
+
   Source& source(int camera) { return sources_[static_cast<std::size_t>(camera)]; }
 
   /// Geometry and frame layout of every camera that some cell in view belongs to.
@@ -110,28 +116,11 @@ class FocalPlaneFrame {
       Source& opened = sources_[i];
       if (!opened.used) return;
       const Rig::Camera& camera = instant_.rig->cameras[i];
+      const int frame = instant_.frame_of_camera[i];
+      opened.view = source_view_of(camera.model, projection_.ideal_from_pixel(camera.pose));
+      if (!count_needed_ && instant_.cache->holds_whole(static_cast<int>(i), frame)) return;
       SourceView& s = opened.view;
-      const Eigen::Matrix3d matrix = projection_.ideal_from_pixel(camera.pose);
-      for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c)
-          s.ideal_from_pixel[static_cast<std::size_t>(3 * r + c)] = matrix(r, c);
-      }
-      const Intrinsics& k = camera.model.intrinsics();
-      s.fx = static_cast<float>(k.fx);
-      s.fy = static_cast<float>(k.fy);
-      s.cx = static_cast<float>(k.cx);
-      s.cy = static_cast<float>(k.cy);
-      s.k1 = static_cast<float>(k.distortion.k1);
-      s.k2 = static_cast<float>(k.distortion.k2);
-      s.k3 = static_cast<float>(k.distortion.k3);
-      s.p1 = static_cast<float>(k.distortion.p1);
-      s.p2 = static_cast<float>(k.distortion.p2);
-      s.distorted = camera.model.has_distortion();
-      s.fold_radius_squared = static_cast<float>(camera.model.fold_radius_squared());
-      s.width = camera.model.width();
-      s.height = camera.model.height();
-
-      const auto layout = instant_.cache->layout(static_cast<int>(i), instant_.frame_of_camera[i]);
+      const auto layout = instant_.cache->layout(static_cast<int>(i), frame);
       opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
       s.wanted_mcus = opened.wanted.data();
       s.mcus_per_row = layout->mcus_per_row;
@@ -166,50 +155,53 @@ class FocalPlaneFrame {
     return run;
   }
 
-  /// Rows go through private copies of the masks, joined afterwards: threads share no byte.
   void mark_needed() {
-    if (std::all_of(sources_.begin(), sources_.end(),
-                    [](const Source& source) { return source.wanted.empty(); })) {
-      return;
-    }
-    std::mutex joining;
-    const int rows_per_task = std::max(16, view_.height / 8);
-    raystage::parallel_for(
-        tbb::blocked_range<int>(0, view_.height, static_cast<std::size_t>(rows_per_task)),
-        [&](const tbb::blocked_range<int>& rows) {
-          std::vector<McuMask> masks(sources_.size());
-          std::vector<std::vector<std::uint8_t>> pixels(sources_.size());
-          std::vector<SourceView> views(sources_.size());
-          for (std::size_t i = 0; i < sources_.size(); ++i) {
-            if (!sources_[i].used) continue;
-            views[i] = sources_[i].view;
-            if (sources_[i].wanted.empty()) continue;
-            masks[i].assign(sources_[i].wanted.size(), 0);
-            views[i].wanted_mcus = masks[i].data();
-            if (!count_needed_) continue;
-            pixels[i].assign(sources_[i].read_pixels.size(), 0);
-            views[i].read_pixels = pixels[i].data();
-          }
-          for (int y = rows.begin(); y < rows.end(); ++y) {
-            for (const RayCells::Span& span : spans_[static_cast<std::size_t>(y)]) {
-              PixelRun run = run_of(span, y);
-              const auto& cameras = cells_.cells()[static_cast<std::size_t>(span.cell)].camera;
-              for (std::size_t i = 0; i < static_cast<std::size_t>(run.count); ++i) {
-                run.source[i] = &views[static_cast<std::size_t>(cameras[i])];
-              }
-              mark_run(run);
-            }
-          }
-          const std::scoped_lock lock(joining);
-          for (std::size_t i = 0; i < sources_.size(); ++i) {
-            join(masks[i], sources_[i].wanted);
-            join(pixels[i], sources_[i].read_pixels);
-          }
-        });
+    if (std::ranges::all_of(sources_, [](const Source& s) { return s.wanted.empty(); })) return;
+    raystage::parallel_for(0, (view_.height + kRowsPerBlock - 1) / kRowsPerBlock, [&](int block) {
+      const int first = block * kRowsPerBlock;
+      const int end = std::min(first + kRowsPerBlock, view_.height);
+      // Tap by tap where the kernels leave out some of a cell's pixels, or somebody counts.
+      if (weights_ == CornerWeights::kNearest || count_needed_ || !meets_plane(first, end)) {
+        for (int y = first; y < end; ++y) {
+          for (const RayCells::Span& span : spans_of(y)) mark_run(run_of(span, y));
+        }
+      } else {
+        mark_blocks(first, end);
+      }
+    });
   }
 
-  static void join(const std::vector<std::uint8_t>& part, std::vector<std::uint8_t>& whole) {
-    for (std::size_t i = 0; i < part.size(); ++i) whole[i] |= part[i];
+  /// Whether all rays of rows [first, end) do: the slope is linear, so that the corners tell.
+  bool meets_plane(int first, int end) const {
+    if (projection_.at_infinity()) return true;
+    const double right = view_.width - 0.5;
+    return projection_.depth(0.5, first + 0.5) > 0 && projection_.depth(right, first + 0.5) > 0 &&
+           projection_.depth(0.5, end - 0.5) > 0 && projection_.depth(right, end - 0.5) > 0;
+  }
+
+  /// Rows [first, end), cell by cell.
+  void mark_blocks(int first, int end) {
+    std::vector<std::pair<int, PixelBlock>> blocks;
+    for (int y = first; y < end; ++y) {
+      for (const RayCells::Span& span : spans_of(y)) {
+        const auto known = std::ranges::find(blocks, span.cell, &std::pair<int, PixelBlock>::first);
+        if (known == blocks.end()) {
+          blocks.push_back({span.cell, {span.begin, span.end, y, y + 1}});
+        } else {
+          PixelBlock& block = known->second;
+          block.x_begin = std::min(block.x_begin, span.begin);
+          block.x_end = std::max(block.x_end, span.end);
+          block.y_end = y + 1;
+        }
+      }
+    }
+    for (const auto& [index, block] : blocks) {
+      const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(index)];
+      for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+        const SourceView& camera = source(cell.camera[i]).view;
+        if (camera.wanted_mcus != nullptr) mark_block(camera, block);
+      }
+    }
   }
 
   void decode(RenderStatistics& statistics) {
@@ -241,15 +233,22 @@ class FocalPlaneFrame {
     const auto full_scale = static_cast<float>(instant_.cache->full_scale());
     for_each_row([&](int y) {
       const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width);
-      for (const RayCells::Span& span : spans_[static_cast<std::size_t>(y)]) {
-        const std::size_t at = row + static_cast<std::size_t>(span.begin);
-        blend_run(run_of(span, y), instant_.cache->blend_space(), full_scale, &image.rgba[at * 4],
-                  &image.z[at]);
+      std::size_t at = row;  // the first pixel not written yet
+      for (const RayCells::Span& span : spans_of(y)) {
+        const std::size_t begin = row + static_cast<std::size_t>(span.begin);
+        leave_unseen(image, at, begin);
+        blend_run(run_of(span, y), instant_.cache->blend_space(), full_scale,
+                  &image.rgba[begin * 4], &image.coverage[begin], &image.z[begin]);
+        at = row + static_cast<std::size_t>(span.end);
       }
-      for (std::size_t at = row; at < row + static_cast<std::size_t>(view_.width); ++at) {
-        image.coverage[at] = image.rgba[at * 4 + 3];
-      }
+      leave_unseen(image, at, row + static_cast<std::size_t>(view_.width));
     });
+  }
+
+  static void leave_unseen(RenderedView& image, std::size_t begin, std::size_t end) {
+    std::fill(image.rgba.data() + 4 * begin, image.rgba.data() + 4 * end, 0.0F);
+    std::fill(image.coverage.data() + begin, image.coverage.data() + end, 0.0F);
+    std::fill(image.z.data() + begin, image.z.data() + end, std::numeric_limits<float>::infinity());
   }
 
   void lower_coverage_of_absent(RenderedView& image) const {

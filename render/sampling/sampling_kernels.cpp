@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <cmath>
+#include <atomic>
 #include <cstddef>
 #include <limits>
 
@@ -12,7 +12,8 @@
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
-#include <hwy/contrib/math/math-inl.h>
+#include "render/sampling/finish-inl.h"
+#include "render/sampling/taps-inl.h"
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
@@ -22,35 +23,9 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Pixels worked on at once: positions are vectors across them, then samples vectors across colour.
-constexpr int kChunk = 64;
-
-/// Where a camera is sampled for each pixel of a chunk: the upper left of four neighbours, and the
-/// four weights (interpolation times the camera's share of the ray).
-struct Taps {
-  HWY_ALIGN std::int32_t x[kChunk], y[kChunk];
-  HWY_ALIGN float weight00[kChunk], weight10[kChunk], weight01[kChunk], weight11[kChunk];
-};
-
 struct Weights {
   HWY_ALIGN float camera[3][kChunk];
 };
-
-/// A linear function of the pixel, from the chunk's first pixel on: the base in double, the short
-/// way from there in float.
-struct Ramp {
-  float base, step;
-};
-Ramp ramp(const double* function, int x, int y, double scale) {
-  return {static_cast<float>((function[0] * (x + 0.5) + (function[1] * (y + 0.5) + function[2])) *
-                             scale),
-          static_cast<float>(function[0] * scale)};
-}
-
-template <class D>
-hn::Vec<D> values(D d, Ramp r, hn::Vec<D> steps) {
-  return hn::MulAdd(steps, hn::Set(d, r.step), hn::Set(d, r.base));
-}
 
 void find_weights(const PixelRun& run, int begin, int n, Weights& weights) {
   const hn::ScalableTag<float> d;
@@ -101,221 +76,117 @@ void keep_nearest(const std::array<double, 3>& corner_products, int n, Weights& 
   }
 }
 
-void find_taps(const SourceView& source, int begin, int y, int n, const float* share, Taps& taps) {
+/// Rays that never meet the focal plane have no weight to give. `along`: see blend().
+void drop_unmet(Ramp along, int n, Weights& weights) {
+  if (along.base > 0 && along.base + static_cast<float>(n - 1) * along.step > 0) return;
   const hn::ScalableTag<float> d;
-  const hn::RebindToSigned<decltype(d)> di;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const double* m = source.ideal_from_pixel.data();
-  // Common scale of (X, Y, W): only their ratio matters, and float must hold them.
-  const double w_here = m[6] * (begin + 0.5) + (m[7] * (y + 0.5) + m[8]);
-  const double scale = w_here != 0 ? 1 / std::abs(w_here) : 1;
-  const Ramp ramp_x = ramp(m, begin, y, scale);
-  const Ramp ramp_y = ramp(m + 3, begin, y, scale);
-  const Ramp ramp_w = ramp(m + 6, begin, y, scale);
-  const auto set = [&](float value) { return hn::Set(d, value); };
-  const auto one = set(1), zero = hn::Zero(d), half = set(0.5F);
-  const auto width = set(static_cast<float>(source.width));
-  const auto height = set(static_cast<float>(source.height));
-
   for (int i = 0; i < n; i += lanes) {
-    const auto steps = hn::Iota(d, static_cast<float>(i));
-    const auto w = values(d, ramp_w, steps);
-    const auto in_front = hn::Gt(w, zero);
-    const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
-    auto x_ideal = hn::Mul(values(d, ramp_x, steps), inverse);
-    auto y_ideal = hn::Mul(values(d, ramp_y, steps), inverse);
-    auto seen = hn::IfThenElseZero(in_front, one);
-    if (source.distorted) {  // Brown-Conrady, as CameraModel::pixel_from_ideal
-      const auto xx = hn::Mul(x_ideal, x_ideal), yy = hn::Mul(y_ideal, y_ideal);
-      const auto xy2 = hn::Mul(set(2), hn::Mul(x_ideal, y_ideal));
-      const auto rr = hn::Add(xx, yy);
-      auto radial = hn::MulAdd(rr, set(source.k3), set(source.k2));
-      radial = hn::MulAdd(rr, radial, set(source.k1));
-      radial = hn::MulAdd(rr, radial, one);
-      const auto tangential_x =
-          hn::MulAdd(set(source.p1), xy2, hn::Mul(set(source.p2), hn::MulAdd(set(2), xx, rr)));
-      const auto tangential_y =
-          hn::MulAdd(set(source.p2), xy2, hn::Mul(set(source.p1), hn::MulAdd(set(2), yy, rr)));
-      x_ideal = hn::MulAdd(x_ideal, radial, tangential_x);
-      y_ideal = hn::MulAdd(y_ideal, radial, tangential_y);
-      const auto room = hn::Sub(
-          one, hn::Mul(rr, set(1.0F / source.fold_radius_squared)));  // 1 - 0 without a fold
-      seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(room, set(kFoldFade)))));
+    const auto met = hn::Gt(values(d, along, hn::Iota(d, static_cast<float>(i))), hn::Zero(d));
+    for (auto& camera : weights.camera) {
+      hn::Store(hn::IfThenElseZero(met, hn::Load(d, camera + i)), d, camera + i);
     }
-    const auto u = hn::MulAdd(x_ideal, set(source.fx), set(source.cx));
-    const auto v = hn::MulAdd(y_ideal, set(source.fy), set(source.cy));
-    const auto to_border = hn::Min(hn::Min(u, hn::Sub(width, u)), hn::Min(v, hn::Sub(height, v)));
-    seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(to_border, set(kBorderFade)))));
-    // Positions that count for nothing (also not-a-number) are read at a harmless place.
-    const auto counts = hn::Gt(seen, zero);
-    const auto weight = hn::IfThenElseZero(counts, hn::Mul(seen, hn::Load(d, share + i)));
-    const auto left =
-        hn::Min(hn::Max(hn::Sub(hn::IfThenElseZero(counts, u), half), zero), hn::Sub(width, one));
-    const auto top =
-        hn::Min(hn::Max(hn::Sub(hn::IfThenElseZero(counts, v), half), zero), hn::Sub(height, one));
-    const auto x0 = hn::Floor(left), y0 = hn::Floor(top);
-    const auto right_part = hn::Sub(left, x0), lower_part = hn::Sub(top, y0);
-    const auto lower = hn::Mul(weight, lower_part), upper = hn::Sub(weight, lower);
-    const auto weight11 = hn::Mul(lower, right_part), weight01 = hn::Mul(upper, right_part);
-    hn::Store(hn::ConvertTo(di, x0), di, taps.x + i);
-    hn::Store(hn::ConvertTo(di, y0), di, taps.y + i);
-    hn::Store(hn::Sub(upper, weight01), d, taps.weight00 + i);
-    hn::Store(weight01, d, taps.weight01 + i);
-    hn::Store(hn::Sub(lower, weight11), d, taps.weight10 + i);
-    hn::Store(weight11, d, taps.weight11 + i);
   }
 }
 
-/// Adds the four neighbours of each tap; `accumulator`: 4 floats a pixel.
-void add_samples(const SourceView& source, const Taps& taps, int n, bool first,
-                 float* HWY_RESTRICT accumulator) {
-  const hn::FixedTag<float, 4> d;
-  const hn::Rebind<std::uint16_t, decltype(d)> d16;
-  const hn::Rebind<std::int32_t, decltype(d)> d32;
-  const auto pixel = [&](const std::uint16_t* at) {
-    return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, at)));
-  };
-  const std::size_t row = static_cast<std::size_t>(source.width) * 4;
+/// Adds the samples of kCount cameras; `sums`: 4 floats a pixel.
+template <int kCount>
+void add_samples(const SourceView* const* sources, const Taps* taps, int n, float* sums) {
+  const SumTag d;
+  const std::uint16_t* frame[kCount];
+  std::size_t row[kCount];
+  for (int c = 0; c < kCount; ++c) {
+    frame[c] = sources[c]->rgbx;
+    row[c] = std::size_t{4} * static_cast<std::size_t>(sources[c]->width);
+  }
   for (int i = 0; i < n; ++i) {
-    const std::uint16_t* upper = source.rgbx + static_cast<std::size_t>(taps.y[i]) * row +
-                                 static_cast<std::size_t>(taps.x[i]) * 4;
-    const std::uint16_t* lower = upper + row;
-    auto sum = first ? hn::Zero(d) : hn::Load(d, accumulator + 4 * i);
-    sum = hn::MulAdd(hn::Set(d, taps.weight00[i]), pixel(upper), sum);
-    sum = hn::MulAdd(hn::Set(d, taps.weight01[i]), pixel(upper + 4), sum);
-    sum = hn::MulAdd(hn::Set(d, taps.weight10[i]), pixel(lower), sum);
-    sum = hn::MulAdd(hn::Set(d, taps.weight11[i]), pixel(lower + 4), sum);
-    hn::Store(sum, d, accumulator + 4 * i);
+    auto sum = hn::Zero(d);
+    for (int c = 0; c < kCount; ++c) sum = add_tap(frame[c], row[c], taps[c], i, sum);
+    hn::Store(fold(sum), hn::FixedTag<float, 4>(), sums + 4 * i);
   }
 }
 
-/// sRGB's curve, from blended codes back to linear light (IEC 61966-2-1).
-template <class D>
-hn::Vec<D> linear_from_codes(D d, hn::Vec<D> code) {
-  const auto set = [&](float value) { return hn::Set(d, value); };
-  const auto straight = hn::Mul(code, set(1 / 12.92F));
-  const auto base = hn::MulAdd(code, set(1 / 1.055F), set(0.055F / 1.055F));
-  const auto curved = hn::Exp(d, hn::Mul(set(2.4F), hn::Log(d, base)));
-  return hn::IfThenElse(hn::Le(code, set(0.04045F)), straight, curved);
-}
-
-/// Sums of weighted codes, 0 to 65535, become premultiplied linear light.
-void finish(const float* HWY_RESTRICT sums, int n, BlendSpace space, float full_scale,
-            float* HWY_RESTRICT rgba) {
+/// Planar depths, +infinity where nothing was seen; vectors may reach beyond n.
+void find_depths(Ramp along, bool at_infinity, int n, const float* alpha, float* z) {
   const hn::ScalableTag<float> d;
-  const hn::RebindToUnsigned<decltype(d)> du;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto unit = hn::Set(d, 1.0F / 65535), scale = hn::Set(d, full_scale);
-  const auto three = hn::Set(du, 3);
-  const auto is_alpha = hn::RebindMask(d, hn::Eq(hn::And(hn::Iota(du, 0), three), three));
-  HWY_ALIGN float last[16];
-  for (int i = 0; i < 4 * n; i += lanes) {
-    const auto sum = hn::Mul(hn::Load(d, sums + i), unit);
-    auto colour = hn::Mul(sum, scale);
-    if (space == BlendSpace::kPerceptual) {
-      const auto alpha = hn::Broadcast<3>(sum);
-      const auto code = hn::Div(sum, hn::Max(alpha, hn::Set(d, 1e-20F)));
-      colour = hn::Mul(linear_from_codes(d, code), hn::Mul(alpha, scale));
-    }
-    const auto out = hn::IfThenElse(is_alpha, sum, colour);
-    if (i + lanes <= 4 * n) {
-      hn::StoreU(out, d, rgba + i);
-    } else {
-      hn::Store(out, d, last);
-      std::copy(last, last + (4 * n - i), rgba + i);
-    }
+  const auto infinity = hn::Set(d, std::numeric_limits<float>::infinity());
+  HWY_ALIGN float last[hn::MaxLanes(d)];
+  for (int i = 0; i < n; i += lanes) {
+    const bool whole = i + lanes <= n;
+    if (!whole) std::copy(alpha + i, alpha + n, last);
+    const auto seen = hn::Gt(hn::LoadU(d, whole ? alpha + i : last), hn::Zero(d));
+    const auto depth =
+        hn::Div(hn::Set(d, 1.0F), values(d, along, hn::Iota(d, static_cast<float>(i))));
+    const auto out = at_infinity ? infinity : hn::IfThenElse(seen, depth, infinity);
+    hn::StoreU(out, d, whole ? z + i : last);
+    if (!whole) std::copy_n(last, n - i, z + i);
   }
 }
 
-void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z) {
+void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
+           float* z) {
   Weights weights;
-  Taps taps;
+  Taps taps[3];
   HWY_ALIGN float sums[4 * kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
+    // Positive where the ray meets the focal plane: 1 / depth.
+    const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
     find_weights(run, begin, n, weights);
     if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
-    bool first = true;
+    if (!run.at_infinity) drop_unmet(along, n, weights);
+    const SourceView* sources[3];
+    int count = 0;
     for (int c = 0; c < run.count; ++c) {
-      const SourceView& source = *run.source[c];
-      if (source.rgbx == nullptr) continue;  // sees nothing of this view
-      find_taps(source, begin, run.y, n, weights.camera[c], taps);
-      add_samples(source, taps, n, first, sums);
-      first = false;
+      if (run.source[c]->rgbx == nullptr) continue;  // sees nothing of this view
+      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
+      sources[count++] = run.source[c];
     }
-    if (first) std::fill(sums, sums + 4 * n, 0.0F);
-    float* out_z = z + (begin - run.begin);
-    const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
-    for (int i = 0; i < n; ++i) {
-      const float slope = along.base + static_cast<float>(i) * along.step;
-      const bool met = run.at_infinity || slope > 0;
-      if (!met) std::fill(sums + 4 * i, sums + 4 * i + 4, 0.0F);
-      out_z[i] = !run.at_infinity && sums[4 * i + 3] > 0 ? 1 / slope
-                                                         : std::numeric_limits<float>::infinity();
+    if (count == 3) {
+      add_samples<3>(sources, taps, n, sums);
+    } else if (count == 2) {
+      add_samples<2>(sources, taps, n, sums);
+    } else if (count == 1) {
+      add_samples<1>(sources, taps, n, sums);
+    } else {
+      std::fill(sums, sums + 4 * n, 0.0F);
     }
-    finish(sums, n, space, full_scale, rgba + static_cast<std::size_t>(begin - run.begin) * 4);
+    const std::size_t at = static_cast<std::size_t>(begin - run.begin);
+    finish(sums, n, space, full_scale, rgba + 4 * at, alpha + at);
+    find_depths(along, run.at_infinity, n, alpha + at, z + at);
   }
 }
 
-/// First and last MCU of what each tap reads, chroma included; -1 for taps that count for nothing.
-struct TapMcus {
-  HWY_ALIGN std::int32_t first[kChunk], last[kChunk], other[kChunk];
-};
-
-void find_mcus(const SourceView& source, const Taps& taps, int n, TapMcus& mcus) {
-  const hn::ScalableTag<std::int32_t> d;
-  const hn::Rebind<float, decltype(d)> df;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto set = [&](int value) { return hn::Set(d, value); };
-  const auto reach = set(source.chroma_reach), next = set(1 + source.chroma_reach);
-  const auto per_row = set(source.mcus_per_row), zero = hn::Zero(d);
-  for (int i = 0; i < n; i += lanes) {
-    const auto x = hn::Load(d, taps.x + i), y = hn::Load(d, taps.y + i);
-    const auto left = hn::ShiftRightSame(hn::Max(hn::Sub(x, reach), zero), source.mcu_width_log2);
-    const auto right =
-        hn::ShiftRightSame(hn::Min(hn::Add(x, next), set(source.width - 1)), source.mcu_width_log2);
-    const auto upper = hn::Mul(
-        hn::ShiftRightSame(hn::Max(hn::Sub(y, reach), zero), source.mcu_height_log2), per_row);
-    const auto lower = hn::Mul(hn::ShiftRightSame(hn::Min(hn::Add(y, next), set(source.height - 1)),
-                                                  source.mcu_height_log2),
-                               per_row);
-    const auto weight =
-        hn::Add(hn::Add(hn::Load(df, taps.weight00 + i), hn::Load(df, taps.weight01 + i)),
-                hn::Add(hn::Load(df, taps.weight10 + i), hn::Load(df, taps.weight11 + i)));
-    const auto counts = hn::RebindMask(d, hn::Gt(weight, hn::Zero(df)));
-    const auto none = set(-1);
-    hn::Store(hn::IfThenElse(counts, hn::Add(upper, left), none), d, mcus.first + i);
-    hn::Store(hn::IfThenElse(counts, hn::Add(lower, right), none), d, mcus.last + i);
-    hn::Store(hn::IfThenElse(counts, hn::Add(upper, right), none), d, mcus.other + i);
-  }
-}
-
+/// Marks a tap's MCUs, chroma included.
 void mark_mcus(const SourceView& source, const Taps& taps, int n) {
-  TapMcus mcus;
-  find_mcus(source, taps, n, mcus);
-  int first = -1, last = -1;  // of the tap before, which is nearly always the same
+  const auto column_of = [&](int x) { return x >> source.mcu_width_log2; };
+  const auto row_of = [&](int y) { return (y >> source.mcu_height_log2) * source.mcus_per_row; };
   for (int i = 0; i < n; ++i) {
-    if (mcus.first[i] == first && mcus.last[i] == last) continue;
-    first = mcus.first[i];
-    last = mcus.last[i];
-    if (first < 0) continue;
-    source.wanted_mcus[first] = 1;
-    source.wanted_mcus[last] = 1;
-    source.wanted_mcus[mcus.other[i]] = 1;
-    source.wanted_mcus[first + last - mcus.other[i]] = 1;
+    const float* weight = taps.weight + 4 * i;
+    if (!(weight[0] + weight[1] + weight[2] + weight[3] > 0)) continue;
+    const int x = taps.pixel[i] % source.width, y = taps.pixel[i] / source.width;
+    const int left = column_of(std::max(x - source.chroma_reach, 0));
+    const int right = column_of(std::min(x + 1 + source.chroma_reach, source.width - 1));
+    const int upper = row_of(std::max(y - source.chroma_reach, 0));
+    const int lower = row_of(std::min(y + 1 + source.chroma_reach, source.height - 1));
+    for (const int mcu : {upper + left, upper + right, lower + left, lower + right}) {
+      std::atomic_ref(source.wanted_mcus[mcu]).store(1, std::memory_order_relaxed);
+    }
   }
 }
 
 void mark_pixels(const SourceView& source, const Taps& taps, int n) {
   for (int i = 0; i < n; ++i) {
-    std::uint8_t* at =
-        source.read_pixels +
-        static_cast<std::size_t>(taps.y[i]) * static_cast<std::size_t>(source.width) +
-        static_cast<std::size_t>(taps.x[i]);
-    if (taps.weight00[i] > 0) at[0] = 1;
-    if (taps.weight01[i] > 0) at[1] = 1;
-    if (taps.weight10[i] > 0) at[source.width] = 1;
-    if (taps.weight11[i] > 0) at[source.width + 1] = 1;
+    std::uint8_t* at = source.read_pixels + taps.pixel[i];
+    const float* weight = taps.weight + 4 * i;
+    const auto mark = [](std::uint8_t& pixel, float w) {
+      if (w > 0) std::atomic_ref(pixel).store(1, std::memory_order_relaxed);
+    };
+    mark(at[0], weight[0]);
+    mark(at[1], weight[1]);
+    mark(at[source.width], weight[2]);
+    mark(at[source.width + 1], weight[3]);
   }
 }
 
@@ -326,12 +197,8 @@ void mark(const PixelRun& run) {
     const int n = std::min(kChunk, run.end - begin);
     find_weights(run, begin, n, weights);
     if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
-    const Ramp along = ramp(run.slope.data(), begin, run.y, 1 / run.distance);
     if (!run.at_infinity) {
-      for (int i = 0; i < n; ++i) {  // rays that never meet the plane want nothing
-        if (along.base + static_cast<float>(i) * along.step > 0) continue;
-        for (auto& camera : weights.camera) camera[i] = 0;
-      }
+      drop_unmet(ramp(run.slope.data(), begin, run.y, 1 / run.distance), n, weights);
     }
     for (int c = 0; c < run.count; ++c) {
       const SourceView& source = *run.source[c];
@@ -358,8 +225,9 @@ HWY_EXPORT(blend);
 HWY_EXPORT(target);
 
 void mark_run(const PixelRun& run) { HWY_DYNAMIC_DISPATCH(mark)(run); }
-void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z) {
-  HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, z);
+void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
+               float* z) {
+  HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, alpha, z);
 }
 const char* kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 

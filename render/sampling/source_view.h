@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 
+#include "rig/camera_model.h"
 #include "store/frames/blend_space.h"
 
 namespace raystage {
@@ -34,6 +36,10 @@ struct SourceView {
   std::uint8_t* read_pixels = nullptr;
 };
 
+/// The geometry of a camera's part in a view; where its frame lies and what of it is wanted is left
+/// open. `ideal_from_pixel`: (x, y, 1) of the view to (X, Y, W), see SourceView.
+SourceView source_view_of(const CameraModel& camera, const Eigen::Matrix3d& ideal_from_pixel);
+
 /// A run of pixels of one row of the view that lie between the same cameras.
 struct PixelRun {
   int begin = 0, end = 0, y = 0;
@@ -54,13 +60,15 @@ struct PixelRun {
 inline constexpr float kBorderFade = 2.0F;  // per pixel
 inline constexpr float kFoldFade = 100.0F;  // per fold radius squared
 
-/// Marks what blend_run will read. Run-time dispatch: see kernel_target().
+/// Marks what blend_run will read, tap by tap; many threads may mark the same bytes. Run-time
+/// dispatch: see kernel_target().
 void mark_run(const PixelRun& run);
 
 /// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats a pixel
-/// (premultiplied linear light, code 65535 being `full_scale`), `z` 1 float (+infinity where alpha
-/// is 0).
-void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z);
+/// (premultiplied linear light, code 65535 being `full_scale`), `alpha` 1 float (A once more), `z`
+/// 1 float (+infinity where A is 0).
+void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
+               float* z);
 
 /// The instruction set in use, e.g. "AVX3".
 const char* kernel_target();

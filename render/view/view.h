@@ -3,6 +3,8 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
+#include <utility>
 #include <vector>
 
 #include "rig/camera_model.h"
@@ -35,22 +37,43 @@ struct RenderStatistics {
   int cameras_used = 0;  ///< that contribute to some pixel
 };
 
+/// std::allocator, but that values of a vector grown without saying what they are stay unset: to
+/// write a view's 15 MB of zeros takes as long as to render it.
+template <class T>
+struct UnsetAllocator : std::allocator<T> {
+  template <class U>
+  struct rebind {
+    using other = UnsetAllocator<U>;
+  };
+  template <class U, class... Arguments>
+  void construct(U* at, Arguments&&... arguments) {
+    if constexpr (sizeof...(Arguments) == 0) {
+      ::new (static_cast<void*>(at)) U;
+    } else {
+      ::new (static_cast<void*>(at)) U(std::forward<Arguments>(arguments)...);
+    }
+  }
+};
+using PixelValues = std::vector<float, UnsetAllocator<float>>;
+
 /// A reconstructed view, row-major from the top left.
 struct RenderedView {
   int width = 0, height = 0;
   /// R, G, B, A: scene-linear Rec.709 primaries, premultiplied. A = sum of the weights of the
   /// cameras that saw the ray (1 where all did, 0 where none).
-  std::vector<float> rgba;
+  PixelValues rgba;
   /// As A, but against the whole rig: below 1 also where a camera that belongs here has no frame at
   /// this instant and others stood in for it.
-  std::vector<float> coverage;
+  PixelValues coverage;
   /// Planar depth along the view's axis, metres, of the surface the rays were looked up on;
   /// +infinity where A is 0.
-  std::vector<float> z;
+  PixelValues z;
   RenderStatistics statistics;
 };
 
 /// An image of the view's size in which no camera saw a ray.
 RenderedView empty_view(const VirtualCamera& view);
+/// An image of the view's size for who writes every pixel of it.
+RenderedView unset_view(const VirtualCamera& view);
 
 }  // namespace raystage

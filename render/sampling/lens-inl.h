@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where a camera sees what it sees, in vectors. Included once per instruction set, as Highway's
+// kernels are: no include guard of the common kind.
+
+#if defined(RAYSTAGE_RENDER_SAMPLING_LENS_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef RAYSTAGE_RENDER_SAMPLING_LENS_INL_H
+#undef RAYSTAGE_RENDER_SAMPLING_LENS_INL_H
+#else
+#define RAYSTAGE_RENDER_SAMPLING_LENS_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include "render/sampling/source_view.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace raystage {
+namespace HWY_NAMESPACE {
+
+/// A frame position in pixels, and how far the camera sees it, 0 to 1 (0 also for not-a-number).
+template <class V>
+struct Sight {
+  V u, v, seen;
+};
+
+/// From ideal image points through the lens (Brown-Conrady, as CameraModel::pixel_from_ideal) to
+/// the frame, with the fades at its border and at the lens model's end.
+template <class D, class V, class M>
+HWY_INLINE Sight<V> through_lens(D d, const SourceView& source, V x_ideal, V y_ideal, M in_front) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
+  const auto one = set(1), zero = hn::Zero(d);
+  auto seen = hn::IfThenElseZero(in_front, one);
+  if (source.distorted) {
+    const auto xx = hn::Mul(x_ideal, x_ideal), yy = hn::Mul(y_ideal, y_ideal);
+    const auto xy2 = hn::Mul(set(2), hn::Mul(x_ideal, y_ideal));
+    const auto rr = hn::Add(xx, yy);
+    auto radial = hn::MulAdd(rr, set(source.k3), set(source.k2));
+    radial = hn::MulAdd(rr, radial, set(source.k1));
+    radial = hn::MulAdd(rr, radial, one);
+    const auto tangential_x =
+        hn::MulAdd(set(source.p1), xy2, hn::Mul(set(source.p2), hn::MulAdd(set(2), xx, rr)));
+    const auto tangential_y =
+        hn::MulAdd(set(source.p2), xy2, hn::Mul(set(source.p1), hn::MulAdd(set(2), yy, rr)));
+    x_ideal = hn::MulAdd(x_ideal, radial, tangential_x);
+    y_ideal = hn::MulAdd(y_ideal, radial, tangential_y);
+    const auto room =
+        hn::Sub(one, hn::Mul(rr, set(1.0F / source.fold_radius_squared)));  // 1 - 0 without a fold
+    seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(room, set(kFoldFade)))));
+  }
+  const auto u = hn::MulAdd(x_ideal, set(source.fx), set(source.cx));
+  const auto v = hn::MulAdd(y_ideal, set(source.fy), set(source.cy));
+  const auto width = set(static_cast<float>(source.width));
+  const auto height = set(static_cast<float>(source.height));
+  const auto to_border = hn::Min(hn::Min(u, hn::Sub(width, u)), hn::Min(v, hn::Sub(height, v)));
+  seen = hn::Mul(seen, hn::Min(one, hn::Max(zero, hn::Mul(to_border, set(kBorderFade)))));
+  // Positions that count for nothing (also not-a-number) are read at a harmless place.
+  const auto counts = hn::Gt(seen, zero);
+  return {hn::IfThenElseZero(counts, u), hn::IfThenElseZero(counts, v),
+          hn::IfThenElseZero(counts, seen)};
+}
+
+// NOLINTNEXTLINE(google-readability-namespace-comments)
+}  // namespace HWY_NAMESPACE
+}  // namespace raystage
+HWY_AFTER_NAMESPACE();
+
+#endif  // per target

@@ -141,6 +141,7 @@ class FocalPlaneFrame {
     run.begin = span.begin;
     run.end = span.end;
     run.y = y;
+    run.room_end = view_.width;  // rows are written from left to right
     run.count = cell.count;
     for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
       run.source[i] = &source(cell.camera[i]).view;

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
+#include <iterator>
 #include <limits>
 
 #include "render/sampling/source_view.h"
@@ -42,7 +43,7 @@ void find_weights(const PixelRun& run, int begin, int n, Weights& weights) {
     const auto w1 = hn::Max(values(d, shares[1], steps), zero);
     const auto w2 = hn::Max(values(d, shares[2], steps), zero);
     const auto sum = hn::Add(w0, hn::Add(w1, w2));
-    const auto inverse = hn::IfThenElseZero(hn::Gt(sum, zero), hn::Div(hn::Set(d, 1.0F), sum));
+    const auto inverse = hn::IfThenElseZero(hn::Gt(sum, hn::Set(d, 1e-30F)), reciprocal(d, sum));
     hn::Store(hn::Mul(w0, inverse), d, weights.camera[0] + i);
     hn::Store(hn::Mul(w1, inverse), d, weights.camera[1] + i);
     hn::Store(hn::Mul(w2, inverse), d, weights.camera[2] + i);
@@ -89,38 +90,72 @@ void drop_unmet(Ramp along, int n, Weights& weights) {
   }
 }
 
-/// Adds the samples of kCount cameras; `sums`: 4 floats a pixel.
+/// Sums the samples of kCount cameras, in whole vectors of pixels; `sums`: 4 floats a pixel, in the
+/// order of transpose_blocks().
 template <int kCount>
-void add_samples(const SourceView* const* sources, const Taps* taps, int n, float* sums) {
+void sum_samples(const SourceView* const* sources, const Taps* taps, int n, float* sums) {
   const SumTag d;
+  const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
   const std::uint16_t* frame[kCount];
   std::size_t row[kCount];
   for (int c = 0; c < kCount; ++c) {
     frame[c] = sources[c]->rgbx;
     row[c] = std::size_t{4} * static_cast<std::size_t>(sources[c]->width);
   }
-  for (int i = 0; i < n; ++i) {
-    auto sum = hn::Zero(d);
-    for (int c = 0; c < kCount; ++c) sum = add_tap(frame[c], row[c], taps[c], i, sum);
-    hn::Store(fold(sum), hn::FixedTag<float, 4>(), sums + 4 * i);
+  for (int begin = 0; begin < n; begin += lanes) {
+    int slot = begin;
+    for (int first = begin; first < begin + 4; ++first) {
+      for (int i = first; i < begin + lanes; i += 4, ++slot) {
+        auto sum = hn::Zero(d);
+        for (int c = 0; c < kCount; ++c) {
+          sum = add_tap(frame[c], row[c], taps[c].pixel[i], taps[c].weight + 4 * slot, sum);
+        }
+        hn::Store(fold(sum), hn::FixedTag<float, 4>(), sums + 4 * slot);
+      }
+    }
   }
 }
 
-/// Planar depths, +infinity where nothing was seen; vectors may reach beyond n.
-void find_depths(Ramp along, bool at_infinity, int n, const float* alpha, float* z) {
+/// A vector of the view's pixels.
+struct Pixels {
+  HWY_ALIGN float rgba[4 * hn::MaxLanes(hn::ScalableTag<float>())];
+  HWY_ALIGN float alpha[hn::MaxLanes(hn::ScalableTag<float>())];
+  HWY_ALIGN float z[hn::MaxLanes(hn::ScalableTag<float>())];
+};
+
+/// From sums in the order of transpose_blocks() to the view, of which `room` pixels may be written.
+/// `along`: 1 / planar depth.
+void write_pixels(const float* sums, int n, int room, BlendSpace space, float full_scale,
+                  Ramp along, bool at_infinity, float* rgba, float* alpha, float* z) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto infinity = hn::Set(d, std::numeric_limits<float>::infinity());
-  HWY_ALIGN float last[hn::MaxLanes(d)];
   for (int i = 0; i < n; i += lanes) {
-    const bool whole = i + lanes <= n;
-    if (!whole) std::copy(alpha + i, alpha + n, last);
-    const auto seen = hn::Gt(hn::LoadU(d, whole ? alpha + i : last), hn::Zero(d));
-    const auto depth =
-        hn::Div(hn::Set(d, 1.0F), values(d, along, hn::Iota(d, static_cast<float>(i))));
-    const auto out = at_infinity ? infinity : hn::IfThenElse(seen, depth, infinity);
-    hn::StoreU(out, d, whole ? z + i : last);
-    if (!whole) std::copy_n(last, n - i, z + i);
+    const float* from = sums + 4 * i;
+    auto r = hn::Load(d, from), g = hn::Load(d, from + lanes);
+    auto b = hn::Load(d, from + 2 * lanes), weight = hn::Load(d, from + 3 * lanes);
+    transpose_blocks(d, r, g, b, weight);
+    finish(d, space, full_scale, r, g, b, weight);
+    auto depth = infinity;
+    if (!at_infinity) {
+      const auto steps = hn::Iota(d, static_cast<float>(i));
+      const auto slope = values(d, along, steps);
+      const auto seen = hn::And(hn::Gt(weight, hn::Zero(d)), hn::Gt(slope, hn::Set(d, 1e-30F)));
+      depth = hn::IfThenElse(seen, reciprocal(d, slope), infinity);
+    }
+    if (i + lanes <= room) {
+      hn::StoreInterleaved4(r, g, b, weight, d, rgba + 4 * i);
+      hn::StoreU(weight, d, alpha + i);
+      hn::StoreU(depth, d, z + i);
+    } else {
+      Pixels last;
+      hn::StoreInterleaved4(r, g, b, weight, d, last.rgba);
+      hn::Store(weight, d, last.alpha);
+      hn::Store(depth, d, last.z);
+      std::copy_n(last.rgba, 4 * (n - i), rgba + 4 * i);
+      std::copy_n(last.alpha, n - i, alpha + i);
+      std::copy_n(last.z, n - i, z + i);
+    }
   }
 }
 
@@ -141,20 +176,21 @@ void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba,
     for (int c = 0; c < run.count; ++c) {
       if (run.source[c]->rgbx == nullptr) continue;  // sees nothing of this view
       find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
+      prefetch_taps(*run.source[c], taps[count], n);
       sources[count++] = run.source[c];
     }
     if (count == 3) {
-      add_samples<3>(sources, taps, n, sums);
+      sum_samples<3>(sources, taps, n, sums);
     } else if (count == 2) {
-      add_samples<2>(sources, taps, n, sums);
+      sum_samples<2>(sources, taps, n, sums);
     } else if (count == 1) {
-      add_samples<1>(sources, taps, n, sums);
+      sum_samples<1>(sources, taps, n, sums);
     } else {
-      std::fill(sums, sums + 4 * n, 0.0F);
+      std::fill(std::begin(sums), std::end(sums), 0.0F);
     }
     const std::size_t at = static_cast<std::size_t>(begin - run.begin);
-    finish(sums, n, space, full_scale, rgba + 4 * at, alpha + at);
-    find_depths(along, run.at_infinity, n, alpha + at, z + at);
+    write_pixels(sums, n, std::max(run.end, run.room_end) - begin, space, full_scale, along,
+                 run.at_infinity, rgba + 4 * at, alpha + at, z + at);
   }
 }
 
@@ -163,7 +199,7 @@ void mark_mcus(const SourceView& source, const Taps& taps, int n) {
   const auto column_of = [&](int x) { return x >> source.mcu_width_log2; };
   const auto row_of = [&](int y) { return (y >> source.mcu_height_log2) * source.mcus_per_row; };
   for (int i = 0; i < n; ++i) {
-    const float* weight = taps.weight + 4 * i;
+    const float* weight = taps.weight + 4 * slot_of(hn::ScalableTag<float>(), i);
     if (!(weight[0] + weight[1] + weight[2] + weight[3] > 0)) continue;
     const int x = taps.pixel[i] % source.width, y = taps.pixel[i] / source.width;
     const int left = column_of(std::max(x - source.chroma_reach, 0));
@@ -179,7 +215,7 @@ void mark_mcus(const SourceView& source, const Taps& taps, int n) {
 void mark_pixels(const SourceView& source, const Taps& taps, int n) {
   for (int i = 0; i < n; ++i) {
     std::uint8_t* at = source.read_pixels + taps.pixel[i];
-    const float* weight = taps.weight + 4 * i;
+    const float* weight = taps.weight + 4 * slot_of(hn::ScalableTag<float>(), i);
     const auto mark = [](std::uint8_t& pixel, float w) {
       if (w > 0) std::atomic_ref(pixel).store(1, std::memory_order_relaxed);
     };

@@ -43,7 +43,8 @@ SourceView source_view_of(const CameraModel& camera, const Eigen::Matrix3d& idea
 /// A run of pixels of one row of the view that lie between the same cameras.
 struct PixelRun {
   int begin = 0, end = 0, y = 0;
-  int count = 0;  ///< source cameras: 1 to 3
+  int room_end = 0;  ///< if beyond `end`: blend_run may spill into pixels up to here (vectors do)
+  int count = 0;     ///< source cameras: 1 to 3
   std::array<SourceView*, 3> source{};
   /// Weights' numerators as linear functions of the pixel position (RayCells::Cell::share).
   std::array<std::array<double, 3>, 3> share{};

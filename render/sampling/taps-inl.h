@@ -11,8 +11,10 @@
 
 // The order matters.
 // clang-format off
+#include <hwy/cache_control.h>
 #include <hwy/highway.h>
 #include "render/sampling/lens-inl.h"
+#include "render/sampling/roots-inl.h"
 // clang-format on
 
 #include <cmath>
@@ -30,11 +32,36 @@ constexpr int kChunk = 128;
 
 /// For each pixel of a chunk: the upper left of four neighbours, counted through the frame, and the
 /// weights of upper left, upper right, lower left, lower right (interpolation times the camera's
-/// share of the ray).
+/// share of the ray). The weights stand in the order of transpose_blocks(): see slot_of().
 struct Taps {
   HWY_ALIGN std::int32_t pixel[kChunk];
   HWY_ALIGN float weight[4 * kChunk];
 };
+
+/// Four vectors of one quantity each become four vectors of whole pixels, and back: 4 x 4 values
+/// within every 128 bits. Values never leave their 128 bits, which is what makes it cheap, and why
+/// the pixels come out in an order of their own.
+template <class D, class V>
+HWY_INLINE void transpose_blocks(D d, V& v0, V& v1, V& v2, V& v3) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::Repartition<std::uint64_t, D> pairs;
+  const auto low01 = hn::BitCast(pairs, hn::InterleaveLower(d, v0, v1));
+  const auto low23 = hn::BitCast(pairs, hn::InterleaveLower(d, v2, v3));
+  const auto high01 = hn::BitCast(pairs, hn::InterleaveUpper(d, v0, v1));
+  const auto high23 = hn::BitCast(pairs, hn::InterleaveUpper(d, v2, v3));
+  v0 = hn::BitCast(d, hn::InterleaveLower(pairs, low01, low23));
+  v1 = hn::BitCast(d, hn::InterleaveUpper(pairs, low01, low23));
+  v2 = hn::BitCast(d, hn::InterleaveLower(pairs, high01, high23));
+  v3 = hn::BitCast(d, hn::InterleaveUpper(pairs, high01, high23));
+}
+
+/// Where transpose_blocks() puts pixel i of a chunk.
+template <class D>
+HWY_INLINE int slot_of(D d, int i) {
+  const int lanes = static_cast<int>(hwy::HWY_NAMESPACE::Lanes(d));
+  const int within = i % lanes;
+  return i - within + within % 4 * (lanes / 4) + within / 4;
+}
 
 /// A linear function of the pixel, from the chunk's first pixel on: the base in double, the short
 /// way from there in float.
@@ -53,19 +80,36 @@ HWY_INLINE V values(D d, Ramp r, V steps) {
   return hn::MulAdd(steps, hn::Set(d, r.step), hn::Set(d, r.base));
 }
 
-/// Taps of a vector of pixels around the position (left, top), in pixel centres, >= 0.
+/// Taps of a vector of pixels around the position (left, top), in pixel centres, >= 0. Those of
+/// pixels beyond n read the frame's first pixel, to no end.
 template <class D, class V>
-HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i, Taps& taps) {
+HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i, int n,
+                           Taps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::RebindToSigned<D> di;
-  const auto x = hn::Floor(left), y = hn::Floor(top);
-  const auto right_part = hn::Sub(left, x), lower_part = hn::Sub(top, y);
+  // Numbers added to this one are rounded to whole numbers, which stand in the last bits. A
+  // position on a pixel's centre may so be its left neighbour's right end: which is the same.
+  const auto rounder = hn::Set(d, 12582912.0F), half = hn::Set(d, 0.5F);  // 1.5 * 2^23
+  const auto x_rounded = hn::Add(hn::Sub(left, half), rounder);
+  const auto y_rounded = hn::Add(hn::Sub(top, half), rounder);
+  const auto right_part = hn::Sub(left, hn::Sub(x_rounded, rounder));
+  const auto lower_part = hn::Sub(top, hn::Sub(y_rounded, rounder));
   const auto lower = hn::Mul(weight, lower_part), upper = hn::Sub(weight, lower);
-  const auto upper_right = hn::Mul(upper, right_part), lower_right = hn::Mul(lower, right_part);
-  hn::Store(hn::Add(hn::Mul(hn::ConvertTo(di, y), hn::Set(di, frame_width)), hn::ConvertTo(di, x)),
-            di, taps.pixel + i);
-  hn::StoreInterleaved4(hn::Sub(upper, upper_right), upper_right, hn::Sub(lower, lower_right),
-                        lower_right, d, taps.weight + 4 * i);
+  auto upper_right = hn::Mul(upper, right_part), lower_right = hn::Mul(lower, right_part);
+  auto upper_left = hn::Sub(upper, upper_right), lower_left = hn::Sub(lower, lower_right);
+  transpose_blocks(d, upper_left, upper_right, lower_left, lower_right);
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  float* to = taps.weight + 4 * i;
+  hn::Store(upper_left, d, to);
+  hn::Store(upper_right, d, to + lanes);
+  hn::Store(lower_left, d, to + 2 * lanes);
+  hn::Store(lower_right, d, to + 3 * lanes);
+  const auto zero_bits = hn::BitCast(di, rounder);
+  const auto pixel =
+      hn::Add(hn::Mul(hn::Sub(hn::BitCast(di, y_rounded), zero_bits), hn::Set(di, frame_width)),
+              hn::Sub(hn::BitCast(di, x_rounded), zero_bits));
+  const auto counts = hn::Lt(hn::Iota(di, i), hn::Set(di, n));
+  hn::Store(hn::IfThenElseZero(counts, pixel), di, taps.pixel + i);
 }
 
 /// Whether a camera without distortion sees the whole run of n pixels well within its frame. On its
@@ -73,12 +117,13 @@ HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i,
 inline bool sees_whole_run(const SourceView& source, int begin, int y, int n) {
   if (source.distorted) return false;
   const double* m = source.ideal_from_pixel.data();
+  const double fx = source.fx, fy = source.fy;
   for (const double x : {begin + 0.5, begin + n - 0.5}) {
     const double w = m[6] * x + (m[7] * (y + 0.5) + m[8]);
-    if (!(w > 0)) return false;
-    const double u = (m[0] * x + (m[1] * (y + 0.5) + m[2])) / w * source.fx + source.cx;
-    const double v = (m[3] * x + (m[4] * (y + 0.5) + m[5])) / w * source.fy + source.cy;
-    if (!(u >= 1 && u <= source.width - 1 && v >= 1 && v <= source.height - 1)) return false;
+    const double u = (m[0] * x + (m[1] * (y + 0.5) + m[2])) * fx + source.cx * w;  // times w
+    const double v = (m[3] * x + (m[4] * (y + 0.5) + m[5])) * fy + source.cy * w;
+    if (!(w > 0 && u >= w && u <= (source.width - 1) * w && v >= w && v <= (source.height - 1) * w))
+      return false;
   }
   return true;
 }
@@ -104,10 +149,10 @@ HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, con
     const auto left_of = set(source.cx - 0.5F), top_of = set(source.cy - 0.5F);
     for (int i = 0; i < n; i += lanes) {
       const auto steps = hn::Iota(d, static_cast<float>(i));
-      const auto inverse = hn::Div(one, values(d, ramp_w, steps));
+      const auto inverse = reciprocal(d, values(d, ramp_w, steps));
       const auto left = hn::MulAdd(hn::Mul(values(d, ramp_x, steps), inverse), fx, left_of);
       const auto top = hn::MulAdd(hn::Mul(values(d, ramp_y, steps), inverse), fy, top_of);
-      store_taps(d, source.width, left, top, hn::Load(d, share + i), i, taps);
+      store_taps(d, source.width, left, top, hn::Load(d, share + i), i, n, taps);
     }
     return;
   }
@@ -118,22 +163,35 @@ HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, con
     const auto steps = hn::Iota(d, static_cast<float>(i));
     const auto w = values(d, ramp_w, steps);
     const auto in_front = hn::Gt(w, zero);
-    const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
+    const auto inverse = reciprocal(d, hn::IfThenElse(in_front, w, one));
     const auto x_ideal = hn::Mul(values(d, ramp_x, steps), inverse);
     const auto y_ideal = hn::Mul(values(d, ramp_y, steps), inverse);
     const auto sight = through_lens(d, source, x_ideal, y_ideal, in_front);
     const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
     const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
-    store_taps(d, source.width, left, top, hn::Mul(sight.seen, hn::Load(d, share + i)), i, taps);
+    store_taps(d, source.width, left, top, hn::Mul(sight.seen, hn::Load(d, share + i)), i, n, taps);
   }
 }
 
-/// What a sum of samples is held in: one pixel's colours, or where vectors are longer those of a
-/// pixel and of its right neighbour, side by side until fold().
+/// Asks for the memory that a chunk's taps lie in: rows of many cameras take turns, which the
+/// processor does not foresee.
+HWY_INLINE void prefetch_taps(const SourceView& source, const Taps& taps, int n) {
+  constexpr int kPixelsPerLine = 8;
+  const std::size_t row = std::size_t{4} * static_cast<std::size_t>(source.width);
+  for (int i = 0; i < n; i += kPixelsPerLine) {
+    const std::uint16_t* upper =
+        source.rgbx + std::size_t{4} * static_cast<std::uint32_t>(taps.pixel[i]);
+    hwy::Prefetch(upper);
+    hwy::Prefetch(upper + row);
+  }
+}
+
+/// What a sum of samples is held in until fold(): R, G, B, weight of one pixel, or where vectors
+/// are longer the left neighbours' and the right ones' side by side.
 using SumTag = hwy::HWY_NAMESPACE::CappedTag<float, 8>;
 
-/// One of a tap's rows: two neighbours, four channels each, times a weight of its own each.
-/// `kFirst`: which of the tap's weights is the left neighbour's.
+/// One of a tap's rows: two neighbours of four channels, each times its own of the tap's weights,
+/// the first of which is weight kFirst.
 template <int kFirst, class V>
 HWY_INLINE V add_neighbours(const std::uint16_t* left, const float* tap_weight, V sum) {
   namespace hn = hwy::HWY_NAMESPACE;
@@ -159,11 +217,12 @@ HWY_INLINE V add_neighbours(const std::uint16_t* left, const float* tap_weight, 
   }
 }
 
-/// Adds the weighted neighbours of a chunk's pixel i. `row`: of the frame, in 16-bit words.
+/// Adds the weighted neighbours of a tap: its pixel, and its four weights. `row`: of the frame, in
+/// 16-bit words.
 template <class V>
-HWY_INLINE V add_tap(const std::uint16_t* frame, std::size_t row, const Taps& taps, int i, V sum) {
-  const std::uint16_t* upper = frame + std::size_t{4} * static_cast<std::uint32_t>(taps.pixel[i]);
-  const float* weight = taps.weight + 4 * i;
+HWY_INLINE V add_tap(const std::uint16_t* frame, std::size_t row, std::int32_t pixel,
+                     const float* weight, V sum) {
+  const std::uint16_t* upper = frame + std::size_t{4} * static_cast<std::uint32_t>(pixel);
   sum = add_neighbours<0>(upper, weight, sum);
   return add_neighbours<2>(upper + row, weight, sum);
 }

@@ -2,14 +2,13 @@
 #include "render/planar/focal_plane.h"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <limits>
 #include <utility>
 #include <vector>
 
 #include "render/sampling/needed_mcus.h"
-#include "render/sampling/source_view.h"
+#include "render/sampling/source_frames.h"
 #include "render/view/plane_projection.h"
 #include "render/view/ray_cells.h"
 #include "schemas/parallel.h"
@@ -25,12 +24,6 @@ double milliseconds(Clock::duration duration) {
 
 std::array<double, 3> as_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-int log2_of(int power_of_two) {
-  int log2 = 0;
-  while ((1 << log2) < power_of_two) ++log2;
-  return log2;
-}
-
 /// One view's rendering, stage by stage: plan (which source pixels), decode, blend.
 class FocalPlaneFrame {
   static constexpr int kRowsPerBlock = 8;
@@ -45,18 +38,17 @@ class FocalPlaneFrame {
         weights_(weights),
         count_needed_(count_needed),
         spans_(static_cast<std::size_t>(view.height)),
-        sources_(instant.rig->cameras.size()) {}
+        sources_(instant, projection_, count_needed) {}
 
   RenderedView render() {
     const auto start = Clock::now();
     if (!projection_.at_infinity() && projection_.distance() == 0)
       return empty_view(view_);  // eye on the plane
     RenderedView image = unset_view(view_);
-    find_spans();
-    open_sources();
+    find_cameras();
     mark_needed();
     const auto planned = Clock::now();
-    decode(image.statistics);
+    sources_.decode(image.statistics);
     const auto decoded = Clock::now();
     blend(image);
     lower_coverage_of_absent(image);
@@ -67,14 +59,6 @@ class FocalPlaneFrame {
   }
 
  private:
-  struct Source {
-    SourceView view;  // its rgbx stays null where no pixel of the view sees anything of the camera
-    McuMask wanted;   // empty: the whole frame is decoded already
-    std::vector<std::uint8_t> read_pixels;
-    std::shared_ptr<const DecodedFrame> frame;
-    bool used = false;
-  };
-
   template <class Body>
   void for_each_row(const Body& body) const {
     constexpr int kRowsPerTask = 16;
@@ -84,7 +68,8 @@ class FocalPlaneFrame {
                            });
   }
 
-  void find_spans() {
+  /// Spans of every row, and the cameras of their cells.
+  void find_cameras() {
     constexpr int kRowsPerTask = 16;
     raystage::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
                            [&](const tbb::blocked_range<int>& rows) {
@@ -94,46 +79,23 @@ class FocalPlaneFrame {
                                                    spans_[static_cast<std::size_t>(y)]);
                              }
                            });
-    std::vector<bool> cell_used(cells_.cells().size());
+    std::vector<bool> used(instant_.rig->cameras.size());
     for (const auto& row : spans_) {
-      for (const RayCells::Span& span : row) cell_used[static_cast<std::size_t>(span.cell)] = true;
+      for (const RayCells::Span& span : row) {
+        const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(span.cell)];
+        for (int c = 0; c < cell.count; ++c) {
+          used[static_cast<std::size_t>(cell.camera[static_cast<std::size_t>(c)])] = true;
+        }
+      }
     }
-    for (std::size_t i = 0; i < cell_used.size(); ++i) {
-      if (!cell_used[i]) continue;
-      const RayCells::Cell& cell = cells_.cells()[i];
-      for (int c = 0; c < cell.count; ++c)
-        source(cell.camera[static_cast<std::size_t>(c)]).used = true;
+    std::vector<int> cameras;
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      if (used[i]) cameras.push_back(static_cast<int>(i));
     }
+    sources_.open(cameras);
   }
 
   std::vector<RayCells::Span>& spans_of(int y) { return spans_[static_cast<std::size_t>(y)]; }
-
-  Source& source(int camera) { return sources_[static_cast<std::size_t>(camera)]; }
-
-  /// Geometry and frame layout of every camera that some cell in view belongs to.
-  void open_sources() {
-    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-      Source& opened = sources_[i];
-      if (!opened.used) return;
-      const Rig::Camera& camera = instant_.rig->cameras[i];
-      const int frame = instant_.frame_of_camera[i];
-      opened.view = source_view_of(camera.model, projection_.ideal_from_pixel(camera.pose));
-      if (!count_needed_ && instant_.cache->holds_whole(static_cast<int>(i), frame)) return;
-      SourceView& s = opened.view;
-      const auto layout = instant_.cache->layout(static_cast<int>(i), frame);
-      opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
-      s.wanted_mcus = opened.wanted.data();
-      s.mcus_per_row = layout->mcus_per_row;
-      s.mcu_width_log2 = log2_of(layout->mcu_width);
-      s.mcu_height_log2 = log2_of(layout->mcu_height);
-      s.chroma_reach = layout->mcu_width > 8 || layout->mcu_height > 8 ? 1 : 0;
-      if (count_needed_) {
-        opened.read_pixels.assign(
-            static_cast<std::size_t>(s.width) * static_cast<std::size_t>(s.height), 0);
-        s.read_pixels = opened.read_pixels.data();
-      }
-    });
-  }
 
   PixelRun run_of(const RayCells::Span& span, int y) {
     const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(span.cell)];
@@ -144,7 +106,7 @@ class FocalPlaneFrame {
     run.room_end = view_.width;  // rows are written from left to right
     run.count = cell.count;
     for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-      run.source[i] = &source(cell.camera[i]).view;
+      run.source[i] = &sources_.view(cell.camera[i]);
       run.share[i] = as_array(cell.share[i]);
     }
     run.total = as_array(cell.total);
@@ -157,7 +119,7 @@ class FocalPlaneFrame {
   }
 
   void mark_needed() {
-    if (std::ranges::all_of(sources_, [](const Source& s) { return s.wanted.empty(); })) return;
+    if (sources_.all_whole()) return;
     raystage::parallel_for(0, (view_.height + kRowsPerBlock - 1) / kRowsPerBlock, [&](int block) {
       const int first = block * kRowsPerBlock;
       const int end = std::min(first + kRowsPerBlock, view_.height);
@@ -199,35 +161,10 @@ class FocalPlaneFrame {
     for (const auto& [index, block] : blocks) {
       const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(index)];
       for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-        const SourceView& camera = source(cell.camera[i]).view;
+        const SourceView& camera = sources_.view(cell.camera[i]);
         if (camera.wanted_mcus != nullptr) mark_block(camera, block);
       }
     }
-  }
-
-  void decode(RenderStatistics& statistics) {
-    std::atomic<std::int64_t> pixels = 0, needed = 0;
-    std::atomic<int> cameras = 0;
-    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-      Source& wanted = sources_[i];
-      if (!wanted.used) return;
-      const bool is_whole =
-          wanted.wanted.empty();  // ... was, at least: fetch sees to it if need be
-      if (!is_whole &&
-          std::find(wanted.wanted.begin(), wanted.wanted.end(), 1) == wanted.wanted.end()) {
-        return;
-      }
-      std::int64_t decoded = 0;
-      wanted.frame = instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i],
-                                           wanted.wanted, decoded);
-      wanted.view.rgbx = wanted.frame->rgbx.get();
-      pixels += decoded;
-      needed += std::count(wanted.read_pixels.begin(), wanted.read_pixels.end(), 1);
-      ++cameras;
-    });
-    statistics.pixels_decoded = pixels;
-    statistics.pixels_needed = needed;
-    statistics.cameras_used = cameras;
   }
 
   void blend(RenderedView& image) {
@@ -294,7 +231,7 @@ class FocalPlaneFrame {
   CornerWeights weights_;
   bool count_needed_;
   std::vector<std::vector<RayCells::Span>> spans_;  // per row of the view
-  std::vector<Source> sources_;                     // per camera of the rig
+  SourceFrames sources_;
 };
 
 }  // namespace

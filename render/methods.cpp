@@ -4,13 +4,14 @@
 #include <algorithm>
 #include <vector>
 
+#include "render/planar/aperture.h"
 #include "render/planar/focal_plane.h"
 #include "schemas/error.h"
 
 namespace raystage {
 
 std::span<const Method> methods() {
-  static const std::vector<Method> all{focal_plane_method(), nearest_method()};
+  static const std::vector<Method> all{focal_plane_method(), nearest_method(), aperture_method()};
   return all;
 }
 

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "render/planar/view_rows.h"
 #include "render/sampling/needed_mcus.h"
 #include "render/sampling/source_frames.h"
 #include "render/view/plane_projection.h"
@@ -37,7 +38,7 @@ class FocalPlaneFrame {
         cells_(view, *instant.rig, *instant.present),
         weights_(weights),
         count_needed_(count_needed),
-        spans_(static_cast<std::size_t>(view.height)),
+        rows_(view, cells_),
         sources_(instant, projection_, count_needed) {}
 
   RenderedView render() {
@@ -45,7 +46,7 @@ class FocalPlaneFrame {
     if (!projection_.at_infinity() && projection_.distance() == 0)
       return empty_view(view_);  // eye on the plane
     RenderedView image = unset_view(view_);
-    find_cameras();
+    open_cameras();
     mark_needed();
     const auto planned = Clock::now();
     sources_.decode(image.statistics);
@@ -59,29 +60,11 @@ class FocalPlaneFrame {
   }
 
  private:
-  template <class Body>
-  void for_each_row(const Body& body) const {
-    constexpr int kRowsPerTask = 16;
-    raystage::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
-                           [&](const tbb::blocked_range<int>& rows) {
-                             for (int y = rows.begin(); y < rows.end(); ++y) body(y);
-                           });
-  }
-
-  /// Spans of every row, and the cameras of their cells.
-  void find_cameras() {
-    constexpr int kRowsPerTask = 16;
-    raystage::parallel_for(tbb::blocked_range<int>(0, view_.height, kRowsPerTask),
-                           [&](const tbb::blocked_range<int>& rows) {
-                             std::vector<int> scratch;
-                             for (int y = rows.begin(); y < rows.end(); ++y) {
-                               cells_.spans_of_row(y, view_.width, scratch,
-                                                   spans_[static_cast<std::size_t>(y)]);
-                             }
-                           });
+  /// The cameras of all cells in view.
+  void open_cameras() {
     std::vector<bool> used(instant_.rig->cameras.size());
-    for (const auto& row : spans_) {
-      for (const RayCells::Span& span : row) {
+    for (int y = 0; y < view_.height; ++y) {
+      for (const RayCells::Span& span : rows_.spans(y)) {
         const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(span.cell)];
         for (int c = 0; c < cell.count; ++c) {
           used[static_cast<std::size_t>(cell.camera[static_cast<std::size_t>(c)])] = true;
@@ -94,8 +77,6 @@ class FocalPlaneFrame {
     }
     sources_.open(cameras);
   }
-
-  std::vector<RayCells::Span>& spans_of(int y) { return spans_[static_cast<std::size_t>(y)]; }
 
   PixelRun run_of(const RayCells::Span& span, int y) {
     const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(span.cell)];
@@ -126,7 +107,7 @@ class FocalPlaneFrame {
       // Tap by tap where the kernels leave out some of a cell's pixels, or somebody counts.
       if (weights_ == CornerWeights::kNearest || count_needed_ || !meets_plane(first, end)) {
         for (int y = first; y < end; ++y) {
-          for (const RayCells::Span& span : spans_of(y)) mark_run(run_of(span, y));
+          for (const RayCells::Span& span : rows_.spans(y)) mark_run(run_of(span, y));
         }
       } else {
         mark_blocks(first, end);
@@ -142,51 +123,24 @@ class FocalPlaneFrame {
            projection_.depth(0.5, end - 0.5) > 0 && projection_.depth(right, end - 0.5) > 0;
   }
 
-  /// Rows [first, end), cell by cell.
   void mark_blocks(int first, int end) {
-    std::vector<std::pair<int, PixelBlock>> blocks;
-    for (int y = first; y < end; ++y) {
-      for (const RayCells::Span& span : spans_of(y)) {
-        const auto known = std::ranges::find(blocks, span.cell, &std::pair<int, PixelBlock>::first);
-        if (known == blocks.end()) {
-          blocks.push_back({span.cell, {span.begin, span.end, y, y + 1}});
-        } else {
-          PixelBlock& block = known->second;
-          block.x_begin = std::min(block.x_begin, span.begin);
-          block.x_end = std::max(block.x_end, span.end);
-          block.y_end = y + 1;
-        }
-      }
-    }
-    for (const auto& [index, block] : blocks) {
+    rows_.for_each_cell(first, end, [&](int index, int x_begin, int x_end, int y_begin, int y_end) {
       const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(index)];
       for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
         const SourceView& camera = sources_.view(cell.camera[i]);
-        if (camera.wanted_mcus != nullptr) mark_block(camera, block);
+        if (camera.wanted_mcus == nullptr) continue;
+        mark_block(camera, {x_begin, x_end, y_begin, y_end});
       }
-    }
+    });
   }
 
   void blend(RenderedView& image) {
     const auto full_scale = static_cast<float>(instant_.cache->full_scale());
-    for_each_row([&](int y) {
-      const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width);
-      std::size_t at = row;  // the first pixel not written yet
-      for (const RayCells::Span& span : spans_of(y)) {
-        const std::size_t begin = row + static_cast<std::size_t>(span.begin);
-        leave_unseen(image, at, begin);
-        blend_run(run_of(span, y), instant_.cache->blend_space(), full_scale,
-                  &image.rgba[begin * 4], &image.coverage[begin], &image.z[begin]);
-        at = row + static_cast<std::size_t>(span.end);
-      }
-      leave_unseen(image, at, row + static_cast<std::size_t>(view_.width));
+    const BlendSpace space = instant_.cache->blend_space();
+    rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
+      blend_run(run_of(span, y), space, full_scale, &image.rgba[at * 4], &image.coverage[at],
+                &image.z[at]);
     });
-  }
-
-  static void leave_unseen(RenderedView& image, std::size_t begin, std::size_t end) {
-    std::fill(image.rgba.data() + 4 * begin, image.rgba.data() + 4 * end, 0.0F);
-    std::fill(image.coverage.data() + begin, image.coverage.data() + end, 0.0F);
-    std::fill(image.z.data() + begin, image.z.data() + end, std::numeric_limits<float>::infinity());
   }
 
   void lower_coverage_of_absent(RenderedView& image) const {
@@ -199,12 +153,12 @@ class FocalPlaneFrame {
         if (!instant_.is_present(cell.camera[c])) lacks[i] = true;
       }
     }
-    for_each_row([&](int y) {
-      std::vector<int> scratch;
-      std::vector<RayCells::Span> spans;
-      complete.spans_of_row(y, view_.width, scratch, spans);
-      for (const RayCells::Span& span : spans) {
-        if (lacks[static_cast<std::size_t>(span.cell)]) lower_coverage(complete, span, y, image);
+    const ViewRows rows(view_, complete);
+    rows.for_each_part([&](int first, int end) {
+      for (int y = first; y < end; ++y) {
+        for (const RayCells::Span& span : rows.spans(y)) {
+          if (lacks[static_cast<std::size_t>(span.cell)]) lower_coverage(complete, span, y, image);
+        }
       }
     });
   }
@@ -230,7 +184,7 @@ class FocalPlaneFrame {
   RayCells cells_;
   CornerWeights weights_;
   bool count_needed_;
-  std::vector<std::vector<RayCells::Span>> spans_;  // per row of the view
+  ViewRows rows_;
   SourceFrames sources_;
 };
 

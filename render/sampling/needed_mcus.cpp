@@ -136,7 +136,7 @@ void mark_block(const SourceView& source, const PixelBlock& block) {
   if (found.place == Footprint::Place::kUnseen) return;
   if (found.place == Footprint::Place::kAhead) {
     const int mcu_width = 1 << source.mcu_width_log2, mcu_height = 1 << source.mcu_height_log2;
-    const bool is_tight = found.box.area() <= 2 * found.area + 4 * mcu_width * mcu_height &&
+    const bool is_tight = found.box.area() <= 1.5 * found.area + 2 * mcu_width * mcu_height &&
                           found.spacing <= std::max(mcu_width, mcu_height);
     if (is_tight || one_pixel) return mark_box(source, found.box);
   }

@@ -91,7 +91,7 @@ void find_shares(bool at_infinity, Ramp along, int n, Crossings& crossings) {
     const auto complete = hn::Load(d, crossings.complete + i);
     auto counts = hn::Gt(present, least);
     if (!at_infinity) {  // rays that never meet the focal plane count for nothing
-      const auto slope = values(d, along, hn::Iota(d, static_cast<float>(i)));
+      const auto slope = values(d, along, counting_from(d, i));
       counts = hn::And(counts, hn::Gt(slope, zero));
     }
     hn::Store(hn::IfThenElseZero(counts, reciprocal(d, present)), d, crossings.present + i);

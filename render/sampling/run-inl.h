@@ -40,7 +40,7 @@ HWY_INLINE void find_weights(const PixelRun& run, int begin, int n, Weights& wei
   Ramp shares[3] = {};
   for (int c = 0; c < run.count; ++c) shares[c] = ramp(run.share[c].data(), begin, run.y, scale);
   for (int i = 0; i < n; i += lanes) {
-    const auto steps = hn::Iota(d, static_cast<float>(i));
+    const auto steps = counting_from(d, i);
     const auto zero = hn::Zero(d);
     const auto w0 = hn::Max(values(d, shares[0], steps), zero);
     const auto w1 = hn::Max(values(d, shares[1], steps), zero);
@@ -60,7 +60,7 @@ HWY_INLINE void drop_unmet(Ramp along, int n, Weights& weights) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int i = 0; i < n; i += lanes) {
-    const auto met = hn::Gt(values(d, along, hn::Iota(d, static_cast<float>(i))), hn::Zero(d));
+    const auto met = hn::Gt(values(d, along, counting_from(d, i)), hn::Zero(d));
     for (auto& camera : weights.camera) {
       hn::Store(hn::IfThenElseZero(met, hn::Load(d, camera + i)), d, camera + i);
     }
@@ -147,7 +147,7 @@ HWY_INLINE void write_pixels(const float* sums, const float* share, const float*
     const auto covered = present == nullptr ? weight : hn::Mul(weight, hn::Load(d, present + i));
     auto depth = infinity;
     if (!at_infinity) {
-      const auto steps = hn::Iota(d, static_cast<float>(i));
+      const auto steps = counting_from(d, i);
       const auto slope = values(d, along, steps);
       const auto seen = hn::And(hn::Gt(weight, hn::Zero(d)), hn::Gt(slope, hn::Set(d, 1e-30F)));
       depth = hn::IfThenElse(seen, reciprocal(d, slope), infinity);

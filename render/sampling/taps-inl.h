@@ -74,6 +74,13 @@ HWY_INLINE Ramp ramp(const double* function, int x, int y, double scale) {
           static_cast<float>(function[0] * scale)};
 }
 
+/// i, i + 1, ... (Iota with a start of its own goes through memory, and waits for it.)
+template <class D>
+HWY_INLINE auto counting_from(D d, int i) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  return hn::Add(hn::Iota(d, 0), hn::Set(d, static_cast<hn::TFromD<D>>(i)));
+}
+
 template <class D, class V>
 HWY_INLINE V values(D d, Ramp r, V steps) {
   namespace hn = hwy::HWY_NAMESPACE;
@@ -108,7 +115,7 @@ HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i,
   const auto pixel =
       hn::Add(hn::Mul(hn::Sub(hn::BitCast(di, y_rounded), zero_bits), hn::Set(di, frame_width)),
               hn::Sub(hn::BitCast(di, x_rounded), zero_bits));
-  const auto counts = hn::Lt(hn::Iota(di, i), hn::Set(di, n));
+  const auto counts = hn::Lt(counting_from(di, i), hn::Set(di, n));
   hn::Store(hn::IfThenElseZero(counts, pixel), di, taps.pixel + i);
 }
 
@@ -148,7 +155,7 @@ HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, con
     const auto fx = set(source.fx), fy = set(source.fy);
     const auto left_of = set(source.cx - 0.5F), top_of = set(source.cy - 0.5F);
     for (int i = 0; i < n; i += lanes) {
-      const auto steps = hn::Iota(d, static_cast<float>(i));
+      const auto steps = counting_from(d, i);
       const auto inverse = reciprocal(d, values(d, ramp_w, steps));
       const auto left = hn::MulAdd(hn::Mul(values(d, ramp_x, steps), inverse), fx, left_of);
       const auto top = hn::MulAdd(hn::Mul(values(d, ramp_y, steps), inverse), fy, top_of);
@@ -160,7 +167,7 @@ HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, con
   const auto last_x = set(static_cast<float>(source.width - 1));
   const auto last_y = set(static_cast<float>(source.height - 1));
   for (int i = 0; i < n; i += lanes) {
-    const auto steps = hn::Iota(d, static_cast<float>(i));
+    const auto steps = counting_from(d, i);
     const auto w = values(d, ramp_w, steps);
     const auto in_front = hn::Gt(w, zero);
     const auto inverse = reciprocal(d, hn::IfThenElse(in_front, w, one));
@@ -181,8 +188,7 @@ HWY_INLINE void prefetch_taps(const SourceView& source, const Taps& taps, int n)
   for (int i = 0; i < n; i += kPixelsPerLine) {
     const std::uint16_t* upper =
         source.rgbx + std::size_t{4} * static_cast<std::uint32_t>(taps.pixel[i]);
-    hwy::Prefetch(upper);
-    hwy::Prefetch(upper + row);
+    hwy::Prefetch(upper + row);  // the upper one was the lower one of the row before
   }
 }
 

@@ -107,6 +107,11 @@ int main(int argc, char** argv) {
       {{"perceptual", BlendSpace::kPerceptual}, {"linear", BlendSpace::kLinear}},
       "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or linear "
       "(default: perceptual)");
+  add_choice<HoleFill>(app, "--fill", options.settings.fill,
+                       {{"none", HoleFill::kNone}, {"push-pull", HoleFill::kPushPull}},
+                       "Rays that no camera saw: none (left out of the measures) or push-pull "
+                       "(coloured from what was "
+                       "seen around them, and measured) (default: none)");
   app.add_option("--camera-step", options.settings.camera_step,
                  "Use every n-th row and column of the grid only")
       ->capture_default_str()

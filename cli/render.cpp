@@ -6,6 +6,7 @@
 
 #include <array>
 #include <map>
+#include <optional>
 
 #include "cli/choice.h"
 #include "cli/command.h"
@@ -28,6 +29,7 @@ struct Options {
   bool chromaticities = false;
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
+  std::optional<HoleFill> fill;
   ProgressStyle progress = ProgressStyle::kAuto;
 };
 
@@ -54,6 +56,10 @@ void declare(CLI::App& app, Options& options) {
                              {"black", MissingFrames::kBlack}},
                             "frames before or after the take: error = refuse to start; hold = show "
                             "the nearest\ninstant; black = empty frames (default: error)");
+  add_choice<std::optional<HoleFill>>(
+      app, "--fill", options.fill, {{"none", HoleFill::kNone}, {"push-pull", HoleFill::kPushPull}},
+      "rays that no camera saw: none = transparent; push-pull = coloured from what was seen "
+      "around\nthem; lf.coverage still shows them (default: what the shot says)");
   add_threads_option(app, options.threads);
   app.add_option("--frames-in-flight", options.frames_in_flight,
                  "frames worked on at once (default: one per thread, at most 16)")
@@ -106,6 +112,7 @@ ExitCode render(const Options& options, std::stop_token stop) {
   if (!options.frames.empty()) sequence.frames = parse_frame_range(options.frames);
   sequence.existing = options.existing;
   sequence.missing = options.missing;
+  sequence.fill = options.fill;
   sequence.frames_in_flight = options.frames_in_flight;
   sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   sequence.chromaticities = options.chromaticities;

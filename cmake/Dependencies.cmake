@@ -19,6 +19,7 @@ foreach(folder IN LISTS oiio_includes)
   endif()
 endforeach()
 set_target_properties(OpenImageIO::OpenImageIO PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${oiio_includes}")
+find_package(assimp 5.2 CONFIG REQUIRED)           # assimp::assimp
 find_package(embree 3 CONFIG REQUIRED)             # embree
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # PkgConfig::TURBOJPEG
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)                   # PkgConfig::ZSTD
@@ -41,6 +42,9 @@ pkg_check_modules(AVDEVICE REQUIRED libavdevice)
 if(RAYSTAGE_TESTS)
   find_package(GTest REQUIRED)                     # GTest::gtest_main
   find_package(rapidcheck REQUIRED)                # rapidcheck
+endif()
+if(RAYSTAGE_TESTS OR RAYSTAGE_BENCHMARKS)
+  find_package(Boost 1.74 REQUIRED)                # Boost::headers
 endif()
 if(RAYSTAGE_BENCHMARKS)
   find_package(benchmark REQUIRED)                 # benchmark::benchmark

@@ -20,6 +20,8 @@ function(raystage_test NAME)
   add_executable(raystage_${NAME}_test ${ARG_SOURCES})
   target_link_libraries(raystage_${NAME}_test PRIVATE raystage_compiler ${ARG_LINKS}
                         GTest::gtest_main GTest::gmock)
+  # What is measured is the product: tests compile in two thirds of the time with less optimisation.
+  target_compile_options(raystage_${NAME}_test PRIVATE -O1)
   target_compile_definitions(raystage_${NAME}_test PRIVATE
     RAYSTAGE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" RAYSTAGE_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   gtest_discover_tests(raystage_${NAME}_test DISCOVERY_MODE PRE_TEST
@@ -33,6 +35,7 @@ function(raystage_command NAME)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINKS" ${ARGN})
   add_executable(raystage-${NAME} ${ARG_SOURCES})
   target_link_libraries(raystage-${NAME} PRIVATE raystage_compiler ${ARG_LINKS})
+  target_compile_options(raystage-${NAME} PRIVATE -O1)  # parses a command line
 endfunction()
 
 # raystage_kernels(FILES...)

@@ -28,6 +28,7 @@ struct SequenceOptions {
   std::optional<std::vector<int>> frames;  ///< sorted; none: all of the shot
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
+  std::optional<HoleFill> fill;  ///< in place of what the shot says
   int frames_in_flight = 0;      ///< 0: one per thread of the TBB arena, at most 16
   std::size_t memory_bytes = 0;  ///< for frames and cache; 0: half of available_memory(), at most
                                  ///< what the frames in flight need and 4 GiB of cache

@@ -225,6 +225,27 @@ TEST_F(Sequence, SkipSurvivesAMoveOfTheProject) {
   EXPECT_EQ(render_sequence(other.path() / "shot.json", options_, {}).skipped, 6);
 }
 
+TEST_F(Sequence, FillColoursWhatNobodySawAndTheFingerprintKnows) {
+  shot_.camera[0].position[2] = shot_.camera[1].position[2] = 0.5;  // sees past the array
+  options_.frames = {101};
+  const auto transparent = [&] {
+    const ExrImage image = read_exr(file(101));
+    int count = 0;
+    for (std::size_t i = 3; i < image.rgba.size(); i += 4) count += image.rgba[i] < 1 ? 1 : 0;
+    return count;
+  };
+  run();
+  EXPECT_GT(transparent(), 100);
+  options_.existing = ExistingFiles::kSkip;
+  options_.fill = HoleFill::kPushPull;
+  EXPECT_EQ(run().rendered, 1);
+  EXPECT_EQ(transparent(), 0);
+  EXPECT_NEAR(read_exr(file(101)).rgba[0], grey(0), 0.005F);
+  options_.fill.reset();
+  shot_.layers[0].fill = HoleFill::kPushPull;
+  EXPECT_EQ(run().skipped, 1);
+}
+
 TEST_F(Sequence, SameBytesForAnyNumberOfThreadsAndFramesInFlight) {
   std::vector<std::string> first;
   for (const int threads : {1, 2, 5}) {

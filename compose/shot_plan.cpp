@@ -38,13 +38,15 @@ Fingerprint common_fingerprint(const ShotDocument& shot, const Take& take,
     if (const std::string* text = std::get_if<std::string>(&value)) print.text("value", *text);
   }
   for (const double value : reconstruction.focal_plane) print.number("plane", value);
+  print.text("fill", reconstruction.fill == HoleFill::kPushPull ? "push_pull" : "none");
   print.text("take", read_file(take.folder() / "take.json"));
   print.text("rig", read_file(take.folder() / "rig.json"));
   return print;
 }
 
 Reconstruction reconstruction_of(const ShotDocument& shot, const Take& take,
-                                 const std::filesystem::path& shot_file) {
+                                 const std::filesystem::path& shot_file,
+                                 std::optional<HoleFill> fill) {
   const ShotDocument::Layer& layer = shot.layers.front();
   MethodOptions(method_named(layer.method).options, layer.options,
                 shot_file.string() + "#/layers/0/options");
@@ -52,6 +54,7 @@ Reconstruction reconstruction_of(const ShotDocument& shot, const Take& take,
   Reconstruction reconstruction;
   reconstruction.method = layer.method;
   reconstruction.options = layer.options;
+  reconstruction.fill = fill.value_or(layer.fill);
   reconstruction.focal_plane =
       focal_plane_equation(layer.focal_plane, take.rig(), take.document().depth_range,
                            shot_file.string() + "#/layers/0/focal_plane");
@@ -90,13 +93,13 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
   return equation / normal;
 }
 
-ShotPlan::ShotPlan(const std::filesystem::path& shot_file)
+ShotPlan::ShotPlan(const std::filesystem::path& shot_file, std::optional<HoleFill> fill)
     : shot_file_(shot_file),
       shot_(read_shot(shot_file)),
       take_(take_folder(shot_file, shot_)),
       timeline_(read_timeline(take_)),
       path_(shot_.camera),
-      reconstruction_(reconstruction_of(shot_, take_, shot_file)),
+      reconstruction_(reconstruction_of(shot_, take_, shot_file, fill)),
       common_(common_fingerprint(shot_, take_, reconstruction_)) {
   if (timeline_.ticks.empty()) {
     throw Error::bad_input("the take's timeline is empty", take_.folder().string(),
@@ -195,6 +198,13 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   print.number("fx", view.intrinsics.fx).number("fy", view.intrinsics.fy);
   if (!frame.tick) return print.text("source", "none").hex();
   const FrameSelection& tick = timeline_.ticks[static_cast<std::size_t>(*frame.tick)];
+  const Method& method = method_named(reconstruction_.method);
+  if (method.files_read != nullptr) {
+    const MethodOptions options(method.options, reconstruction_.options, method.name);
+    for (const auto& file : method.files_read(options, take_, tick)) {
+      print.text("file", read_file(file));
+    }
+  }
   print.integer("time", tick.time_ns);
   for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
     if (tick.frame[camera] < 0) {

@@ -13,6 +13,7 @@
 #include "compose/exr_header.h"
 #include "compose/fingerprint.h"
 #include "render/renderer.h"
+#include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
 #include "store/take.h"
 #include "store/timeline.h"
@@ -41,7 +42,8 @@ class ShotPlan {
  public:
   /// Throws Error (bad input): shot, take, timeline or an archive missing or wrong, unknown method
   /// or compression, a focal plane `best` without a depth range.
-  explicit ShotPlan(const std::filesystem::path& shot_file);
+  /// `fill`: in place of what the shot says.
+  explicit ShotPlan(const std::filesystem::path& shot_file, std::optional<HoleFill> fill = {});
 
   const ShotDocument& shot() const { return shot_; }
   const Take& take() const { return take_; }

@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/renderer.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <mutex>
 
+#include "render/fill/push_pull.h"
+#include "render/lumigraph/lumigraph.h"
 #include "render/methods.h"
+#include "render/view/footprint.h"
 #include "render/view/instant.h"
 #include "schemas/error.h"
 #include "store/frames/frame_cache.h"
@@ -33,7 +39,47 @@ struct LightFieldRenderer::State {
     if (!known) known = std::make_shared<const Topology>(topology_of(take.rig(), cameras));
     return known;
   }
+
+  /// Without topologies where no camera is present.
+  Instant instant(const FrameSelection& frames) {
+    Instant instant;
+    instant.take = &take;
+    instant.time_ns = frames.time_ns;
+    instant.rig = &take.rig();
+    instant.cache = &cache;
+    instant.frame_of_camera.assign(static_cast<std::size_t>(take.camera_count()), -1);
+    instant.members = members;
+    std::vector<int> present;
+    for (const int camera : members) {
+      const int frame = frames.frame[static_cast<std::size_t>(camera)];
+      instant.frame_of_camera[static_cast<std::size_t>(camera)] = frame;
+      if (frame >= 0) present.push_back(camera);
+    }
+    if (present.empty()) return instant;
+    instant.present = topology(present);
+    instant.complete = present == members ? instant.present : topology(members);
+    return instant;
+  }
 };
+
+namespace {
+
+constexpr std::size_t kBytesPerPixel = 6 * sizeof(float);  // of a RenderedView
+
+/// Samples along each axis of a pixel that covers `ratio` pixels of the cameras: steps of up to one
+/// and a half of them lie within the two pixels that linear interpolation takes in anyway.
+int supersampling(double ratio, const VirtualCamera& view, const RendererSettings& settings) {
+  int factor = std::clamp(static_cast<int>(std::min(ratio, 64.0) + 0.5), 1,
+                          std::clamp(settings.most_supersampling, 1, 64));
+  const std::size_t bytes =
+      static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * kBytesPerPixel;
+  while (factor > 1 && bytes * static_cast<std::size_t>(factor * factor) > settings.working_bytes) {
+    --factor;
+  }
+  return factor;
+}
+
+}  // namespace
 
 LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings& settings)
     : state_(std::make_unique<State>(take, settings)) {
@@ -56,33 +102,59 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   const Method& method = method_named(reconstruction.method);
   const MethodOptions options(method.options, reconstruction.options,
                               "method " + reconstruction.method);
-  Instant instant;
-  instant.take = &state_->take;
-  instant.time_ns = frames.time_ns;
-  instant.rig = &state_->take.rig();
-  instant.cache = &state_->cache;
-  instant.frame_of_camera.assign(static_cast<std::size_t>(state_->take.camera_count()), -1);
-  std::vector<int> present;
-  for (const int camera : state_->members) {
-    const int frame = frames.frame[static_cast<std::size_t>(camera)];
-    instant.frame_of_camera[static_cast<std::size_t>(camera)] = frame;
-    if (frame >= 0) present.push_back(camera);
-  }
-  if (present.empty()) return empty_view(view);
-  instant.present = state_->topology(present);
-  instant.complete =
-      present == state_->members ? instant.present : state_->topology(state_->members);
+  const Instant instant = state_->instant(frames);
+  if (!instant.present) return empty_view(view);
 
+  const double ratio = source_pixels_per_pixel(view, instant, reconstruction.focal_plane);
+  const int factor = supersampling(ratio, view, state_->settings);
+  const VirtualCamera fine = supersampled(view, factor);
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
-  const ViewRequest request{view,
+  const ViewRequest request{fine,
                             instant,
                             reconstruction.focal_plane,
                             options,
                             state_->kept,
                             state_->settings.working_bytes,
                             state_->settings.count_needed_pixels};
-  return state_->settings.reference || distorted ? method.render_reference(request)
-                                                 : method.render(request);
+  const bool by_reference = state_->settings.reference || distorted;
+  RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
+  if (factor > 1) image = averaged(image, factor);
+  if (reconstruction.fill == HoleFill::kPushPull) {
+    const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
+    fill(image);
+  }
+  image.statistics.source_pixels_per_pixel = ratio;
+  image.statistics.supersampling = factor;
+  if (const double halves = std::floor(2 / ratio); ratio > 0 && halves >= 3) {
+    image.notes.push_back(
+        fmt::format("the view asks for more resolution than the light field has: a pixel of the "
+                    "cameras is at least {:g} pixels of the view wide",
+                    halves / 2));
+  }
+  return image;
+}
+
+void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,
+                               const Reconstruction& reconstruction,
+                               std::span<RaySample> samples) const {
+  const Method& method = method_named(reconstruction.method);
+  MethodOptions options(method.options, reconstruction.options, "method " + reconstruction.method);
+  const Method lumigraph = lumigraph_method();
+  if (method.name != lumigraph.name) options = MethodOptions(lumigraph.options, {}, lumigraph.name);
+  const Instant instant = state_->instant(frames);
+  std::fill(samples.begin(), samples.end(), RaySample{});
+  if (!instant.present) return;
+  const RaySurface surface =
+      proxy_surface(options, reconstruction.focal_plane, state_->take, state_->kept);
+  const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
+  answer(rays, instant, surface, ray_weighing(options), samples);
+}
+
+void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
+  for (const int camera : state_->members) {
+    const int frame = frames.frame[static_cast<std::size_t>(camera)];
+    if (frame >= 0) state_->cache.read_ahead(camera, frame);
+  }
 }
 
 }  // namespace raystage

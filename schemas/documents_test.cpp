@@ -247,7 +247,7 @@ INSTANTIATE_TEST_SUITE_P(
         Damage{"take", "/cameras/1/journal", "a/../../b", "/cameras/1/journal", "inside the take"},
         Damage{"take", "/cameras/1/journal", std::string("a\0b", 3), "/cameras/1/journal",
                "control character"},
-        Damage{"take", "/depth_range_m", {3, 3}, "/depth_range_m", "nearest and then the farthest"},
+        Damage{"take", "/depth_range_m", {3, 2.5}, "/depth_range_m", "nearest and then the farthest"},
         Damage{"take", "/depth_range_m", {nullptr, 3}, "/depth_range_m", "nearest"},
         Damage{"take", "/depth_range_m", {0, 3}, "/depth_range_m/0", "greater than 0"}));
 
@@ -381,6 +381,12 @@ TEST(TakeDocument, TheFarthestDistanceMayBeLeftOut) {
   }
 }
 
+TEST(TakeDocument, ADepthRangeMayBeOneDepth) {
+  json document = good("take");
+  document["depth_range_m"] = {3, 3};
+  EXPECT_EQ(parse_take(document.dump(), "f").depth_range, (DepthRange{3, 3}));
+}
+
 TEST(ShotDocument, ReadsEveryField) {
   const ShotDocument shot = parse_shot(good("shot").dump(), "f");
   EXPECT_EQ(shot.fps_numerator, 24000);
@@ -389,9 +395,23 @@ TEST(ShotDocument, ReadsEveryField) {
   EXPECT_EQ(shot.camera.at(1).orientation, (std::array<double, 4>{1, 0, 0, 0}));
   EXPECT_EQ(shot.layers.at(0).method, "focal_plane");
   EXPECT_EQ(shot.layers.at(0).speed, 1);
+  EXPECT_EQ(shot.layers.at(0).fill, HoleFill::kNone);
   EXPECT_EQ(shot.layers.at(0).focal_plane.kind, ShotDocument::FocalPlane::Kind::kDepth);
   EXPECT_EQ(shot.layers.at(0).focal_plane.depth, 8.69);
   EXPECT_EQ(shot.output.compression, "piz");
+}
+
+TEST(ShotDocument, FillComesBack) {
+  json document = good("shot");
+  for (const auto& [word, fill] :
+       {std::pair{"push_pull", HoleFill::kPushPull}, {"none", HoleFill::kNone}}) {
+    document["layers"][0]["fill"] = word;
+    const ShotDocument shot = parse_shot(document.dump(), "f");
+    EXPECT_EQ(shot.layers[0].fill, fill);
+    EXPECT_EQ(parse_shot(format_shot(shot), "f").layers[0].fill, fill);
+  }
+  document["layers"][0]["fill"] = "push-pull";
+  EXPECT_THROW(parse_shot(document.dump(), "f"), Error);
 }
 
 TEST(Documents, WhatCannotBeReadAgainIsNotWritten) {

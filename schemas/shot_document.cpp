@@ -106,6 +106,7 @@ ShotDocument::Layer layer_from(const Located& object) {
   layer.method = object.get("method", layer.method);
   if (object.has("options")) layer.options = options_from(object.at("options"));
   if (object.has("focal_plane")) layer.focal_plane = focal_plane_from(object.at("focal_plane"));
+  if (object.get("fill", std::string()) == "push_pull") layer.fill = HoleFill::kPushPull;
   layer.start_seconds = object.get("start_seconds", layer.start_seconds);
   layer.speed = object.get("speed", layer.speed);
   return layer;
@@ -185,6 +186,7 @@ std::string format_shot(const ShotDocument& shot) {
                       {"method", layer.method},
                       {"options", json_from(layer.options)},
                       {"focal_plane", json_from(layer.focal_plane)},
+                      {"fill", layer.fill == HoleFill::kPushPull ? "push_pull" : "none"},
                       {"start_seconds", layer.start_seconds},
                       {"speed", layer.speed}});
   }

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "schemas/hole_fill.h"
 #include "schemas/option_values.h"
 #include "schemas/time.h"
 
@@ -32,6 +33,7 @@ struct ShotDocument {
     std::string method = "focal_plane";
     OptionValues options;  ///< of the method; which there are is the renderer's to say
     FocalPlane focal_plane;
+    HoleFill fill = HoleFill::kNone;
     double start_seconds = 0;  ///< time in the take, since its first tick, shown at first_frame
     double speed = 1;          ///< take seconds per shot second: 0 freezes, negative runs backwards
   };

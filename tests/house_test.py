@@ -15,7 +15,7 @@ import urllib.parse
 
 # Top to bottom. A folder may include from itself and from what stands below it.
 HOUSE = ["tests", "cli", "farm", "replay", "compose", "render", "ingest", "images", "store", "rig",
-         "schemas"]
+         "charts", "schemas"]
 # Folders in folders: their own little house, bottom last.
 ROOMS = {
     "store/fixity": ["store", "store/jpeg"],
@@ -26,9 +26,19 @@ ROOMS = {
     "store": ["store/jpeg"],
     "render/view": [],
     "render/sampling": ["render/view"],
-    "render/planar": ["render/view", "render/sampling"],
-    "render": ["render/view", "render/sampling", "render/planar"],
-    "render/evaluation": ["render", "render/view"],
+    "render/matching": [],
+    "render/quality": ["render/view"],
+    "render/fill": ["render/view"],
+    "render/planar": ["render/sampling", "render/view"],
+    "render/automatic": ["render/planar", "render/quality", "render/view"],
+    "render/sweep": ["render/matching", "render/sampling", "render/view"],
+    "render/slabs": ["render/sampling", "render/view"],
+    "render/lumigraph": ["render/sampling", "render/view"],
+    "render/rays": ["render/lumigraph", "render/sampling", "render/view"],
+    "render": ["render/automatic", "render/fill", "render/lumigraph", "render/matching",
+               "render/planar", "render/quality", "render/rays", "render/sampling", "render/slabs",
+               "render/sweep", "render/view"],
+    "render/evaluation": ["render", "render/quality", "render/view"],
     "ingest/simulated": [],
     "ingest/record": ["ingest/sources"],
     "ingest/sources": ["ingest/simulated"],

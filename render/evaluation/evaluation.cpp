@@ -126,8 +126,9 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   evaluation.method = settings.method;
   evaluation.focal_depth = focal_depth_of(take, settings);
   const std::vector<Subject> subjects = subjects_of(take, views, views_folder, settings.leave_out);
-  const Reconstruction reconstruction{
-      settings.method, plane_in_front_of(take.rig(), evaluation.focal_depth), settings.options};
+  const Reconstruction reconstruction{settings.method,
+                                      plane_in_front_of(take.rig(), evaluation.focal_depth),
+                                      settings.options, settings.fill};
   RendererSettings renderer_settings;
   renderer_settings.cache_bytes = settings.cache_bytes;
   renderer_settings.blend_space = settings.blend_space;

@@ -9,7 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "render/image_quality.h"
+#include "render/quality/image_quality.h"
+#include "schemas/hole_fill.h"
 #include "schemas/option_values.h"
 #include "schemas/views.h"
 #include "store/frames/blend_space.h"
@@ -27,6 +28,7 @@ struct EvaluationSettings {
   std::vector<std::string> leave_out;
   /// Every n-th row and column of the grid contributes, counted from the first: fewer cameras.
   int camera_step = 1;
+  HoleFill fill = HoleFill::kNone;  ///< when not none, all pixels are measured
   BlendSpace blend_space = BlendSpace::kPerceptual;
   std::filesystem::path image_folder;  ///< rendered views as PNG go here; empty: nowhere
   std::size_t cache_bytes = std::size_t{1} << 30;

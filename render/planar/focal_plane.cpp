@@ -175,6 +175,7 @@ class FocalPlaneFrame {
         if (instant_.is_present(cell.camera[i])) continue;
         image.coverage[at] -= image.rgba[at * 4 + 3] * static_cast<float>(crossing.weight[i]);
       }
+      image.coverage[at] = std::max(0.0F, image.coverage[at]);  // all absent, and rounded
     }
   }
 

@@ -98,6 +98,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
           if (instant.is_present(whole_cell.camera[i])) continue;
           coverage -= rgba[3] * static_cast<float>(whole->weight[i]);
         }
+        coverage = std::max(0.0F, coverage);  // all absent, and rounded
       }
     }
     if (rgba[3] > 0) z = static_cast<float>(hit.depth());

@@ -8,6 +8,7 @@
 #include <optional>
 #include <vector>
 
+#include "render/view/plane_projection.h"
 #include "rig/camera_model.h"
 #include "store/frames/frame_cache.h"
 
@@ -44,7 +45,7 @@ class PlaneHit {
       depth_ = std::numeric_limits<double>::infinity();
       return;
     }
-    depth_ = -(normal.dot(eye) + plane.w()) / normal.dot(ray);
+    depth_ = -height_above_plane(plane, eye) / normal.normalized().dot(ray);
     from_eye_ = depth_ * ray;
     eye_ = eye;
   }

@@ -77,6 +77,34 @@ void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba,
   }
 }
 
+void codes(const PixelRun& run, std::uint16_t* rgba) {
+  Weights weights;
+  Taps taps[3];
+  HWY_ALIGN float sums[4 * kChunk];
+  for (int begin = run.begin; begin < run.end; begin += kChunk) {
+    const int n = std::min(kChunk, run.end - begin);
+    find_weights(run, begin, n, weights);
+    if (!run.at_infinity) {
+      drop_unmet(ramp(run.slope.data(), begin, run.y, 1 / run.distance), n, weights);
+    }
+    const SourceView* sources[3];
+    for (int c = 0; c < run.count; ++c) {
+      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[c]);
+      sources[c] = run.source[c];
+    }
+    add_samples<true>(sources, taps, run.count, n, sums);
+    const hn::FixedTag<float, 4> d;
+    const hn::RebindToSigned<decltype(d)> d32;
+    const hn::Rebind<std::uint16_t, decltype(d)> d16;
+    for (int i = 0; i < n; ++i) {
+      const float* pixel = sums + 4 * slot_of(hn::ScalableTag<float>(), i);
+      const auto rounded = hn::ConvertTo(d32, hn::Add(hn::Load(d, pixel), hn::Set(d, 0.5F)));
+      hn::StoreU(hn::DemoteTo(d16, rounded), d16,
+                 rgba + static_cast<std::size_t>(begin - run.begin + i) * 4);
+    }
+  }
+}
+
 /// Marks a tap's MCUs, chroma included.
 void mark_mcus(const SourceView& source, const Taps& taps, int n) {
   const auto column_of = [&](int x) { return x >> source.mcu_width_log2; };
@@ -127,12 +155,16 @@ namespace raystage {
 
 HWY_EXPORT(mark);
 HWY_EXPORT(blend);
+HWY_EXPORT(codes);
 HWY_EXPORT(target);
 
 void mark_run(const PixelRun& run) { HWY_DYNAMIC_DISPATCH(mark)(run); }
 void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
                float* z) {
   HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, alpha, z);
+}
+void codes_of_run(const PixelRun& run, std::uint16_t* rgba) {
+  HWY_DYNAMIC_DISPATCH(codes)(run, rgba);
 }
 const char* kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 

@@ -71,6 +71,10 @@ void mark_run(const PixelRun& run);
 void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
                float* z);
 
+/// The run's sums of weighted codes themselves, rounded, on the scale of the blend space: R, G, B,
+/// A per pixel, A = 65535 where all cameras see. Rays that do not meet the plane give 0.
+void codes_of_run(const PixelRun& run, std::uint16_t* rgba);
+
 /// The instruction set in use, e.g. "AVX3".
 const char* kernel_target();
 

@@ -3,13 +3,17 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <filesystem>
 #include <span>
 #include <string_view>
+#include <vector>
 
 #include "render/view/instant.h"
 #include "render/view/kept_results.h"
 #include "render/view/method_options.h"
 #include "render/view/view.h"
+#include "store/take.h"
+#include "store/timeline.h"
 
 namespace raystage {
 
@@ -35,6 +39,9 @@ struct Method {
   RenderedView (*render)(const ViewRequest& request);
   /// The slow, obvious one, for any view.
   RenderedView (*render_reference)(const ViewRequest& request);
+  /// Files beside the archives that determine the pixels, for fingerprints; null: none.
+  std::vector<std::filesystem::path> (*files_read)(const MethodOptions& options, const Take& take,
+                                                   const FrameSelection& frames) = nullptr;
 };
 
 }  // namespace raystage

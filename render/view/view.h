@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,9 @@ struct RenderStatistics {
   std::int64_t pixels_needed =
       0;                 ///< distinct source pixels with a weight; only counted on request
   int cameras_used = 0;  ///< that contribute to some pixel
+  /// Pixels of the cameras, along one axis, that a pixel of the view covers; 0 where none is seen.
+  double source_pixels_per_pixel = 0;
+  int supersampling = 1;  ///< samples of the view's pixels along each axis, averaged
 };
 
 /// std::allocator, but that values of a vector grown without saying what they are stay unset: to
@@ -69,6 +73,9 @@ struct RenderedView {
   /// +infinity where A is 0.
   PixelValues z;
   RenderStatistics statistics;
+  /// What people should know about how it was made, a line each, the same for every frame of a
+  /// shot.
+  std::vector<std::string> notes;
 };
 
 /// An image of the view's size in which no camera saw a ray.

@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "render/sampling/source_view.h"
+#include "render/view/instant.h"
+#include "render/view/view.h"
+
+namespace raystage {
+
+/// The frames of an instant, decoded as far as a view reads them.
+class FramesOfCameras {
+ public:
+  /// `count_needed`: also note which pixels are read, for RenderStatistics::pixels_needed.
+  FramesOfCameras(const Instant& instant, bool count_needed);
+
+  /// Looks at the frames of the cameras that are `used`, indexed as in the rig. Throws Error (bad
+  /// input).
+  void open(std::vector<bool> used);
+  /// Whether decode() needs no plan: every frame is in memory already, and nobody counts.
+  bool are_whole() const;
+
+  /// Private copies of what is wanted, for one thread to mark in.
+  struct Masks {
+    std::vector<McuMask> mcus;
+    std::vector<std::vector<std::uint8_t>> pixels;
+  };
+  Masks masks() const { return {std::vector<McuMask>(used_.size()), {}}; }
+  /// Makes a camera's lens mark into `masks`; false where there is nothing to mark.
+  bool plan_into(int camera, Masks& masks, SourceView& lens) const;
+  void join(const Masks& masks);  ///< thread-safe
+
+  /// What is wanted of each frame; where nothing was marked for any, all.
+  void decode(RenderStatistics& statistics);
+  /// Null for a camera that is not used.
+  const std::uint16_t* pixels(int camera) const {
+    const auto& frame = frames_[static_cast<std::size_t>(camera)];
+    return frame ? frame->rgbx.get() : nullptr;
+  }
+
+ private:
+  const Instant& instant_;
+  bool count_needed_;
+  std::vector<bool> used_;
+  std::vector<std::shared_ptr<const JpegLayout>> layouts_;
+  Masks wanted_;
+  bool planned_ = false;
+  std::mutex joining_;
+  std::vector<std::shared_ptr<const DecodedFrame>> frames_;
+};
+
+}  // namespace raystage

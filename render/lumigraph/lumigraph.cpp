@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/lumigraph/lumigraph.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <mutex>
+
+#include "render/lumigraph/camera_choice.h"
+#include "render/lumigraph/frames_of_cameras.h"
+#include "render/lumigraph/ray_chunk.h"
+#include "render/view/ray_cells.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Eigen::Vector3d;
+
+constexpr int kBlockWidth = RayChunk::kSize, kBlockHeight = kFieldTile;
+constexpr int kFieldColumns = kBlockWidth / kFieldTile + 1;
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+/// Part of the view, and the cameras that can count in it.
+struct Block {
+  int x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< pixels, the last ones excluded
+  std::vector<int> present, complete;  ///< the second only where it differs from the first
+};
+
+/// What one thread works in.
+struct Scratch {
+  std::vector<WorldRay> rays;
+  std::vector<double> inverse_distance;
+  RayChunk chunk, corners;
+  std::vector<const ChunkCamera*> cameras, in_field;
+  std::vector<ChunkWeights> weights, corner_weights;
+};
+
+/// One view's rendering, stage by stage: surface and cameras, plan, decode, blend.
+class LumigraphFrame {
+ public:
+  LumigraphFrame(const ViewRequest& request, const RaySurface& surface, const RayWeighing& weighing,
+                 WeightField field)
+      : request_(request),
+        view_(request.view),
+        rig_(*request.instant.rig),
+        surface_(surface),
+        weighing_(weighing),
+        spacing_(camera_spacing(rig_)),
+        chunk_weighing_(weighing, spacing_),
+        field_(field),
+        middle_(rig_.centre()),
+        world_ray_(world_ray_from_pixel(request.view)),
+        cameras_(chunk_cameras(rig_)),
+        frames_(request.instant, request.count_needed_pixels) {
+    for (int camera = 0; camera < static_cast<int>(rig_.cameras.size()); ++camera) {
+      if (request.instant.is_present(camera)) present_.push_back(camera);
+    }
+    complete_ = request.instant.members;
+  }
+
+  RenderedView render() {
+    RenderedView image = empty_view(view_);
+    const auto start = Clock::now();
+    make_blocks();
+    meet_surface();
+    frames_.open(used_cameras());
+    if (!frames_.are_whole()) mark_wanted();
+    const auto planned = Clock::now();
+    frames_.decode(image.statistics);
+    for (ChunkCamera& camera : cameras_) camera.lens.rgbx = frames_.pixels(camera.camera);
+    const auto decoded = Clock::now();
+    for_each_block([&](const Block& block, Scratch& scratch) {
+      for_each_row(block, scratch, [&](int y) { blend_row(block, y, scratch, image); });
+    });
+    image.statistics.plan_ms = milliseconds(planned - start);
+    image.statistics.decode_ms = milliseconds(decoded - planned);
+    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
+    return image;
+  }
+
+ private:
+  std::size_t at(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
+           static_cast<std::size_t>(x);
+  }
+
+  Vector3d direction(double x, double y) const {
+    return (world_ray_ * Vector3d(x, y, 1)).normalized();
+  }
+
+  void make_blocks() {
+    for (int y = 0; y < view_.height; y += kBlockHeight) {
+      for (int x = 0; x < view_.width; x += kBlockWidth) {
+        blocks_.push_back({x,
+                           y,
+                           std::min(x + kBlockWidth, view_.width),
+                           std::min(y + kBlockHeight, view_.height),
+                           {},
+                           {}});
+      }
+    }
+  }
+
+  template <class Body>
+  void for_each_block(const Body& body) {
+    raystage::parallel_for(tbb::blocked_range<int>(0, static_cast<int>(blocks_.size())),
+                           [&](const tbb::blocked_range<int>& range) {
+                             Scratch scratch;
+                             for (int i = range.begin(); i < range.end(); ++i) {
+                               body(blocks_[static_cast<std::size_t>(i)], scratch);
+                             }
+                           });
+  }
+
+  /// Where the rays end, and who can see it.
+  void meet_surface() {
+    inverse_distance_.resize(at(0, view_.height));
+    for_each_block([&](Block& block, Scratch& scratch) {
+      double least = std::numeric_limits<double>::infinity(), most = 0;
+      for (int y = block.y0; y < block.y1; ++y) {
+        scratch.rays.clear();
+        for (int x = block.x0; x < block.x1; ++x) {
+          scratch.rays.push_back({view_.pose.position, direction(x + 0.5, y + 0.5)});
+        }
+        scratch.inverse_distance.resize(scratch.rays.size());
+        surface_(scratch.rays, scratch.inverse_distance);
+        for (int x = block.x0; x < block.x1; ++x) {
+          const double inverse = scratch.inverse_distance[static_cast<std::size_t>(x - block.x0)];
+          inverse_distance_[at(x, y)] = static_cast<float>(inverse);
+          if (!(inverse >= 0)) continue;
+          least = std::min(least, inverse);
+          most = std::max(most, inverse);
+        }
+      }
+      if (least > most) return;  // nothing there
+      RayBundle bundle;
+      bundle.eye = view_.pose.position;
+      bundle.corners = {direction(block.x0, block.y0), direction(block.x1, block.y0),
+                        direction(block.x0, block.y1), direction(block.x1, block.y1)};
+      bundle.least_inverse = least;
+      bundle.most_inverse = most;
+      block.present = choose_cameras(rig_, present_, bundle, weighing_, spacing_);
+      if (present_ == complete_) return;
+      block.complete = choose_cameras(rig_, complete_, bundle, weighing_, spacing_);
+    });
+  }
+
+  std::vector<bool> used_cameras() const {
+    std::vector<bool> used(rig_.cameras.size());
+    for (const Block& block : blocks_) {
+      for (const int camera : block.present) used[static_cast<std::size_t>(camera)] = true;
+    }
+    return used;
+  }
+
+  void set_cameras(const std::vector<int>& cameras, Scratch& scratch) const {
+    scratch.cameras.clear();
+    for (const int camera : cameras) {
+      scratch.cameras.push_back(&cameras_[static_cast<std::size_t>(camera)]);
+    }
+    scratch.weights.resize(cameras.size());
+  }
+
+  void set_chunk(const Block& block, int y, Scratch& scratch) const {
+    scratch.rays.clear();
+    for (int x = block.x0; x < block.x1; ++x) {
+      scratch.rays.push_back({view_.pose.position, direction(x + 0.5, y + 0.5)});
+    }
+    fill_chunk(scratch.rays, std::span(&inverse_distance_[at(block.x0, y)], scratch.rays.size()),
+               middle_, scratch.chunk);
+  }
+
+  /// Calls body(y) for the block's rows with scratch.chunk, cameras and weights set.
+  template <class Body>
+  void for_each_row(const Block& block, Scratch& scratch, const Body& body) const {
+    if (block.present.empty()) return;
+    if (field_ == WeightField::kBlendingField) weigh_corners(block, scratch);
+    for (int y = block.y0; y < block.y1; ++y) {
+      set_chunk(block, y, scratch);
+      if (field_ == WeightField::kPerPixel) {
+        set_cameras(block.present, scratch);
+        weigh_cameras(scratch.chunk, scratch.cameras, chunk_weighing_, scratch.weights);
+      } else {
+        scratch.cameras = scratch.in_field;
+        scratch.weights.resize(scratch.in_field.size());
+        interpolate(y - block.y0, scratch);
+        share_rays(scratch.chunk, scratch.cameras, scratch.weights);
+      }
+      body(y);
+    }
+  }
+
+  /// The weights at the corners of the block's tiles, of those cameras that have any.
+  void weigh_corners(const Block& block, Scratch& scratch) const {
+    scratch.rays.clear();
+    for (const int y : {block.y0, block.y0 + kFieldTile}) {
+      for (int column = 0; column < kFieldColumns; ++column) {
+        scratch.rays.push_back({view_.pose.position, direction(block.x0 + column * kFieldTile, y)});
+      }
+    }
+    scratch.inverse_distance.resize(scratch.rays.size());
+    surface_(scratch.rays, scratch.inverse_distance);
+    const std::vector<float> inverse(scratch.inverse_distance.begin(),
+                                     scratch.inverse_distance.end());
+    fill_chunk(scratch.rays, inverse, middle_, scratch.corners);
+    set_cameras(block.present, scratch);
+    weigh_cameras(scratch.corners, scratch.cameras, chunk_weighing_, scratch.weights);
+    scratch.in_field.clear();
+    scratch.corner_weights.clear();
+    for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
+      const auto& weight = scratch.weights[c].weight;
+      if (std::all_of(weight.begin(), weight.begin() + scratch.corners.count,
+                      [](float w) { return w == 0; })) {
+        continue;
+      }
+      scratch.in_field.push_back(scratch.cameras[c]);
+      scratch.corner_weights.push_back(scratch.weights[c]);
+    }
+  }
+
+  static void interpolate(int row, Scratch& scratch) {
+    const float down = (static_cast<float>(row) + 0.5F) / kFieldTile;
+    for (std::size_t c = 0; c < scratch.in_field.size(); ++c) {
+      const float* upper = scratch.corner_weights[c].weight.data();
+      const float* lower = upper + kFieldColumns;
+      float* to = scratch.weights[c].weight.data();
+      for (int tile = 0; tile + 1 < kFieldColumns; ++tile) {
+        const float left = upper[tile] + down * (lower[tile] - upper[tile]);
+        const float right = upper[tile + 1] + down * (lower[tile + 1] - upper[tile + 1]);
+        for (int i = 0; i < kFieldTile; ++i) {
+          *to++ = left + (static_cast<float>(i) + 0.5F) / kFieldTile * (right - left);
+        }
+      }
+    }
+  }
+
+  /// Strips of blocks go through private copies of the masks, joined afterwards.
+  void mark_wanted() {
+    constexpr int kStrips = 8;
+    raystage::parallel_for(0, kStrips, [&](int strip) {
+      Scratch scratch;
+      FramesOfCameras::Masks masks = frames_.masks();
+      const auto strip_end = [&](int s) {
+        return blocks_.size() * static_cast<std::size_t>(s) / kStrips;
+      };
+      for (std::size_t b = strip_end(strip); b < strip_end(strip + 1); ++b) {
+        for_each_row(blocks_[b], scratch, [&](int) {
+          for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
+            SourceView lens = scratch.cameras[c]->lens;
+            if (!frames_.plan_into(scratch.cameras[c]->camera, masks, lens)) continue;
+            mark_camera(lens, scratch.weights[c], scratch.chunk.count);
+          }
+        });
+      }
+      frames_.join(masks);
+    });
+  }
+
+  void blend_row(const Block& block, int y, Scratch& scratch, RenderedView& image) const {
+    const RayChunk& chunk = scratch.chunk;
+    alignas(64) std::array<float, 4 * RayChunk::kSize> sums{};
+    for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
+      add_camera(scratch.cameras[c]->lens, scratch.weights[c], chunk.count, sums.data());
+    }
+    const std::size_t first = at(block.x0, y);
+    finish_chunk(sums.data(), chunk.count, request_.instant.cache->blend_space(),
+                 static_cast<float>(request_.instant.cache->full_scale()), &image.rgba[first * 4]);
+    const Vector3d forward = view_.pose.viewing_direction();
+    for (std::size_t i = 0; i < static_cast<std::size_t>(chunk.count); ++i) {
+      const float alpha = image.rgba[(first + i) * 4 + 3];
+      image.coverage[first + i] = alpha;
+      if (!(alpha > 0)) continue;
+      image.z[first + i] =
+          static_cast<float>(forward.dot(scratch.rays[i].direction)) / chunk.inverse_distance[i];
+    }
+    if (!block.complete.empty()) lower_coverage(block, first, scratch, image);
+  }
+
+  void lower_coverage(const Block& block, std::size_t first, Scratch& scratch,
+                      RenderedView& image) const {
+    set_cameras(block.complete, scratch);
+    weigh_cameras(scratch.chunk, scratch.cameras, chunk_weighing_, scratch.weights);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(scratch.chunk.count); ++i) {
+      float total = 0, absent = 0;
+      for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
+        const float weight = scratch.weights[c].weight[i];
+        total += weight;
+        if (!request_.instant.is_present(scratch.cameras[c]->camera)) absent += weight;
+      }
+      if (total > 0) image.coverage[first + i] *= 1 - absent / total;
+    }
+  }
+
+  const ViewRequest& request_;
+  const VirtualCamera& view_;
+  const Rig& rig_;
+  const RaySurface& surface_;
+  RayWeighing weighing_;
+  double spacing_;
+  ChunkWeighing chunk_weighing_;
+  WeightField field_;
+  Vector3d middle_;
+  Eigen::Matrix3d world_ray_;
+  std::vector<ChunkCamera> cameras_;
+  FramesOfCameras frames_;
+  std::vector<int> present_, complete_;
+  std::vector<Block> blocks_;
+  std::vector<float> inverse_distance_;
+};
+
+}  // namespace
+
+RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
+                              const RayWeighing& weighing, WeightField field) {
+  return LumigraphFrame(request, surface, weighing, field).render();
+}
+
+}  // namespace raystage

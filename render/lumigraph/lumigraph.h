@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "render/lumigraph/ray_weights.h"
+#include "render/view/method.h"
+#include "render/view/world_ray.h"
+
+namespace raystage {
+
+/// Whether weights are worked out for every pixel, or at the corners of tiles of kFieldTile pixels
+/// and interpolated between (Buehler et al. 2001, section 4): faster, and wrong where a tile
+/// reaches across the border of an image or an edge of the proxy.
+enum class WeightField { kPerPixel, kBlendingField };
+
+inline constexpr int kFieldTile = 16;
+
+/// Unstructured lumigraph: each ray is looked up where it meets `surface`, in the few cameras that
+/// suit it best (see RayWeighing). A = the largest share of it that a camera sees, coverage lower
+/// by the weight that cameras absent at this instant would have had. `request`'s options are not
+/// read. The view must have no lens distortion. Threads share rows of blocks of 64 x 16 pixels; per
+/// block only cameras are looked at that can count there. Memory: 4 bytes a pixel, the frames'
+/// masks, and what FrameCache holds.
+RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
+                              const RayWeighing& weighing, WeightField field);
+
+/// Ray by ray in double; any view; weights always per pixel.
+RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
+                                        const RayWeighing& weighing);
+
+/// What the options `proxy` and `mesh` say: the plane, or a mesh and the plane beyond it. Throws
+/// Error (bad input) for a mesh that cannot be read.
+RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
+                         const Take& take, KeptResults& kept);
+
+Method lumigraph_method();
+
+}  // namespace raystage

@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstddef>
+#include <limits>
+
+#include "render/lumigraph/ray_chunk.h"
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "render/lumigraph/lumigraph_kernels.cpp"
+// The order matters.
+// clang-format off
+#include <hwy/foreach_target.h>  // IWYU pragma: keep
+#include <hwy/highway.h>
+#include "render/sampling/finish-inl.h"
+#include "render/sampling/lens-inl.h"
+// clang-format on
+
+HWY_BEFORE_NAMESPACE();
+namespace raystage {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+constexpr int kChunk = RayChunk::kSize;
+constexpr float kNever = 1e30F;  // the penalty of a camera that does not see the point
+constexpr float kTiny = 1e-20F;
+
+/// Rays [i, i + lanes) relative to one camera.
+template <class V>
+struct Beside {
+  V offset[3];  ///< of the camera from the rays' bases
+  V along;      ///< that, along the ray
+  V distance;   ///< from the ray's line
+};
+
+template <class D>
+Beside<hn::Vec<D>> beside(D d, const RayChunk& chunk, const ChunkCamera& camera, int i) {
+  Beside<hn::Vec<D>> b;
+  const auto load = [&](const std::array<float, kChunk>& values)
+                        HWY_ATTR { return hn::Load(d, values.data() + i); };
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    b.offset[axis] = hn::Sub(hn::Set(d, camera.centre[axis]), load(chunk.base[axis]));
+  }
+  b.along = hn::Mul(b.offset[0], load(chunk.direction[0]));
+  b.along = hn::MulAdd(b.offset[1], load(chunk.direction[1]), b.along);
+  b.along = hn::MulAdd(b.offset[2], load(chunk.direction[2]), b.along);
+  auto squared = hn::Zero(d);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto across = hn::NegMulAdd(b.along, load(chunk.direction[axis]), b.offset[axis]);
+    squared = hn::MulAdd(across, across, squared);
+  }
+  b.distance = hn::Sqrt(squared);
+  return b;
+}
+
+/// Where the camera sees the points: stores u, v, seen, and returns how well within its image, 0 to
+/// 1.
+template <class D>
+hn::Vec<D> locate(D d, const RayChunk& chunk, const ChunkCamera& camera, float border,
+                  const Beside<hn::Vec<D>>& b, int i, ChunkWeights& out) {
+  const auto inverse = hn::Load(d, chunk.inverse_distance.data() + i);
+  const auto point = hn::Load(d, chunk.point.data() + i);
+  hn::Vec<D> towards[3];  // (point - camera) / distance of the point from the eye
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    towards[axis] = hn::Mul(point, hn::Load(d, chunk.direction[axis].data() + i));
+    towards[axis] = hn::NegMulAdd(inverse, b.offset[axis], towards[axis]);
+  }
+  const auto in_camera = [&](std::size_t row) HWY_ATTR {
+    const float* m = camera.camera_from_world.data() + 3 * row;
+    auto sum = hn::Mul(hn::Set(d, m[0]), towards[0]);
+    sum = hn::MulAdd(hn::Set(d, m[1]), towards[1], sum);
+    return hn::MulAdd(hn::Set(d, m[2]), towards[2], sum);
+  };
+  const auto one = hn::Set(d, 1.0F), zero = hn::Zero(d);
+  const auto depth = hn::Neg(in_camera(2));
+  const auto in_front = hn::Gt(depth, zero);
+  const auto scale = hn::Div(one, hn::IfThenElse(in_front, depth, one));
+  const auto sight = through_lens(d, camera.lens, hn::Mul(in_camera(0), scale),
+                                  hn::Neg(hn::Mul(in_camera(1), scale)), in_front);
+  hn::Store(sight.u, d, out.u.data() + i);
+  hn::Store(sight.v, d, out.v.data() + i);
+  hn::Store(sight.seen, d, out.seen.data() + i);
+  const auto width = hn::Set(d, static_cast<float>(camera.lens.width));
+  const auto height = hn::Set(d, static_cast<float>(camera.lens.height));
+  const auto to_border = hn::Min(hn::Min(sight.u, hn::Sub(width, sight.u)),
+                                 hn::Min(sight.v, hn::Sub(height, sight.v)));
+  const float pixels = std::max(border * static_cast<float>(camera.lens.width), 1.0F);
+  return hn::Min(sight.seen, hn::Mul(to_border, hn::Set(d, 1 / pixels)));
+}
+
+/// Raises or lowers the weights so that their sum is the largest `seen` among them.
+void normalise(std::span<ChunkWeights> weights, int count) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < count; i += lanes) {
+    auto total = hn::Zero(d), most = hn::Zero(d);
+    for (const ChunkWeights& camera : weights) {
+      const auto weight = hn::Load(d, camera.weight.data() + i);
+      const auto counts = hn::Gt(weight, hn::Zero(d));
+      total = hn::Add(total, weight);
+      most = hn::Max(most, hn::IfThenElseZero(counts, hn::Load(d, camera.seen.data() + i)));
+    }
+    const auto scale = hn::Div(most, hn::Max(total, hn::Set(d, 1e-37F)));
+    for (ChunkWeights& camera : weights) {
+      hn::Store(hn::Mul(scale, hn::Load(d, camera.weight.data() + i)), d, camera.weight.data() + i);
+    }
+  }
+}
+
+void weigh(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+           const ChunkWeighing& weighing, std::span<ChunkWeights> weights) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
+  const auto one = set(1), zero = hn::Zero(d), never = set(kNever);
+  const int kept = weighing.cameras + 1;
+  // The least penalties so far, sorted, for all rays of the chunk.
+  HWY_ALIGN float least[(kMostCameras + 1) * kChunk];
+  for (int i = 0; i < kept * kChunk; i += lanes) hn::Store(never, d, least + i);
+
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const ChunkCamera& camera = *cameras[c];
+    for (int i = 0; i < chunk.count; i += lanes) {
+      const auto b = beside(d, chunk, camera, i);
+      const auto within = locate(d, chunk, camera, weighing.border, b, i, weights[c]);
+      const auto inverse = hn::Load(d, chunk.inverse_distance.data() + i);
+      // A triangle, divided by the distance of the point from the eye: from the point `ahead` along
+      // the ray and `across` it to the camera.
+      const auto ahead = hn::NegMulAdd(b.along, inverse, hn::Load(d, chunk.point.data() + i));
+      const auto across = hn::Mul(b.distance, inverse);
+      const auto long_side = hn::Sqrt(hn::MulAdd(across, across, hn::Mul(ahead, ahead)));
+      const auto per_sum = hn::Div(b.distance, hn::Max(hn::Add(long_side, ahead), set(kTiny)));
+      const auto further =
+          hn::MulAdd(across, per_sum, hn::Sub(hn::Load(d, chunk.eye.data() + i), b.along));
+      auto penalty = hn::MulAdd(set(2 * weighing.angular), per_sum, set(weighing.least));
+      penalty = hn::MulAdd(set(weighing.resolution), hn::Max(further, zero), penalty);
+      const auto sees = hn::Gt(within, zero);
+      const auto missed =
+          hn::Sub(hn::Div(one, hn::IfThenElse(sees, hn::Min(within, one), one)), one);
+      penalty = hn::MulAdd(set(weighing.field_of_view), missed, penalty);
+      // Also where the penalty is not a number.
+      penalty = hn::IfThenElse(hn::And(sees, hn::Lt(penalty, never)), penalty, never);
+      hn::Store(penalty, d, weights[c].weight.data() + i);
+      for (int k = 0; k < kept; ++k) {
+        float* at = least + k * kChunk + i;
+        const auto known = hn::Load(d, at);
+        hn::Store(hn::Min(known, penalty), d, at);
+        penalty = hn::Max(known, penalty);
+      }
+    }
+  }
+
+  for (int i = 0; i < chunk.count; i += lanes) {
+    const auto next = hn::Load(d, least + (kept - 1) * kChunk + i);
+    const auto per_threshold = hn::IfThenElseZero(
+        hn::Lt(next, never), hn::Div(one, hn::Mul(next, set(1 + static_cast<float>(kSoftening)))));
+    for (ChunkWeights& camera : weights) {
+      const auto penalty = hn::Load(d, camera.weight.data() + i);
+      const auto weight =
+          hn::Div(hn::Max(hn::NegMulAdd(penalty, per_threshold, one), zero), penalty);
+      hn::Store(hn::IfThenElseZero(hn::Lt(penalty, never), weight), d, camera.weight.data() + i);
+    }
+  }
+  normalise(weights, chunk.count);
+}
+
+void share(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+           std::span<ChunkWeights> weights) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    for (int i = 0; i < chunk.count; i += lanes) {
+      const auto b = beside(d, chunk, *cameras[c], i);
+      locate(d, chunk, *cameras[c], 0.0F, b, i, weights[c]);
+      const auto seen = hn::Load(d, weights[c].seen.data() + i);
+      const auto weight = hn::Load(d, weights[c].weight.data() + i);
+      hn::Store(hn::IfThenElseZero(hn::Gt(seen, hn::Zero(d)), weight), d,
+                weights[c].weight.data() + i);
+    }
+  }
+  normalise(weights, chunk.count);
+}
+
+void measure(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+             std::span<const ChunkWeights> weights, float* HWY_RESTRICT effective,
+             float* HWY_RESTRICT nearest) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto zero = hn::Zero(d);
+  const auto none = hn::Set(d, std::numeric_limits<float>::infinity());
+  for (int i = 0; i < chunk.count; i += lanes) {
+    auto sum = zero, squares = zero, least = none;
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      const auto weight = hn::Load(d, weights[c].weight.data() + i);
+      const auto has_weight = hn::Gt(weight, zero);
+      if (hn::AllFalse(d, has_weight)) continue;
+      sum = hn::Add(sum, weight);
+      squares = hn::MulAdd(weight, weight, squares);
+      const auto distance = beside(d, chunk, *cameras[c], i).distance;
+      least = hn::Min(least, hn::IfThenElse(has_weight, distance, none));
+    }
+    hn::Store(hn::Div(hn::Mul(sum, sum), hn::Max(squares, hn::Set(d, kTiny))), d, effective + i);
+    hn::Store(least, d, nearest + i);
+  }
+}
+
+bool any(const ChunkWeights& weights, int count) {
+  const hn::ScalableTag<float> d;
+  for (int i = 0; i < count; i += static_cast<int>(hn::Lanes(d))) {
+    const auto weight = hn::Load(d, weights.weight.data() + i);
+    if (!hn::AllFalse(d, hn::Gt(weight, hn::Zero(d)))) return true;
+  }
+  return false;
+}
+
+/// Upper left of the four neighbours of a position, and how far it lies from there.
+struct Corner {
+  int x, y;
+  float right, down;
+};
+HWY_INLINE Corner corner_of(const SourceView& lens, float u, float v) {
+  const float left = std::min(std::max(u - 0.5F, 0.0F), static_cast<float>(lens.width - 1));
+  const float top = std::min(std::max(v - 0.5F, 0.0F), static_cast<float>(lens.height - 1));
+  const int x = static_cast<int>(left), y = static_cast<int>(top);
+  return {x, y, left - static_cast<float>(x), top - static_cast<float>(y)};
+}
+
+void add(const SourceView& lens, const ChunkWeights& weights, int count, float* HWY_RESTRICT sums) {
+  const hn::FixedTag<float, 4> d;
+  const hn::Rebind<std::uint16_t, decltype(d)> d16;
+  const hn::Rebind<std::int32_t, decltype(d)> d32;
+  const auto pixel = [&](const std::uint16_t* at) HWY_ATTR {
+    return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, at)));
+  };
+  const std::size_t row = static_cast<std::size_t>(lens.width) * 4;
+  for (int i = 0; i < count; ++i) {
+    const float weight = weights.weight[static_cast<std::size_t>(i)];
+    if (weight == 0) continue;
+    const Corner corner = corner_of(lens, weights.u[static_cast<std::size_t>(i)],
+                                    weights.v[static_cast<std::size_t>(i)]);
+    const std::uint16_t* upper = lens.rgbx + static_cast<std::size_t>(corner.y) * row +
+                                 static_cast<std::size_t>(corner.x) * 4;
+    const std::uint16_t* lower = upper + row;
+    const float below = weight * corner.down, above = weight - below;
+    const float above_right = above * corner.right, below_right = below * corner.right;
+    auto sum = hn::Load(d, sums + 4 * i);
+    sum = hn::MulAdd(hn::Set(d, above - above_right), pixel(upper), sum);
+    sum = hn::MulAdd(hn::Set(d, above_right), pixel(upper + 4), sum);
+    sum = hn::MulAdd(hn::Set(d, below - below_right), pixel(lower), sum);
+    sum = hn::MulAdd(hn::Set(d, below_right), pixel(lower + 4), sum);
+    hn::Store(sum, d, sums + 4 * i);
+  }
+}
+
+void mark(const SourceView& lens, const ChunkWeights& weights, int count) {
+  int previous_x = -1, previous_y = -1;
+  for (int i = 0; i < count; ++i) {
+    if (weights.weight[static_cast<std::size_t>(i)] == 0) continue;
+    const Corner corner = corner_of(lens, weights.u[static_cast<std::size_t>(i)],
+                                    weights.v[static_cast<std::size_t>(i)]);
+    const int right = std::min(corner.x + 1, lens.width - 1);
+    const int below = std::min(corner.y + 1, lens.height - 1);
+    if (lens.read_pixels != nullptr) {
+      std::uint8_t* at = lens.read_pixels + static_cast<std::ptrdiff_t>(corner.y) * lens.width;
+      std::uint8_t* under = lens.read_pixels + static_cast<std::ptrdiff_t>(below) * lens.width;
+      at[corner.x] = 1;
+      if (corner.right > 0) at[right] = 1;
+      if (corner.down > 0) under[corner.x] = 1;
+      if (corner.right > 0 && corner.down > 0) under[right] = 1;
+    }
+    if (lens.wanted_mcus == nullptr || (corner.x == previous_x && corner.y == previous_y)) continue;
+    previous_x = corner.x;
+    previous_y = corner.y;
+    const int reach = lens.chroma_reach;
+    const int first_column = std::max(0, corner.x - reach) >> lens.mcu_width_log2;
+    const int last_column = std::min(lens.width - 1, right + reach) >> lens.mcu_width_log2;
+    const int first_row = std::max(0, corner.y - reach) >> lens.mcu_height_log2;
+    const int last_row = std::min(lens.height - 1, below + reach) >> lens.mcu_height_log2;
+    for (const int r : {first_row, last_row}) {
+      lens.wanted_mcus[r * lens.mcus_per_row + first_column] = 1;
+      lens.wanted_mcus[r * lens.mcus_per_row + last_column] = 1;
+    }
+  }
+}
+
+void finish_all(const float* sums, int count, BlendSpace space, float full_scale, float* rgba) {
+  finish(sums, count, space, full_scale, rgba);
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace raystage
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace raystage {
+
+HWY_EXPORT(weigh);
+HWY_EXPORT(share);
+HWY_EXPORT(measure);
+HWY_EXPORT(any);
+HWY_EXPORT(add);
+HWY_EXPORT(mark);
+HWY_EXPORT(finish_all);
+
+void weigh_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                   const ChunkWeighing& weighing, std::span<ChunkWeights> weights) {
+  HWY_DYNAMIC_DISPATCH(weigh)(chunk, cameras, weighing, weights);
+}
+void share_rays(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                std::span<ChunkWeights> weights) {
+  HWY_DYNAMIC_DISPATCH(share)(chunk, cameras, weights);
+}
+void measure_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                     std::span<const ChunkWeights> weights, float* effective, float* nearest) {
+  HWY_DYNAMIC_DISPATCH(measure)(chunk, cameras, weights, effective, nearest);
+}
+bool counts(const ChunkWeights& weights, int count) {
+  return HWY_DYNAMIC_DISPATCH(any)(weights, count);
+}
+void add_camera(const SourceView& lens, const ChunkWeights& weights, int count, float* sums) {
+  HWY_DYNAMIC_DISPATCH(add)(lens, weights, count, sums);
+}
+void mark_camera(const SourceView& lens, const ChunkWeights& weights, int count) {
+  HWY_DYNAMIC_DISPATCH(mark)(lens, weights, count);
+}
+void finish_chunk(const float* sums, int count, BlendSpace space, float full_scale, float* rgba) {
+  HWY_DYNAMIC_DISPATCH(finish_all)(sums, count, space, full_scale, rgba);
+}
+
+}  // namespace raystage
+#endif

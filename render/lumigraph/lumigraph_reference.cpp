@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <chrono>
+#include <limits>
+
+#include "render/lumigraph/lumigraph.h"
+#include "render/lumigraph/ray_samples.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+
+RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
+                                        const RayWeighing& weighing) {
+  const VirtualCamera& view = request.view;
+  const Instant& instant = request.instant;
+  RenderedView image = empty_view(view);
+  const auto start = std::chrono::steady_clock::now();
+  ReferenceFrames frames(instant, request.count_needed_pixels, image.statistics);
+  const auto decoded = std::chrono::steady_clock::now();
+  const CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
+  const double spacing = camera_spacing(*instant.rig);
+
+  const auto reconstruct = [&](int x, int y, float* rgba, float& coverage, float& z) {
+    const auto ray_in_view = view_model.unproject({x + 0.5, y + 0.5});
+    if (!ray_in_view) return;
+    const WorldRay ray{view.pose.position,
+                       (view.pose.world_from_camera_rotation * *ray_in_view).normalized()};
+    double inverse_distance = 0;
+    surface({&ray, 1}, {&inverse_distance, 1});
+    if (!(inverse_distance >= 0)) return;
+    const auto cameras = weigh_cameras_reference(*instant.rig, frames.present(), ray,
+                                                 inverse_distance, weighing, spacing);
+    const auto pixel = frames.blend(cameras);
+    std::copy(pixel.begin(), pixel.end(), rgba);
+    coverage = rgba[3];
+    if (!(rgba[3] > 0)) return;
+    z = static_cast<float>(view.pose.viewing_direction().dot(ray.direction) / inverse_distance);
+    if (frames.present().size() == instant.members.size()) return;
+    for (const WeightedCamera& camera : weigh_cameras_reference(
+             *instant.rig, instant.members, ray, inverse_distance, weighing, spacing)) {
+      if (!instant.is_present(camera.camera))
+        coverage -= static_cast<float>(camera.weight) * rgba[3];
+    }
+  };
+
+  raystage::parallel_for(0, view.height, [&](int y) {
+    for (int x = 0; x < view.width; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
+                             static_cast<std::size_t>(x);
+      reconstruct(x, y, &image.rgba[at * 4], image.coverage[at], image.z[at]);
+    }
+  });
+  const auto end = std::chrono::steady_clock::now();
+  image.statistics.pixels_needed = frames.pixels_needed();
+  image.statistics.decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
+  image.statistics.render_ms = std::chrono::duration<double, std::milli>(end - decoded).count();
+  return image;
+}
+
+}  // namespace raystage

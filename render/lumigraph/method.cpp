@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <string>
+
+#include "render/lumigraph/lumigraph.h"
+#include "render/lumigraph/proxy.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+std::filesystem::path mesh_file(const MethodOptions& options, const Take& take) {
+  return take.folder() / options.text("mesh");
+}
+
+RenderedView by_lumigraph(const ViewRequest& request) {
+  const bool field = request.options.text("weights") == "blending_field";
+  return render_lumigraph(
+      request,
+      proxy_surface(request.options, request.focal_plane, *request.instant.take, request.kept),
+      ray_weighing(request.options), field ? WeightField::kBlendingField : WeightField::kPerPixel);
+}
+
+RenderedView by_lumigraph_reference(const ViewRequest& request) {
+  return render_lumigraph_reference(
+      request,
+      proxy_surface(request.options, request.focal_plane, *request.instant.take, request.kept),
+      ray_weighing(request.options));
+}
+
+std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
+                                              const FrameSelection&) {
+  if (options.text("proxy") != "mesh") return {};
+  return {mesh_file(options, take)};
+}
+
+}  // namespace
+
+RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
+                         const Take& take, KeptResults& kept) {
+  RaySurface on_plane = plane_surface(plane);
+  if (options.text("proxy") != "mesh") return on_plane;
+  if (options.text("mesh").empty()) {
+    throw Error::bad_input("the proxy is to be a mesh and none is given", "option mesh",
+                           "Give its file, relative to the take's folder");
+  }
+  const std::filesystem::path file = mesh_file(options, take);
+  const auto mesh = kept.get<MeshProxy>("mesh proxy " + file.string(), [&file](std::size_t& bytes) {
+    auto made = std::make_shared<const MeshProxy>(file);
+    bytes = made->bytes();
+    return made;
+  });
+  return [mesh, on_plane = std::move(on_plane)](std::span<const WorldRay> rays,
+                                                std::span<double> inverse_distance) {
+    mesh->meet(rays, inverse_distance, on_plane);
+  };
+}
+
+Method lumigraph_method() {
+  static const std::vector<OptionSpec> options = [] {
+    std::vector<OptionSpec> all = ray_weighing_options();
+    all.push_back(choice_option("proxy", "plane", "plane|mesh",
+                                "where rays are looked up: on the focal plane, or on a mesh and, "
+                                "beyond it, the plane"));
+    all.push_back(text_option("mesh", "",
+                              "file of the mesh (OBJ, PLY, glTF ...; world, metres), relative to "
+                              "the take's folder"));
+    all.push_back(choice_option("weights", "per_pixel", "per_pixel|blending_field",
+                                "worked out for every pixel, or every 16 pixels and interpolated"));
+    return all;
+  }();
+  return {"lumigraph",
+          "the few cameras that suit each ray best, blended where it meets the plane or a mesh",
+          options,
+          by_lumigraph,
+          by_lumigraph_reference,
+          files_read};
+}
+
+}  // namespace raystage

@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/lumigraph/ray_weights.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "render/sampling/source_view.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// How far a camera sees along a direction (of its own frame), and where in its image.
+double seen_along(const CameraModel& model, const Vector3d& direction, Vector2d& pixel) {
+  if (direction.z() >= 0) return 0;
+  const Vector2d ideal(direction.x() / -direction.z(), direction.y() / direction.z());
+  const auto projected = model.pixel_from_ideal(ideal);
+  if (!projected) return 0;
+  pixel = *projected;
+  const double to_border =
+      std::min({pixel.x(), model.width() - pixel.x(), pixel.y(), model.height() - pixel.y()});
+  const double to_fold = 1 - ideal.squaredNorm() / model.fold_radius_squared();
+  return std::clamp(to_border * double{kBorderFade}, 0.0, 1.0) *
+         (model.has_distortion() ? std::clamp(to_fold * double{kFoldFade}, 0.0, 1.0) : 1.0);
+}
+
+double within_image(const CameraModel& model, const Vector2d& pixel, double border) {
+  const double to_border =
+      std::min({pixel.x(), model.width() - pixel.x(), pixel.y(), model.height() - pixel.y()});
+  return std::clamp(to_border / std::max(border * model.width(), 1.0), 0.0, 1.0);
+}
+
+}  // namespace
+
+RayWeighing ray_weighing(const MethodOptions& options) {
+  return {options.whole("cameras"), options.number("angular"), options.number("resolution"),
+          options.number("field_of_view"), options.number("border")};
+}
+
+std::vector<OptionSpec> ray_weighing_options() {
+  const RayWeighing fallback;
+  constexpr double kMost = 1e6;
+  return {whole_option("cameras", fallback.cameras, 1, kMostCameras, "cameras that count a ray"),
+          number_option("angular", fallback.angular, 0, kMost,
+                        "penalty of a camera beside the ray, per metre"),
+          number_option("resolution", fallback.resolution, 0, kMost,
+                        "penalty of a camera further from the scene than the eye, per metre"),
+          number_option("field_of_view", fallback.field_of_view, 0, kMost,
+                        "penalty of a camera that sees the point halfway into its image's border, "
+                        "in camera spacings"),
+          number_option("border", fallback.border, 0, 0.5,
+                        "width of that border, as a share of the image's width")};
+}
+
+double camera_spacing(const Rig& rig) {
+  double sum = 0;
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    double nearest = kInfinity;
+    for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
+      if (i == j) continue;
+      nearest =
+          std::min(nearest, (rig.cameras[i].pose.position - rig.cameras[j].pose.position).norm());
+    }
+    sum += nearest;
+  }
+  const double mean = sum / static_cast<double>(rig.cameras.size());
+  return mean > 0 && std::isfinite(mean) ? mean : 1;
+}
+
+std::vector<WeightedCamera> weigh_cameras_reference(const Rig& rig, std::span<const int> cameras,
+                                                    const WorldRay& ray, double inverse_distance,
+                                                    const RayWeighing& weighing, double spacing) {
+  std::vector<WeightedCamera> found;
+  std::vector<double> penalties;
+  for (const int index : cameras) {
+    const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(index)];
+    const Vector3d eye_to_camera = camera.pose.position - ray.origin;
+    // The point from the camera, divided by its distance from the eye: exists at infinity too.
+    const Vector3d towards = ray.direction - eye_to_camera * inverse_distance;
+    WeightedCamera candidate{index, 0, 0, Vector2d::Zero(),
+                             ray.direction.cross(eye_to_camera).norm()};
+    candidate.seen =
+        seen_along(camera.model, camera.pose.world_from_camera_rotation.transpose() * towards,
+                   candidate.pixel);
+    const double within =
+        std::min(candidate.seen, within_image(camera.model, candidate.pixel, weighing.border));
+    if (!(within > 0)) continue;
+    // tan(angle / 2) = sin / (1 + cos) = |t x d| / (|t| + t.d), and |t x d| = beside / distance.
+    const double angular =
+        2 * candidate.beside / std::max(towards.norm() + towards.dot(ray.direction), 1e-20);
+    const double along = eye_to_camera.dot(ray.direction);
+    const double further = inverse_distance > 0 ? (towards.norm() - 1) / inverse_distance : -along;
+    found.push_back(candidate);
+    penalties.push_back(weighing.angular * angular + weighing.resolution * std::max(0.0, further) +
+                        weighing.field_of_view * spacing * (1 / within - 1) +
+                        kLeastPenalty * spacing);
+  }
+  std::vector<double> sorted = penalties;
+  std::sort(sorted.begin(), sorted.end());
+  const auto k = static_cast<std::size_t>(weighing.cameras);
+  const double threshold = sorted.size() > k ? sorted[k] * (1 + kSoftening) : kInfinity;
+  double total = 0;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    found[i].weight = std::max(0.0, 1 - penalties[i] / threshold) / penalties[i];
+    total += found[i].weight;
+  }
+  std::erase_if(found, [](const WeightedCamera& camera) { return camera.weight <= 0; });
+  for (WeightedCamera& camera : found) camera.weight /= total;
+  return found;
+}
+
+double effective_cameras(std::span<const WeightedCamera> cameras) {
+  double sum = 0, squares = 0;
+  for (const WeightedCamera& camera : cameras) {
+    sum += camera.weight;
+    squares += camera.weight * camera.weight;
+  }
+  return squares > 0 ? sum * sum / squares : 0;
+}
+
+double nearest_ray(std::span<const WeightedCamera> cameras) {
+  double nearest = kInfinity;
+  for (const WeightedCamera& camera : cameras) nearest = std::min(nearest, camera.beside);
+  return nearest;
+}
+
+}  // namespace raystage

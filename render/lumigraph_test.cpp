@@ -1,0 +1,534 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/lumigraph/lumigraph.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+#include <tbb/global_control.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <numbers>
+#include <random>
+#include <set>
+
+#include "render/lumigraph/camera_choice.h"
+#include "render/lumigraph/ray_chunk.h"
+#include "render/renderer.h"
+#include "render/sampling/source_view.h"
+#include "render/view/ray_cells.h"
+#include "render/view/synthetic_take.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+using testing::SyntheticTake;
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+Pose looking(const Vector3d& position, double yaw_degrees, double pitch_degrees = 0) {
+  Pose pose;
+  pose.position = position;
+  pose.world_from_camera_rotation = (Eigen::AngleAxisd(yaw_degrees * kDegree, Vector3d::UnitY()) *
+                                     Eigen::AngleAxisd(pitch_degrees * kDegree, Vector3d::UnitX()))
+                                        .toRotationMatrix();
+  return pose;
+}
+
+Rig grid_rig(int rows, int columns, const Distortion& distortion = {}) {
+  RigDocument document;
+  for (const CameraGeometry& camera :
+       testing::camera_grid(rows, columns, 0.06, 160, 120, distortion)) {
+    document.cameras.push_back({camera, {}});
+  }
+  return rig_from_document(document);
+}
+
+std::vector<int> all_cameras(const Rig& rig) {
+  std::vector<int> all;
+  for (int i = 0; i < static_cast<int>(rig.cameras.size()); ++i) all.push_back(i);
+  return all;
+}
+
+// ---- weights
+
+/// What the kernels make of rays, as the reference returns it.
+std::vector<std::vector<double>> weights_of(const Rig& rig, const std::vector<WorldRay>& rays,
+                                            const std::vector<float>& inverse_distance,
+                                            const RayWeighing& weighing) {
+  const std::vector<ChunkCamera> cameras = chunk_cameras(rig);
+  std::vector<const ChunkCamera*> pointers;
+  for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
+  std::vector<ChunkWeights> weights(cameras.size());
+  RayChunk chunk;
+  std::vector<std::vector<double>> result;
+  for (std::size_t begin = 0; begin < rays.size(); begin += RayChunk::kSize) {
+    const std::size_t n = std::min<std::size_t>(RayChunk::kSize, rays.size() - begin);
+    fill_chunk(std::span(rays).subspan(begin, n), std::span(inverse_distance).subspan(begin, n),
+               rig.centre(), chunk);
+    weigh_cameras(chunk, pointers, ChunkWeighing(weighing, camera_spacing(rig)), weights);
+    for (std::size_t i = 0; i < n; ++i) {
+      result.emplace_back();
+      for (const ChunkWeights& camera : weights) {
+        result.back().push_back(static_cast<double>(camera.weight[i]));
+      }
+    }
+  }
+  return result;
+}
+
+std::vector<double> reference_weights(const Rig& rig, const WorldRay& ray, double inverse_distance,
+                                      const RayWeighing& weighing) {
+  std::vector<double> weights(rig.cameras.size());
+  double seen = 0;
+  const auto found = weigh_cameras_reference(rig, all_cameras(rig), ray, inverse_distance, weighing,
+                                             camera_spacing(rig));
+  for (const WeightedCamera& camera : found) seen = std::max(seen, camera.seen);
+  for (const WeightedCamera& camera : found) {
+    weights[static_cast<std::size_t>(camera.camera)] = camera.weight * seen;
+  }
+  return weights;
+}
+
+void expect_weights_agree(const Rig& rig, const std::vector<WorldRay>& rays,
+                          const std::vector<float>& inverse_distance, const RayWeighing& weighing) {
+  const auto fast = weights_of(rig, rays, inverse_distance, weighing);
+  int seen = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const auto reference = reference_weights(rig, rays[i], double{inverse_distance[i]}, weighing);
+    for (std::size_t c = 0; c < reference.size(); ++c) {
+      ASSERT_NEAR(fast[i][c], reference[c], 2e-3) << "ray " << i << ", camera " << c;
+      seen += reference[c] > 0 ? 1 : 0;
+    }
+  }
+  EXPECT_GT(seen, 0);
+}
+
+struct SomeRays {
+  std::vector<WorldRay> rays;
+  std::vector<float> inverse_distance;
+};
+
+SomeRays rays_from(const Vector3d& eye, double spread, std::pair<double, double> distance) {
+  SomeRays some;
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> any(-1, 1);
+  for (int i = 0; i < 150; ++i) {
+    const Vector3d direction =
+        (Vector3d(0, 0, -6) - eye + spread * Vector3d(any(random), any(random), 0)).normalized();
+    some.rays.push_back({eye, direction});
+    const double d = distance.first + (distance.second - distance.first) * (any(random) + 1) / 2;
+    some.inverse_distance.push_back(static_cast<float>(i % 10 == 0 ? 0 : 1 / d));
+  }
+  some.inverse_distance[3] = std::numeric_limits<float>::quiet_NaN();
+  return some;
+}
+
+TEST(LumigraphWeights, AgreeWithTheReferenceOnEveryInstructionSet) {
+  const Rig rig = grid_rig(5, 6, {-0.2, 0.05, 0.001, -0.002, 0.003});
+  std::set<std::string> seen;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(kernel_target());
+    seen.insert(kernel_target());
+    for (const int k : {1, 4, 16}) {
+      RayWeighing weighing;
+      weighing.cameras = k;
+      for (const auto& [eye, spread, near, far] :
+           {std::tuple{Vector3d(0.01, 0.02, 0), 2.0, 3.0, 9.0},
+            {Vector3d(0.03, -0.02, 0.8), 3.0, 2.0, 30.0},
+            {Vector3d(0.02, 0.01, -1.5), 1.5, 0.5, 4.0},
+            {Vector3d(0.5, 0.5, 60), 1.0, 62.0, 66.0}}) {
+        SCOPED_TRACE(eye.transpose());
+        const SomeRays some = rays_from(eye, spread, {near, far});
+        expect_weights_agree(rig, some.rays, some.inverse_distance, weighing);
+      }
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  EXPECT_GE(seen.size(), 1U);
+}
+
+TEST(LumigraphWeights, AreFiniteAndSumToWhatIsSeenAtTheExtremes) {
+  for (const Vector3d& offset : {Vector3d(0, 0, 0), Vector3d(1e7, -1e7, 1e7)}) {
+    Rig rig = grid_rig(3, 3);
+    for (Rig::Camera& camera : rig.cameras) camera.pose.position += offset;
+    for (const double weight : {0.0, 1.0, 1e6}) {
+      RayWeighing weighing;
+      weighing.angular = weighing.resolution = weighing.field_of_view = weight;
+      for (const Vector3d& eye : {Vector3d(0, 0, 0), Vector3d(0, 0, 1e-12), Vector3d(0.06, 0.06, 0),
+                                  Vector3d(0, 0, 1e6), Vector3d(0, 0, -3), Vector3d(0, 0, -100)}) {
+        for (const double distance : {1e-3, 1.0, 1e9, 1e300}) {
+          const std::vector<WorldRay> rays(3, {eye + offset, -Vector3d::UnitZ()});
+          const std::vector<float> inverse(3, static_cast<float>(1 / distance));
+          for (const auto& of_ray : weights_of(rig, rays, inverse, weighing)) {
+            double sum = 0;
+            for (const double w : of_ray) {
+              ASSERT_TRUE(std::isfinite(w) && w >= 0) << w;
+              sum += w;
+            }
+            EXPECT_TRUE(sum == 0 || std::abs(sum - 1) < 1e-5 || sum < 1) << sum;
+          }
+        }
+      }
+    }
+  }
+}
+
+TEST(LumigraphWeights, CoincidentCamerasShareAlike) {
+  Rig rig = grid_rig(1, 3);
+  for (Rig::Camera& camera : rig.cameras) camera.pose = rig.cameras[0].pose;
+  RayWeighing weighing;
+  weighing.cameras = 1;  // all three are second best, too
+  const WorldRay ray{rig.cameras[0].pose.position + Vector3d(0.02, 0, 0), -Vector3d::UnitZ()};
+  const auto fast = weights_of(rig, {ray}, {0.25F}, weighing);
+  const auto reference = reference_weights(rig, ray, 0.25, weighing);
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(reference[c], 1.0 / 3, 1e-9);
+    EXPECT_NEAR(fast[0][c], 1.0 / 3, 0.02);  // 1 - 1 / (1 + kSoftening) in float
+  }
+}
+
+TEST(LumigraphWeights, ACameraOnTheRayTakesItAndItsNeighboursComeInSmoothly) {
+  const Rig rig = grid_rig(5, 5);
+  const RayWeighing weighing;
+  std::vector<double> before;
+  for (int step = 0; step <= 600; ++step) {
+    const double x = -0.12 + 0.24 * step / 600;  // along the cameras of the middle row and beyond
+    const WorldRay ray{{x, 0, 0}, Vector3d(0.05, 0.02, -1).normalized()};
+    const auto weights = reference_weights(rig, ray, 0.2, weighing);
+    if (step == 300) {
+      EXPECT_GT(weights[12], 0.999);  // through the middle camera's centre
+    }
+    double change = 0;
+    for (std::size_t c = 0; c < weights.size() && !before.empty(); ++c) {
+      change = std::max(change, std::abs(weights[c] - before[c]));
+    }
+    EXPECT_LT(change, 0.06) << "at " << x;  // 0.4 mm further; a camera's reach is 60 mm
+    before = weights;
+  }
+}
+
+TEST(LumigraphWeights, ACameraThatStopsSeeingFadesOut) {
+  const Rig rig = grid_rig(1, 2);
+  RayWeighing weighing;
+  const double edge = std::tan(31 * kDegree);
+  double before = -1;
+  for (int step = 0; step <= 400; ++step) {  // out of the left camera's image, not the right one's
+    const Vector3d point(-0.03 + 4 * edge * (0.85 + 0.2 * step / 400), 0, -4);
+    const Vector3d eye(-0.02, 0, 0);
+    const WorldRay ray{eye, (point - eye).normalized()};
+    const auto weights = reference_weights(rig, ray, 1 / (point - eye).norm(), weighing);
+    if (before >= 0) {
+      EXPECT_LT(std::abs(weights[0] - before), 0.06) << step;
+    }
+    before = weights[0];
+    if (step == 0) {
+      EXPECT_GT(before, 0.7);
+    }
+  }
+  EXPECT_EQ(before, 0);
+}
+
+TEST(LumigraphWeights, ACoarserCameraCountsLess) {
+  Rig rig = grid_rig(1, 2);
+  rig.cameras[1].pose.position.z() += 1;  // a metre further away
+  const WorldRay ray{{0, 0, 0}, -Vector3d::UnitZ()};
+  RayWeighing weighing;
+  weighing.resolution = 0;
+  EXPECT_NEAR(reference_weights(rig, ray, 0.25, weighing)[1], 0.5, 0.1);
+  weighing.resolution = 1;
+  EXPECT_LT(reference_weights(rig, ray, 0.25, weighing)[1], 0.05);
+}
+
+TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
+  const Rig rig = grid_rig(9, 9, {-0.1, 0, 0, 0, 0});
+  const std::vector<int> all = all_cameras(rig);
+  const double spacing = camera_spacing(rig);
+  const RayWeighing weighing;
+  std::size_t chosen_in_total = 0;
+  int bundles = 0;
+  for (const Vector3d& eye :
+       {Vector3d(0.01, 0.02, 0), Vector3d(0, 0, 0.5), Vector3d(0.1, 0, -0.5)}) {
+    const VirtualCamera view = virtual_camera_with_fov(640, 480, 50 * kDegree, looking(eye, 2));
+    const Eigen::Matrix3d ray_of = world_ray_from_pixel(view);
+    for (int y = 0; y < 480; y += 48) {
+      for (int x = 0; x < 640; x += 64) {
+        const auto direction = [&](double dx, double dy) {
+          return Vector3d((ray_of * Vector3d(x + dx, y + dy, 1)).normalized());
+        };
+        const RayBundle bundle{
+            eye,
+            {direction(0, 0), direction(64, 0), direction(0, 16), direction(64, 16)},
+            0.2,
+            0.22};
+        const std::vector<int> chosen = choose_cameras(rig, all, bundle, weighing, spacing);
+        chosen_in_total += chosen.size();
+        ++bundles;
+        for (const auto& [dx, dy, inverse] : {std::tuple{0.5, 0.5, 0.2},
+                                              {63.5, 15.5, 0.22},
+                                              {30.0, 8.0, 0.21},
+                                              {2.0, 14.0, 0.22}}) {
+          const WorldRay ray{eye, direction(dx, dy)};
+          const auto few = weigh_cameras_reference(rig, chosen, ray, inverse, weighing, spacing);
+          const auto whole = weigh_cameras_reference(rig, all, ray, inverse, weighing, spacing);
+          ASSERT_EQ(few.size(), whole.size());
+          for (std::size_t i = 0; i < few.size(); ++i) {
+            ASSERT_EQ(few[i].camera, whole[i].camera);
+            ASSERT_EQ(few[i].weight, whole[i].weight);
+          }
+        }
+      }
+    }
+  }
+  EXPECT_LT(chosen_in_total, 30U * static_cast<unsigned>(bundles));  // of 81
+}
+
+// ---- views
+
+struct Pair {
+  RenderedView fast, reference;
+};
+
+Pair render_both(const Take& take, const VirtualCamera& view, const Eigen::Vector4d& plane,
+                 const OptionValues& options = {}, int frame = 0) {
+  const FrameSelection frames = select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
+  RendererSettings settings;
+  settings.count_needed_pixels = true;
+  const Reconstruction reconstruction{"lumigraph", plane, options};
+  Pair pair;
+  pair.fast = LightFieldRenderer(take, settings).render(view, frames, reconstruction);
+  settings.reference = true;
+  pair.reference = LightFieldRenderer(take, settings).render(view, frames, reconstruction);
+  return pair;
+}
+
+void expect_equal(const Pair& pair) {
+  double worst = 0;
+  for (std::size_t i = 0; i < pair.fast.rgba.size(); ++i) {
+    worst =
+        std::max(worst, static_cast<double>(std::abs(pair.fast.rgba[i] - pair.reference.rgba[i])));
+  }
+  EXPECT_LT(worst, 2e-3);
+  for (std::size_t i = 0; i < pair.fast.coverage.size(); ++i) {
+    ASSERT_NEAR(pair.fast.coverage[i], pair.reference.coverage[i], 2e-3) << "pixel " << i;
+    if (std::isfinite(pair.fast.z[i]) && std::isfinite(pair.reference.z[i])) {
+      ASSERT_NEAR(pair.fast.z[i] / pair.reference.z[i], 1, 1e-4) << "pixel " << i;
+    }
+  }
+}
+
+double mean_alpha(const RenderedView& view) {
+  double sum = 0;
+  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
+  return sum / static_cast<double>(view.coverage.size());
+}
+
+class Lumigraph : public ::testing::Test {
+ protected:
+  Take write(const SyntheticTake& settings) {
+    write_synthetic_take(settings, folder_.path() / "take");
+    return Take(folder_.path() / "take");
+  }
+  TestFolder folder_;
+};
+
+SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}) {
+  SyntheticTake take;
+  take.cameras = testing::camera_grid(rows, columns, 0.06, 160, 120, distortion);
+  return take;
+}
+
+TEST_F(Lumigraph, AgreesWithTheReferenceFromEverywhere) {
+  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  for (const auto& [position, yaw, pitch, fov] :
+       {std::tuple{Vector3d(0.01, 0.02, 0), 0.0, 0.0, 50.0},  // on the array
+        {Vector3d(0.03, 0.03, 0), 0.0, 0.0, 62.0},            // at a camera
+        {Vector3d(0, 0, 0.25), 3.0, -2.0, 40.0},              // behind it
+        {Vector3d(0.02, 0, -0.3), -4.0, 1.0, 30.0},           // in front of it
+        {Vector3d(0.25, 0, 0.5), 20.0, 0.0, 60.0},            // from the side
+        {Vector3d(0, 0, 40), 0.0, 0.0, 0.5}}) {               // from far behind
+    SCOPED_TRACE(position.transpose());
+    const Pair pair = render_both(
+        take, virtual_camera_with_fov(150, 100, fov * kDegree, looking(position, yaw, pitch)),
+        {0, 0, 1, 4});
+    expect_equal(pair);
+    EXPECT_GT(mean_alpha(pair.fast), 0.05);
+  }
+}
+
+TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryPlane) {
+  const Take take = write(grid_take(3, 3));
+  const VirtualCamera view =
+      virtual_camera_with_fov(90, 70, 40 * kDegree, looking({0.01, 0.02, 0.1}, 3, 2));
+  for (const Eigen::Vector4d& plane :
+       {Eigen::Vector4d(0, 0, 0, 1), Eigen::Vector4d(0, 0, 1, 1e9), Eigen::Vector4d(0, 0, 1, 0.8),
+        Eigen::Vector4d(0.4, 0.2, 1, 3), Eigen::Vector4d(0, 1, 0, 0.5)}) {
+    SCOPED_TRACE(plane.transpose());
+    const Pair pair = render_both(take, view, plane);
+    expect_equal(pair);
+    EXPECT_GT(mean_alpha(pair.fast), 0.05);
+  }
+}
+
+TEST_F(Lumigraph, ASceneOnThePlaneComesOutTrueOnAMeshToo) {
+  const Take take = write(grid_take(4, 4, {-0.15, 0.02, 0, 0, 0}));
+  write_file_atomically(take.folder() / "wall.obj",
+                        "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
+  const VirtualCamera view =
+      virtual_camera_with_fov(160, 120, 45 * kDegree, looking({0.013, -0.02, 0.02}, 3));
+  const Eigen::Vector4d wrong(0, 0, 1, 1);  // the mesh stands before what the plane says
+  for (const auto& [plane, options] :
+       {std::pair{Eigen::Vector4d(0, 0, 1, 4), OptionValues{}},
+        {wrong, {{"proxy", std::string("mesh")}, {"mesh", std::string("wall.obj")}}}}) {
+    const Pair pair = render_both(take, view, plane, options);
+    expect_equal(pair);
+    double worst = 0;
+    for (int y = 0; y < view.height; ++y) {
+      for (int x = 0; x < view.width; ++x) {
+        const std::size_t at = static_cast<std::size_t>(y * view.width + x);
+        if (pair.fast.rgba[at * 4 + 3] < 0.999F) continue;
+        const Vector3d direction = world_ray_from_pixel(view) * Vector3d(x + 0.5, y + 0.5, 1);
+        const double t = (-4 - view.pose.position.z()) / direction.z();
+        const Vector3d hit = view.pose.position + t * direction;
+        const auto truth = testing::painted_plane(hit.x(), hit.y());
+        for (std::size_t c = 0; c < 3; ++c) {
+          worst =
+              std::max(worst, std::abs(truth[c] - static_cast<double>(pair.fast.rgba[at * 4 + c])));
+        }
+        ASSERT_NEAR(pair.fast.z[at], t, 1e-3);
+      }
+    }
+    EXPECT_GT(mean_alpha(pair.fast), 0.9);
+    EXPECT_LT(worst, 0.03);  // JPEG's quantisation
+  }
+}
+
+TEST_F(Lumigraph, BeyondAMeshThePlaneIsLookedAt) {
+  const Take take = write(grid_take(3, 3));
+  write_file_atomically(take.folder() / "patch.obj",
+                        "v -0.3 -0.3 -3\nv 0.3 -0.3 -3\nv 0.3 0.3 -3\nf 1 2 3\n");
+  const Pair pair = render_both(
+      take, virtual_camera_with_fov(90, 90, 40 * kDegree, looking({0, 0, 0}, 0)), {0, 0, 1, 4},
+      {{"proxy", std::string("mesh")}, {"mesh", std::string("patch.obj")}});
+  std::set<int> depths;
+  for (const float z : pair.fast.z) {
+    if (std::isfinite(z)) depths.insert(static_cast<int>(std::lround(z * 100)));
+  }
+  EXPECT_EQ(depths, (std::set{300, 400}));
+}
+
+TEST_F(Lumigraph, AMeshThatIsNotThereIsRefused) {
+  const Take take = write(grid_take(2, 2));
+  const VirtualCamera view = virtual_camera_with_fov(9, 9, 1, {});
+  EXPECT_THROW(render_both(take, view, {0, 0, 1, 4}, {{"proxy", std::string("mesh")}}), Error);
+  EXPECT_THROW(render_both(take, view, {0, 0, 1, 4},
+                           {{"proxy", std::string("mesh")}, {"mesh", std::string("no.obj")}}),
+               Error);
+  write_file_atomically(take.folder() / "points.obj", "v 0 0 -4\nv 1 0 -4\n");
+  EXPECT_THROW(render_both(take, view, {0, 0, 1, 4},
+                           {{"proxy", std::string("mesh")}, {"mesh", std::string("points.obj")}}),
+               Error);
+}
+
+TEST_F(Lumigraph, TheBlendingFieldComesClose) {
+  const Take take = write(grid_take(5, 5));
+  const VirtualCamera view =
+      virtual_camera_with_fov(320, 240, 40 * kDegree, looking({0.01, 0.02, 0.3}, 1));
+  const Eigen::Vector4d ghosting(0, 0, 1, 3.5);
+  const FrameSelection frames = select_frames(take, 0, 1);
+  const LightFieldRenderer renderer(take, {});
+  const RenderedView pixels = renderer.render(view, frames, {"lumigraph", ghosting});
+  const RenderedView field = renderer.render(
+      view, frames, {"lumigraph", ghosting, {{"weights", std::string("blending_field")}}});
+  double squares = 0;
+  for (std::size_t i = 0; i < pixels.rgba.size(); ++i) {
+    const double by = static_cast<double>(pixels.rgba[i] - field.rgba[i]);
+    squares += by * by;
+  }
+  EXPECT_LT(std::sqrt(squares / static_cast<double>(pixels.rgba.size())), 0.01);
+  EXPECT_NE(pixels.rgba, field.rgba);
+  EXPECT_EQ(pixels.z, field.z);
+}
+
+TEST_F(Lumigraph, DegenerateArraysRender) {
+  for (const auto& [rows, columns] : {std::pair{1, 4}, {4, 1}, {1, 1}, {1, 2}}) {
+    SCOPED_TRACE(std::to_string(rows) + "x" + std::to_string(columns));
+    const auto folder = folder_.path() / (std::to_string(rows) + std::to_string(columns));
+    write_synthetic_take(grid_take(rows, columns), folder);
+    const Pair pair =
+        render_both(Take(folder),
+                    virtual_camera_with_fov(80, 60, 40 * kDegree, looking({0.005, 0.002, 0.01}, 0)),
+                    {0, 0, 1, 4});
+    expect_equal(pair);
+    EXPECT_GT(mean_alpha(pair.fast), 0.9);
+  }
+}
+
+TEST_F(Lumigraph, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
+  SyntheticTake settings = grid_take(3, 3);
+  settings.frames = 2;
+  settings.absent = {{4, 1}};  // the middle camera, second frame
+  const Take take = write(settings);
+  const VirtualCamera view = virtual_camera_with_fov(90, 90, 20 * kDegree, looking({0, 0, 0.2}, 0));
+  const Pair whole = render_both(take, view, {0, 0, 1, 4}, {}, 0);
+  const Pair lacking = render_both(take, view, {0, 0, 1, 4}, {}, 1);
+  expect_equal(whole);
+  expect_equal(lacking);
+  const std::size_t middle = 45 * 90 + 45;
+  EXPECT_NEAR(whole.fast.coverage[middle], 1, 1e-5);
+  EXPECT_NEAR(lacking.fast.rgba[middle * 4 + 3], 1, 1e-5);
+  EXPECT_LT(lacking.fast.coverage[middle], 0.1);
+}
+
+TEST_F(Lumigraph, SameBytesForAnyNumberOfThreads) {
+  const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
+  const FrameSelection frames = select_frames(take, 0, 1);
+  const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, looking({0, 0.01, 0.1}, 2));
+  for (const std::string weights : {"per_pixel", "blending_field"}) {
+    std::vector<RenderedView> images;
+    for (const std::size_t threads : {1, 2, 5}) {
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+      images.push_back(LightFieldRenderer(take, {}).render(
+          view, frames, {"lumigraph", {0, 0, 1, 4}, {{"weights", weights}}}));
+    }
+    EXPECT_EQ(images[0].rgba, images[1].rgba);
+    EXPECT_EQ(images[0].rgba, images[2].rgba);
+    EXPECT_EQ(images[0].z, images[2].z);
+  }
+}
+
+TEST_F(Lumigraph, DecodesLittleMoreThanItNeeds) {
+  SyntheticTake settings;
+  settings.cameras = testing::camera_grid(3, 3, 0.06, 960, 720);
+  settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
+  const Take take = write(settings);
+  const FrameSelection frames = select_frames(take, 0, 1);
+  const VirtualCamera view =
+      virtual_camera_with_fov(720, 540, 40 * kDegree, looking({0, 0, 0.2}, 0));
+  RendererSettings settings_of_renderer;
+  const Reconstruction reconstruction{"lumigraph", {0, 0, 1, 4}};
+  const RenderedView image =
+      LightFieldRenderer(take, settings_of_renderer).render(view, frames, reconstruction);
+  settings_of_renderer.count_needed_pixels = true;
+  const RenderStatistics counted = LightFieldRenderer(take, settings_of_renderer)
+                                       .render(view, frames, reconstruction)
+                                       .statistics;
+  ASSERT_GT(counted.pixels_needed, 0);
+  EXPECT_LT(static_cast<double>(image.statistics.pixels_decoded) /
+                static_cast<double>(counted.pixels_needed),
+            1.3);
+  EXPECT_GE(image.statistics.pixels_decoded, counted.pixels_needed);
+  settings_of_renderer.count_needed_pixels = false;
+  settings_of_renderer.cache_bytes = 1;
+  EXPECT_EQ(
+      LightFieldRenderer(take, settings_of_renderer).render(view, frames, reconstruction).rgba,
+      image.rgba);
+}
+
+}  // namespace
+}  // namespace raystage

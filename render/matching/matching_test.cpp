@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/matching/matching.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+#include <tbb/global_control.h>
+
+#include <random>
+#include <set>
+#include <stdexcept>
+
+#include "render/matching/path_kernels.h"
+
+namespace raystage {
+namespace {
+
+/// Random costs, some planes agreeing over stretches of a row so that paths have something to find.
+/// What lies between the planes and the stride is filled with costs that would win.
+struct RandomCosts {
+  RandomCosts(const CostVolume& of, unsigned seed) : volume(of) {
+    std::mt19937 random(seed);
+    const int stride = plane_stride(of.planes);
+    for (int y = 0; y < of.height; ++y) {
+      int true_plane = 0;
+      for (int x = 0; x < of.width; ++x) {
+        if (x % 7 == 0) true_plane = static_cast<int>(random() % static_cast<unsigned>(of.planes));
+        for (int plane = 0; plane < stride; ++plane) {
+          const unsigned most = plane == true_plane ? 90 : 256;
+          costs.push_back(plane < of.planes ? static_cast<std::uint8_t>(random() % most)
+                                            : std::uint8_t{0});
+        }
+      }
+    }
+    for (int i = 0; i < of.width * of.height; ++i) {
+      guide.push_back(static_cast<std::uint8_t>(random() % 60));
+    }
+  }
+  FillCosts fill() const {
+    return [this](int y, std::span<std::uint8_t> row) {
+      const auto first = costs.begin() + static_cast<std::ptrdiff_t>(row.size()) * y;
+      std::copy_n(first, row.size(), row.begin());
+    };
+  }
+  CostVolume volume;
+  std::vector<std::uint8_t> costs, guide;
+};
+
+void expect_equal(const PlaneMap& a, const PlaneMap& b) {
+  ASSERT_EQ(a.plane.size(), b.plane.size());
+  EXPECT_EQ(a.plane, b.plane);
+  EXPECT_EQ(a.cost, b.cost);
+}
+
+const std::vector<CostVolume> kShapes{{1, 1, 1},     {1, 9, 5},     {23, 1, 8},   {40, 30, 1},
+                                      {37, 29, 2},   {33, 21, 31},  {19, 40, 32}, {70, 35, 33},
+                                      {130, 50, 64}, {25, 18, 100}, {9, 20, 512}};
+
+/// Calls body() under every instruction set that this machine has.
+template <class Body>
+void for_each_target(const Body& body) {
+  std::set<std::string> seen;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(matching_target());
+    seen.insert(matching_target());
+    body();
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  EXPECT_FALSE(seen.empty());
+}
+
+TEST(Matching, SemiGlobalIsTheReferenceToTheBit) {
+  for_each_target([] {
+    for (const CostVolume& volume : kShapes) {
+      SCOPED_TRACE(volume.planes);
+      const RandomCosts costs(volume, 1);
+      SemiGlobalSettings settings;
+      expect_equal(semi_global_match(volume, costs.fill(), settings),
+                   semi_global_match_reference(volume, costs.fill(), settings));
+      settings.guide = costs.guide;
+      settings.p1 = 7;
+      settings.p2 = 4000;
+      settings.sub_plane = false;
+      expect_equal(semi_global_match(volume, costs.fill(), settings),
+                   semi_global_match_reference(volume, costs.fill(), settings));
+    }
+  });
+}
+
+TEST(Matching, BoxIsTheReferenceToTheBit) {
+  for_each_target([] {
+    for (const CostVolume& volume : kShapes) {
+      SCOPED_TRACE(volume.planes);
+      const RandomCosts costs(volume, 2);
+      for (const int radius : {0, 1, 2, 7}) {
+        expect_equal(box_match(volume, costs.fill(), radius, radius != 1),
+                     box_match_reference(volume, costs.fill(), radius, radius != 1));
+      }
+    }
+  });
+}
+
+TEST(Matching, LittleMemoryAndManyThreadsChangeNothing) {
+  const CostVolume volume{90, 133, 40};
+  const RandomCosts costs(volume, 3);
+  SemiGlobalSettings settings;
+  settings.guide = costs.guide;
+  const PlaneMap expected = semi_global_match_reference(volume, costs.fill(), settings);
+  for (const std::size_t threads : {1, 2, 5}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    for (const std::size_t bytes : {std::size_t{0}, std::size_t{900'000}, std::size_t{1} << 30}) {
+      settings.working_bytes = bytes;
+      expect_equal(semi_global_match(volume, costs.fill(), settings), expected);
+    }
+    expect_equal(box_match(volume, costs.fill(), 2, true),
+                 box_match_reference(volume, costs.fill(), 2, true));
+  }
+}
+
+TEST(Matching, PathsCarryAPlaneThroughPixelsThatDoNotTell) {
+  const CostVolume volume{40, 20, 16};
+  const FillCosts fill = [&](int y, std::span<std::uint8_t> row) {
+    std::fill(row.begin(), row.end(), std::uint8_t{100});
+    for (int x = 0; x < volume.width; ++x) {
+      const int plane = x < 20 ? 3 : 11;  // a step edge, with texture on every third pixel
+      if ((x + y) % 3 == 0) row[static_cast<std::size_t>(x * 32 + plane)] = 0;
+    }
+  };
+  SemiGlobalSettings settings;
+  settings.sub_plane = false;
+  const PlaneMap found = semi_global_match(volume, fill, settings);
+  int wrong = 0;
+  for (int y = 0; y < volume.height; ++y) {
+    for (int x = 0; x < volume.width; ++x) {
+      if (x >= 18 && x < 22) continue;  // where it steps, either may be had
+      wrong += found.plane[static_cast<std::size_t>(y * volume.width + x)] != (x < 20 ? 3 : 11);
+    }
+  }
+  EXPECT_EQ(wrong, 0);
+  const PlaneMap alone = box_match(volume, fill, 0, false);
+  EXPECT_EQ(alone.plane[1], 0);  // nothing tells there
+}
+
+TEST(Matching, ParabolaFindsTheVertexBetweenPlanes) {
+  EXPECT_FLOAT_EQ(parabola_vertex(9, 1, 1), 0.5F);
+  EXPECT_FLOAT_EQ(parabola_vertex(1, 1, 9), -0.5F);
+  EXPECT_FLOAT_EQ(parabola_vertex(5, 5, 5), 0);
+  EXPECT_FLOAT_EQ(parabola_vertex(10, 2, 4), 0.3F);  // 5 (x - 0.3)^2 + ...
+}
+
+TEST(Matching, RefusesSettingsOutOfRange) {
+  const FillCosts none = [](int, std::span<std::uint8_t>) {};
+  SemiGlobalSettings settings;
+  EXPECT_THROW(semi_global_match({0, 1, 1}, none, settings), std::logic_error);
+  EXPECT_THROW(box_match({4, 4, 4}, none, 8, false), std::logic_error);
+  settings.p2 = settings.p1 - 1;
+  EXPECT_THROW(semi_global_match({4, 4, 4}, none, settings), std::logic_error);
+}
+
+}  // namespace
+}  // namespace raystage

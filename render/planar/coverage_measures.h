@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "render/planar/focal_plane.h"
+#include "render/view/method.h"
+
+namespace raystage {
+
+/// Fills RenderedView::cameras and nearest_ray of a view whose rays are shared by the cameras at
+/// the corners of their cells, as render_focal_plane() or its reference has made it: the weights
+/// are worked out again, pixel by pixel, in double.
+void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
+                             RenderedView& image);
+
+}  // namespace raystage

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/rays/ray_query.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <mutex>
+
+#include "render/lumigraph/ray_chunk.h"
+#include "render/lumigraph/ray_samples.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+/// Unit direction; false for rays that are none.
+bool normalise(WorldRay& ray) {
+  const double length = ray.direction.stableNorm();
+  if (!(length > 0) || !std::isfinite(length) || !ray.origin.allFinite()) return false;
+  ray.direction /= length;
+  return true;
+}
+
+/// Frames decoded when first asked for.
+class FramesOnDemand {
+ public:
+  explicit FramesOnDemand(const Instant& instant)
+      : instant_(instant), pixels_(instant.rig->cameras.size()) {}
+
+  const std::uint16_t* pixels(int camera) {
+    auto& known = pixels_[static_cast<std::size_t>(camera)];
+    if (const std::uint16_t* there = known.load(std::memory_order_acquire)) return there;
+    // Threads that ask for the same frame at once get the same one.
+    std::int64_t decoded = 0;
+    auto frame = instant_.cache->fetch(
+        camera, instant_.frame_of_camera[static_cast<std::size_t>(camera)], {}, decoded);
+    const std::uint16_t* pixels = frame->rgbx.get();
+    const std::scoped_lock lock(mutex_);
+    held_.push_back(std::move(frame));
+    known.store(pixels, std::memory_order_release);
+    return pixels;
+  }
+
+ private:
+  const Instant& instant_;
+  std::vector<std::atomic<const std::uint16_t*>> pixels_;
+  std::mutex mutex_;  // of held_
+  std::vector<std::shared_ptr<const DecodedFrame>> held_;
+};
+
+/// Weights of the chunk's rays over some cameras.
+class Weigher {
+ public:
+  Weigher(const std::vector<ChunkCamera>& all, const std::vector<int>& cameras)
+      : weights_(cameras.size()) {
+    for (const int camera : cameras) {
+      cameras_.push_back(&all[static_cast<std::size_t>(camera)]);
+    }
+  }
+  void weigh(const RayChunk& chunk, const ChunkWeighing& weighing) {
+    weigh_cameras(chunk, cameras_, weighing, weights_);
+  }
+  const std::vector<const ChunkCamera*>& cameras() const { return cameras_; }
+  const std::vector<ChunkWeights>& weights() const { return weights_; }
+
+ private:
+  std::vector<const ChunkCamera*> cameras_;
+  std::vector<ChunkWeights> weights_;
+};
+
+/// One thread's work on some chunks of rays.
+class Answers {
+ public:
+  Answers(const Instant& instant, const RaySurface& surface,
+          const std::vector<ChunkCamera>& cameras, const std::vector<int>& present,
+          const ChunkWeighing& weighing, FramesOnDemand& frames)
+      : instant_(instant),
+        surface_(surface),
+        middle_(instant.rig->centre()),
+        weighing_(weighing),
+        frames_(frames),
+        present_(cameras, present),
+        complete_(cameras, instant.members) {}
+
+  void answer(std::span<const WorldRay> rays, std::span<RaySample> samples) {
+    rays_.assign(rays.begin(), rays.end());
+    inverse_.resize(rays.size());
+    distance_.resize(rays.size());
+    std::vector<bool> is_ray(rays.size());
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      is_ray[i] = normalise(rays_[i]);
+      if (!is_ray[i]) rays_[i] = {};
+    }
+    surface_(rays_, distance_);
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      inverse_[i] =
+          is_ray[i] ? static_cast<float>(distance_[i]) : std::numeric_limits<float>::quiet_NaN();
+    }
+    fill_chunk(rays_, inverse_, middle_, chunk_);
+    present_.weigh(chunk_, weighing_);
+    blend(samples);
+    if (present_.cameras().size() != complete_.cameras().size()) lower_coverage(samples);
+  }
+
+ private:
+  void blend(std::span<RaySample> samples) {
+    alignas(64) std::array<float, 4 * RayChunk::kSize> sums{}, rgba{};
+    alignas(64) std::array<float, RayChunk::kSize> effective{}, nearest{};
+    for (std::size_t c = 0; c < present_.cameras().size(); ++c) {
+      if (!counts(present_.weights()[c], chunk_.count)) continue;
+      SourceView lens = present_.cameras()[c]->lens;
+      lens.rgbx = frames_.pixels(present_.cameras()[c]->camera);
+      add_camera(lens, present_.weights()[c], chunk_.count, sums.data());
+    }
+    finish_chunk(sums.data(), chunk_.count, instant_.cache->blend_space(),
+                 static_cast<float>(instant_.cache->full_scale()), rgba.data());
+    measure_cameras(chunk_, present_.cameras(), present_.weights(), effective.data(),
+                    nearest.data());
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      RaySample& sample = samples[i];
+      sample = {};
+      std::copy_n(&rgba[4 * i], 4, sample.rgba.begin());
+      sample.coverage = sample.rgba[3];
+      if (!(sample.coverage > 0)) continue;
+      sample.depth = 1 / inverse_[i];
+      sample.cameras = effective[i];
+      sample.nearest_ray = nearest[i];
+    }
+  }
+
+  void lower_coverage(std::span<RaySample> samples) {
+    complete_.weigh(chunk_, weighing_);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      float total = 0, absent = 0;
+      for (std::size_t c = 0; c < complete_.cameras().size(); ++c) {
+        const float weight = complete_.weights()[c].weight[i];
+        total += weight;
+        if (!instant_.is_present(complete_.cameras()[c]->camera)) absent += weight;
+      }
+      if (total > 0) samples[i].coverage *= 1 - absent / total;
+    }
+  }
+
+  const Instant& instant_;
+  const RaySurface& surface_;
+  Eigen::Vector3d middle_;
+  const ChunkWeighing& weighing_;
+  FramesOnDemand& frames_;
+  Weigher present_, complete_;
+  std::vector<WorldRay> rays_;
+  std::vector<double> distance_;
+  std::vector<float> inverse_;
+  RayChunk chunk_;
+};
+
+std::vector<int> present_cameras(const Instant& instant) {
+  std::vector<int> present;
+  std::copy_if(instant.members.begin(), instant.members.end(), std::back_inserter(present),
+               [&](int camera) { return instant.is_present(camera); });
+  return present;
+}
+
+}  // namespace
+
+void query_rays(std::span<const WorldRay> rays, const Instant& instant, const RaySurface& surface,
+                const RayWeighing& weighing, std::span<RaySample> samples) {
+  const std::vector<ChunkCamera> cameras = chunk_cameras(*instant.rig);
+  const std::vector<int> present = present_cameras(instant);
+  const ChunkWeighing chunk_weighing(weighing, camera_spacing(*instant.rig));
+  FramesOnDemand frames(instant);
+  constexpr std::size_t kChunk = RayChunk::kSize, kPerTask = 32 * kChunk;
+  const std::size_t tasks = (rays.size() + kPerTask - 1) / kPerTask;
+  raystage::parallel_for(std::size_t{0}, tasks, [&](std::size_t task) {
+    Answers answers(instant, surface, cameras, present, chunk_weighing, frames);
+    const std::size_t end = std::min(rays.size(), (task + 1) * kPerTask);
+    for (std::size_t begin = task * kPerTask; begin < end; begin += kChunk) {
+      const std::size_t n = std::min(kChunk, end - begin);
+      answers.answer(rays.subspan(begin, n), samples.subspan(begin, n));
+    }
+  });
+}
+
+void query_rays_reference(std::span<const WorldRay> rays, const Instant& instant,
+                          const RaySurface& surface, const RayWeighing& weighing,
+                          std::span<RaySample> samples) {
+  RenderStatistics unused;
+  ReferenceFrames frames(instant, false, unused);
+  const double spacing = camera_spacing(*instant.rig);
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    RaySample& sample = samples[i];
+    sample = {};
+    WorldRay ray = rays[i];
+    if (!normalise(ray)) continue;
+    double inverse = 0;
+    surface({&ray, 1}, {&inverse, 1});
+    if (!(inverse >= 0)) continue;
+    const auto cameras =
+        weigh_cameras_reference(*instant.rig, frames.present(), ray, inverse, weighing, spacing);
+    sample.rgba = frames.blend(cameras);
+    sample.coverage = sample.rgba[3];
+    if (!(sample.coverage > 0)) continue;
+    sample.depth = static_cast<float>(1 / inverse);
+    sample.cameras = static_cast<float>(effective_cameras(cameras));
+    sample.nearest_ray = static_cast<float>(nearest_ray(cameras));
+    if (frames.present().size() == instant.members.size()) continue;
+    for (const WeightedCamera& camera :
+         weigh_cameras_reference(*instant.rig, instant.members, ray, inverse, weighing, spacing)) {
+      if (instant.is_present(camera.camera)) continue;
+      sample.coverage -= static_cast<float>(camera.weight) * sample.rgba[3];
+    }
+  }
+}
+
+}  // namespace raystage

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/sampling/depth_sampling.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "render/view/ray_cells.h"
+
+namespace raystage {
+
+DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera) {
+  DepthSource source;
+  Eigen::Matrix3d ideal_from_world = camera.pose.world_from_camera_rotation.transpose();
+  ideal_from_world.row(1) *= -1;  // camera y up, image y down
+  ideal_from_world.row(2) *= -1;  // the camera looks down -z
+  const Eigen::Matrix3d from_pixel = ideal_from_world * world_ray_from_pixel(view);
+  const Eigen::Vector3d to_eye = ideal_from_world * (view.pose.position - camera.pose.position);
+  source.camera = source_view_of(camera.model, from_pixel);
+  source.per_inverse_depth = {to_eye[0], to_eye[1], to_eye[2]};
+  return source;
+}
+
+void plan_into(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus) {
+  camera.wanted_mcus = mcus;
+  camera.mcus_per_row = layout.mcus_per_row;
+  camera.mcu_width_log2 = std::countr_zero(static_cast<unsigned>(layout.mcu_width));
+  camera.mcu_height_log2 = std::countr_zero(static_cast<unsigned>(layout.mcu_height));
+  camera.chroma_reach = layout.mcu_width > 8 || layout.mcu_height > 8 ? 1 : 0;
+}
+
+namespace {
+
+/// Keys' kernel, a = -1/2.
+double cubic_weight(double distance) {
+  const double t = std::abs(distance);
+  if (t < 1) return (1.5 * t - 2.5) * t * t + 1;
+  if (t < 2) return ((-0.5 * t + 2.5) * t - 4) * t + 2;
+  return 0;
+}
+
+}  // namespace
+
+DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
+                                      double inverse_depth, const Rig::Camera& camera,
+                                      const DecodedFrame& frame, LookUp look_up) {
+  DepthSample sample;
+  const Eigen::Vector3d towards = camera.pose.world_from_camera_rotation.transpose() *
+                                  (ray + inverse_depth * (eye - camera.pose.position));
+  if (!(towards.z() < 0)) return sample;
+  const Eigen::Vector2d ideal(towards.x() / -towards.z(), towards.y() / towards.z());
+  const auto pixel = camera.model.pixel_from_ideal(ideal);
+  if (!pixel) return sample;
+  sample.u = pixel->x();
+  sample.v = pixel->y();
+  const double to_border =
+      std::min({sample.u, frame.width - sample.u, sample.v, frame.height - sample.v});
+  const double to_fold = 1 - ideal.squaredNorm() / camera.model.fold_radius_squared();
+  sample.seen = std::clamp(to_border * kBorderFade, 0.0, 1.0);
+  if (camera.model.has_distortion()) sample.seen *= std::clamp(to_fold * kFoldFade, 0.0, 1.0);
+  if (!(sample.seen > 0)) {
+    sample.seen = 0;
+    return sample;
+  }
+
+  const double left = std::clamp(sample.u - 0.5, 0.0, frame.width - 1.0);
+  const double top = std::clamp(sample.v - 0.5, 0.0, frame.height - 1.0);
+  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
+  const auto weight = [&](double distance) {
+    return look_up == LookUp::kCubic ? cubic_weight(distance)
+                                     : std::max(0.0, 1 - std::abs(distance));
+  };
+  for (int y = y0 - 1; y <= y0 + 2; ++y) {
+    for (int x = x0 - 1; x <= x0 + 2; ++x) {
+      const auto row = static_cast<std::size_t>(std::clamp(y, 0, frame.height - 1));
+      const auto column = static_cast<std::size_t>(std::clamp(x, 0, frame.width - 1));
+      const std::size_t at = row * static_cast<std::size_t>(frame.width) + column;
+      const double w = weight(left - x) * weight(top - y);
+      if (w == 0) continue;  // and perhaps not decoded
+      for (std::size_t c = 0; c < 3; ++c) sample.code[c] += w * frame.rgbx[at * 4 + c] / 65535.0;
+    }
+  }
+  return sample;
+}
+
+}  // namespace raystage

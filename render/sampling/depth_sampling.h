@@ -1,0 +1,70 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "render/sampling/source_view.h"
+#include "render/view/view.h"
+#include "rig/rig.h"
+#include "store/frames/frame_cache.h"
+
+namespace raystage {
+
+/// How a frame is read between its pixels. Beyond its outermost centres it goes on unchanged.
+enum class LookUp {
+  kLinear,  ///< bilinear
+  kCubic    ///< bicubic, Catmull-Rom (Keys 1981, a = -1/2), 4 x 4 pixels; may overshoot
+};
+
+/// A source camera seen from a view whose pixels have depths of their own. The point at inverse
+/// planar depth q (1/m along the view's axis) on the ray of pixel (x, y) has the ideal image point
+/// (X/W, Y/W) with
+///   (X, Y, W) = camera.ideal_from_pixel * (x, y, 1) + q * per_inverse_depth,
+/// seen if W > 0: the direction of the ray, plus q times the way from camera to eye; linear in q,
+/// and exact for points at infinity.
+struct DepthSource {
+  SourceView camera;  ///< its frame pointer and planning masks are the user's to set
+  std::array<double, 3> per_inverse_depth{};
+};
+
+/// Geometry and lens; no frame yet. `view` without its lens distortion.
+DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera);
+
+/// What JpegLayout says that planning needs; `mcus` as for SourceView::wanted_mcus.
+void plan_into(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus);
+
+/// Adds a camera's samples to a run of pixels of row y, from pixel x on. Per pixel: inverse depth
+/// (1/m, 0 = infinity, not negative; not-a-number counts for nothing), weight (0 or more), and in
+/// `sums` four floats that grow by weight * seen * (R, G, B, 65535) in codes of the blend space;
+/// `seen` falls from 1 to 0 at the frame's border (kBorderFade) and its lens model's end.
+/// Spans of equal lengths (sums: four times). Run-time dispatch, no allocation.
+void add_samples_at_depth(const DepthSource& source, int x, int y,
+                          std::span<const float> inverse_depth, std::span<const float> weight,
+                          LookUp look_up, std::span<float> sums);
+
+/// Marks in the camera's wanted_mcus, and in its read_pixels where there are any, what
+/// add_samples_at_depth() will read.
+void mark_samples_at_depth(const DepthSource& source, int x, int y,
+                           std::span<const float> inverse_depth, std::span<const float> weight,
+                           LookUp look_up);
+
+/// Sums become premultiplied linear light (R, G, B, A; code 65535 being `full_scale`); A is the sum
+/// of the weights. What cubic look-ups overshot is cut off. `rgba` may be `sums`.
+void finish_samples(std::span<const float> sums, BlendSpace space, float full_scale,
+                    std::span<float> rgba);
+
+/// The slow, obvious look-up.
+struct DepthSample {
+  std::array<double, 3> code{};  ///< blend space, full scale 1, not cut off
+  double seen = 0;               ///< 0: not seen, no code
+  double u = 0, v = 0;           ///< where in the frame, pixels
+};
+/// `ray`: of the view's pixel, in the world, scaled to planar depth 1.
+DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
+                                      double inverse_depth, const Rig::Camera& camera,
+                                      const DecodedFrame& frame, LookUp look_up);
+
+}  // namespace raystage

@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/sampling/depth_sampling.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <set>
+
+#include "render/sampling/depth_planning.h"
+#include "render/view/ray_cells.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kWidth = 61, kHeight = 47;
+
+Rig::Camera camera_at(const Eigen::Vector3d& position, double turn, const Distortion& distortion) {
+  CameraGeometry geometry;
+  geometry.id = "c";
+  geometry.width = kWidth;
+  geometry.height = kHeight;
+  geometry.intrinsics = {48, 47, 30.2, 23.1, distortion};
+  Pose pose;
+  pose.position = position;
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(turn, Eigen::Vector3d(0.3, 1, 0.1).normalized()).toRotationMatrix();
+  return {"c", CameraModel(geometry), pose, {}, {}, {}};
+}
+
+DecodedFrame random_frame(unsigned seed) {
+  DecodedFrame frame;
+  frame.width = kWidth;
+  frame.height = kHeight;
+  const std::size_t pixels = kWidth * (kHeight + 1) + 1;
+  frame.rgbx = std::make_unique<std::uint16_t[]>(4 * pixels);
+  std::mt19937 random(seed);
+  for (std::size_t i = 0; i < 4 * kWidth * kHeight; ++i) {
+    frame.rgbx[i] = i % 4 == 3 ? std::uint16_t{65535} : static_cast<std::uint16_t>(random());
+  }
+  return frame;
+}
+
+/// A row of random depths and weights, long enough for several chunks and an odd end.
+struct Row {
+  explicit Row(unsigned seed) {
+    std::mt19937 random(seed);
+    std::uniform_real_distribution<float> unit(0, 1);
+    for (std::size_t i = 0; i < 150; ++i) {
+      inverse_depth.push_back(i % 17 == 0 ? 0.0F : 2 * unit(random));
+      weight.push_back(i % 13 == 0 ? 0.0F : unit(random));
+    }
+    inverse_depth[5] = std::numeric_limits<float>::quiet_NaN();
+  }
+  std::vector<float> inverse_depth, weight;
+};
+
+VirtualCamera test_view() {
+  Pose pose;
+  pose.position = {0.1, -0.05, 0.2};
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitX()).toRotationMatrix();
+  return virtual_camera_with_fov(160, 100, 1.2, pose);
+}
+
+const std::vector<std::pair<Rig::Camera, const char*>>& cameras() {
+  static const std::vector<std::pair<Rig::Camera, const char*>> all{
+      {camera_at({0, 0, 0}, 0, {}), "beside"},
+      {camera_at({0.3, 0.1, -0.1}, 0.15, {-0.25, 0.06, 0.002, -0.003, 0.001}), "turned, distorted"},
+      {camera_at({0, 0, -0.6}, 0.1, {}), "in front, partly passed"},
+      {camera_at({0, 0, 0}, 3.0, {}), "looking away"}};
+  return all;
+}
+
+void expect_samples_equal_reference(LookUp look_up) {
+  const DecodedFrame frame = random_frame(7);
+  const VirtualCamera view = test_view();
+  const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+  const Row row(11);
+  for (const auto& [camera, name] : cameras()) {
+    SCOPED_TRACE(name);
+    DepthSource source = depth_source(view, camera);
+    source.camera.rgbx = frame.rgbx.get();
+    double seen = 0;
+    for (const int y : {0, 37, 99}) {
+      std::vector<float> sums(4 * row.weight.size(), 3.0F);
+      add_samples_at_depth(source, 4, y, row.inverse_depth, row.weight, look_up, sums);
+      for (std::size_t i = 0; i < row.weight.size(); ++i) {
+        const Eigen::Vector3d ray =
+            ray_from_pixel * Eigen::Vector3d(4 + static_cast<double>(i) + 0.5, y + 0.5, 1);
+        const DepthSample expected = sample_at_depth_reference(
+            view.pose.position, ray, row.inverse_depth[i], camera, frame, look_up);
+        const double weight = row.weight[i] * expected.seen;
+        seen += weight;
+        // A code jumps by up to 65535 from pixel to pixel here; 1e-4 px of rounding shows.
+        for (std::size_t c = 0; c < 3; ++c) {
+          EXPECT_NEAR((sums[4 * i + c] - 3) / 65535, weight * expected.code[c], 2e-4) << i;
+        }
+        EXPECT_NEAR((sums[4 * i + 3] - 3) / 65535, weight, 5e-5) << i;
+      }
+    }
+    if (name != std::string("looking away")) {
+      EXPECT_GT(seen, 5);
+    } else {
+      EXPECT_EQ(seen, 0);
+    }
+  }
+}
+
+TEST(DepthSampling, EveryInstructionSetAgreesWithTheReference) {
+  std::set<std::string> seen;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(kernel_target());
+    seen.insert(kernel_target());
+    expect_samples_equal_reference(LookUp::kLinear);
+    expect_samples_equal_reference(LookUp::kCubic);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  EXPECT_FALSE(seen.empty());
+}
+
+TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
+  const VirtualCamera view = test_view();
+  const Row row(12);
+  JpegLayout layout;
+  layout.mcu_width = layout.mcu_height = 16;
+  layout.mcus_per_row = (kWidth + 15) / 16;
+  for (const LookUp look_up : {LookUp::kLinear, LookUp::kCubic}) {
+    for (const auto& [camera, name] : cameras()) {
+      SCOPED_TRACE(name);
+      DecodedFrame frame = random_frame(3);
+      DepthSource source = depth_source(view, camera);
+      std::vector<std::uint8_t> mcus(16), read(kWidth * kHeight);
+      plan_into(source.camera, layout, mcus.data());
+      source.camera.read_pixels = read.data();
+      source.camera.rgbx = frame.rgbx.get();
+      mark_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, look_up);
+      std::vector<float> before(4 * row.weight.size()), after(before);
+      add_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, look_up, before);
+      for (int y = 0; y < kHeight; ++y) {
+        for (int x = 0; x < kWidth; ++x) {
+          const auto at = static_cast<std::size_t>(y * kWidth + x);
+          if (read[at]) {
+            EXPECT_EQ(mcus[static_cast<std::size_t>(y / 16 * layout.mcus_per_row + x / 16)], 1);
+          } else {
+            frame.rgbx[4 * at] = static_cast<std::uint16_t>(frame.rgbx[4 * at] + 30000);
+          }
+        }
+      }
+      add_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, look_up, after);
+      EXPECT_EQ(before, after);  // what was not marked is not read, or weighs nothing
+    }
+  }
+}
+
+TEST(DepthSampling, ABlocksPlanHoldsAllThatItsPixelsRead) {
+  const VirtualCamera view = test_view();
+  JpegLayout layout;
+  layout.mcu_width = layout.mcu_height = 8;
+  layout.mcus_per_row = (kWidth + 7) / 8;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> unit(0, 1);
+  const std::vector<float> weight(16, 1.0F);
+  int marked = 0;
+  for (const auto& [camera, name] : cameras()) {
+    SCOPED_TRACE(name);
+    for (int trial = 0; trial < 60; ++trial) {
+      const int x = static_cast<int>(random() % 144), y = static_cast<int>(random() % 92);
+      const float farthest = trial % 5 ? unit(random) : 0.0F;
+      const float nearest = farthest + (trial % 7 ? 2 * unit(random) : 0.0F);
+      std::vector<std::uint8_t> planned(48), read(48);
+      DepthSource source = depth_source(view, camera);
+      plan_into(source.camera, layout, planned.data());
+      const LookUp look_up = trial % 2 ? LookUp::kCubic : LookUp::kLinear;
+      mark_block(source,
+                 {x, x + 16, y, y + 8, static_cast<double>(farthest), static_cast<double>(nearest)},
+                 look_up);
+      plan_into(source.camera, layout, read.data());
+      for (int row = y; row < y + 8; ++row) {
+        for (int depth = 0; depth < 20; ++depth) {
+          std::vector<float> inverse_depth(16);
+          for (float& q : inverse_depth) q = farthest + (nearest - farthest) * unit(random);
+          mark_samples_at_depth(source, x, row, inverse_depth, weight, look_up);
+        }
+      }
+      for (std::size_t i = 0; i < read.size(); ++i) {
+        EXPECT_LE(read[i], planned[i]) << "trial " << trial << ", MCU " << i;
+        marked += read[i];
+      }
+    }
+  }
+  EXPECT_GT(marked, 200);
+}
+
+TEST(DepthSampling, FinishCutsOffWhatOvershootsAndTurnsCodesIntoLight) {
+  const std::vector<float> sums{65535 * 0.5F * 0.25F, -900, 70000, 0.5F * 65535, 0, 0, 0, 0};
+  std::vector<float> rgba(8);
+  finish_samples(sums, BlendSpace::kPerceptual, 2, rgba);
+  EXPECT_NEAR(rgba[0], linear_from_srgb(0.25) * 2 * 0.5, 1e-5);
+  EXPECT_EQ(rgba[1], 0);
+  EXPECT_NEAR(rgba[2], 1, 1e-5);
+  EXPECT_FLOAT_EQ(rgba[3], 0.5F);
+  EXPECT_EQ(rgba[7], 0);
+  finish_samples(sums, BlendSpace::kLinear, 2, rgba);
+  EXPECT_FLOAT_EQ(rgba[0], 0.25F);
+  EXPECT_FLOAT_EQ(rgba[2], 1);
+}
+
+TEST(DepthSampling, LooksUpWhereTheInfinitePlaneDoes) {
+  // At inverse depth 0 the camera's place does not matter.
+  const VirtualCamera view = test_view();
+  const DepthSource here = depth_source(view, camera_at({0, 0, 0}, 0.1, {}));
+  const DepthSource there = depth_source(view, camera_at({5, 3, 1}, 0.1, {}));
+  EXPECT_EQ(here.camera.ideal_from_pixel, there.camera.ideal_from_pixel);
+  EXPECT_NE(here.per_inverse_depth, there.per_inverse_depth);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -7,6 +7,7 @@
 #include "render/automatic/automatic.h"
 #include "render/hull/visual_hull.h"
 #include "render/lumigraph/lumigraph.h"
+#include "render/planar/aperture.h"
 #include "render/planar/focal_plane.h"
 #include "render/slabs/slabs.h"
 #include "render/sweep/plane_sweep.h"
@@ -16,8 +17,8 @@ namespace raystage {
 
 std::span<const Method> methods() {
   static const std::vector<Method> all{
-      focal_plane_method(), nearest_method(),     lumigraph_method(), slabs_method(),
-      plane_sweep_method(), visual_hull_method(), automatic_method()};
+      focal_plane_method(), nearest_method(),     aperture_method(),    lumigraph_method(),
+      slabs_method(),       plane_sweep_method(), visual_hull_method(), automatic_method()};
   return all;
 }
 

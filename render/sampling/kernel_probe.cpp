@@ -44,13 +44,15 @@ struct Primary {
 };
 
 struct Rendered {
-  std::vector<float> rgba, z;
+  std::vector<float> rgba, alpha, z;
 };
 
 Rendered blend(const PixelRun& run) {
   const auto pixels = static_cast<std::size_t>(run.end - run.begin);
-  Rendered rendered{std::vector<float>(4 * pixels), std::vector<float>(pixels)};
-  blend_run(run, BlendSpace::kLinear, 1, rendered.rgba.data(), rendered.z.data());
+  Rendered rendered{std::vector<float>(4 * pixels), std::vector<float>(pixels),
+                    std::vector<float>(pixels)};
+  blend_run(run, BlendSpace::kLinear, 1, rendered.rgba.data(), rendered.alpha.data(),
+            rendered.z.data());
   return rendered;
 }
 

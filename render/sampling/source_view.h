@@ -43,7 +43,8 @@ SourceView source_view_of(const CameraModel& camera, const Eigen::Matrix3d& idea
 /// A run of pixels of one row of the view that lie between the same cameras.
 struct PixelRun {
   int begin = 0, end = 0, y = 0;
-  int count = 0;  ///< source cameras: 1 to 3
+  int room_end = 0;  ///< if beyond `end`: blend_run may spill into pixels up to here (vectors do)
+  int count = 0;     ///< source cameras: 1 to 3
   std::array<SourceView*, 3> source{};
   /// Weights' numerators as linear functions of the pixel position (RayCells::Cell::share).
   std::array<std::array<double, 3>, 3> share{};
@@ -60,13 +61,15 @@ struct PixelRun {
 inline constexpr float kBorderFade = 2.0F;  // per pixel
 inline constexpr float kFoldFade = 100.0F;  // per fold radius squared
 
-/// Marks what blend_run will read. Run-time dispatch: see kernel_target().
+/// Marks what blend_run will read, tap by tap; many threads may mark the same bytes. Run-time
+/// dispatch: see kernel_target().
 void mark_run(const PixelRun& run);
 
 /// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats a pixel
-/// (premultiplied linear light, code 65535 being `full_scale`), `z` 1 float (+infinity where alpha
-/// is 0).
-void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z);
+/// (premultiplied linear light, code 65535 being `full_scale`), `alpha` 1 float (A once more), `z`
+/// 1 float (+infinity where A is 0).
+void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
+               float* z);
 
 /// The run's sums of weighted codes themselves, rounded, on the scale of the blend space: R, G, B,
 /// A per pixel, A = 65535 where all cameras see. Rays that do not meet the plane give 0.

@@ -160,7 +160,7 @@ void paint(const RayCells::Cell& cell, int mark, double sign, int y, int width,
     const Vector3d edge = sign * (cell.share[i] + cell.edge_tolerance * cell.total);
     keep_non_negative(edge.x(), edge.y() * centre_y + edge.z(), low, high);
   }
-  if (!(low <= high + 2)) return;
+  if (!(low <= high + 2) || low > width || high < 0) return;
   // The bounds are rounded; the predicate itself decides about the pixels next to them.
   int begin = std::max(0, static_cast<int>(std::floor(low - 0.5)) - 1);
   int end = std::min(width, static_cast<int>(std::ceil(high + 0.5)) + 1);
@@ -238,15 +238,14 @@ void RayCells::spans_of_row(int y, int width, std::vector<int>& scratch,
     paint(cell, static_cast<int>(2 * i + 1), -1, y, width, scratch);
   }
   spans.clear();
-  int before = -1;
-  for (int x = 0; x < width; ++x) {
-    const int mark = scratch[static_cast<std::size_t>(x)];
-    if (mark >= 0 && mark == before) {
-      ++spans.back().end;
-    } else if (mark >= 0) {
-      spans.push_back({x, x + 1, mark / 2});
+  for (auto at = scratch.begin(); at != scratch.end();) {
+    const int mark = *at;
+    const auto end = std::find_if(at, scratch.end(), [&](int other) { return other != mark; });
+    if (mark >= 0) {
+      spans.push_back({static_cast<int>(at - scratch.begin()),
+                       static_cast<int>(end - scratch.begin()), mark / 2});
     }
-    before = mark;
+    at = end;
   }
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/view/view.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -18,14 +19,22 @@ VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_f
 }
 
 RenderedView empty_view(const VirtualCamera& view) {
+  RenderedView image = unset_view(view);
+  std::ranges::fill(image.rgba, 0.0F);
+  std::ranges::fill(image.coverage, 0.0F);
+  std::ranges::fill(image.z, std::numeric_limits<float>::infinity());
+  return image;
+}
+
+RenderedView unset_view(const VirtualCamera& view) {
   RenderedView image;
   image.width = view.width;
   image.height = view.height;
   const std::size_t pixels =
       static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
-  image.rgba.assign(pixels * 4, 0.0F);
-  image.coverage.assign(pixels, 0.0F);
-  image.z.assign(pixels, std::numeric_limits<float>::infinity());
+  image.rgba.resize(pixels * 4);
+  image.coverage.resize(pixels);
+  image.z.resize(pixels);
   return image;
 }
 

@@ -3,7 +3,9 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "rig/camera_model.h"
@@ -39,18 +41,37 @@ struct RenderStatistics {
   int supersampling = 1;  ///< samples of the view's pixels along each axis, averaged
 };
 
+/// std::allocator, but that values of a vector grown without saying what they are stay unset: to
+/// write a view's 15 MB of zeros takes as long as to render it.
+template <class T>
+struct UnsetAllocator : std::allocator<T> {
+  template <class U>
+  struct rebind {
+    using other = UnsetAllocator<U>;
+  };
+  template <class U, class... Arguments>
+  void construct(U* at, Arguments&&... arguments) {
+    if constexpr (sizeof...(Arguments) == 0) {
+      ::new (static_cast<void*>(at)) U;
+    } else {
+      ::new (static_cast<void*>(at)) U(std::forward<Arguments>(arguments)...);
+    }
+  }
+};
+using PixelValues = std::vector<float, UnsetAllocator<float>>;
+
 /// A reconstructed view, row-major from the top left.
 struct RenderedView {
   int width = 0, height = 0;
   /// R, G, B, A: scene-linear Rec.709 primaries, premultiplied. A = sum of the weights of the
   /// cameras that saw the ray (1 where all did, 0 where none).
-  std::vector<float> rgba;
+  PixelValues rgba;
   /// As A, but against the whole rig: below 1 also where a camera that belongs here has no frame at
   /// this instant and others stood in for it.
-  std::vector<float> coverage;
+  PixelValues coverage;
   /// Planar depth along the view's axis, metres, of the surface the rays were looked up on;
   /// +infinity where A is 0.
-  std::vector<float> z;
+  PixelValues z;
   /// On request, else empty: how many cameras of equal weight would be as many as those behind a
   /// pixel, (sum w)^2 / sum w^2; 0 where there are none.
   std::vector<float> cameras;
@@ -65,5 +86,7 @@ struct RenderedView {
 
 /// An image of the view's size in which no camera saw a ray.
 RenderedView empty_view(const VirtualCamera& view);
+/// An image of the view's size for who writes every pixel of it.
+RenderedView unset_view(const VirtualCamera& view);
 
 }  // namespace raystage

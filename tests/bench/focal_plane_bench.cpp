@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// focal_plane against the same algorithm in OpenCV, and from archive to pixels along a moving shot.
-// The take: $RAYSTAGE_BENCH_TAKE (with restart markers) and $RAYSTAGE_BENCH_TAKE_PLAIN (without);
-// by default 8x8 cameras of 960x640 looking at a painted plane. See tests/bench/run.sh.
+// focal_plane and aperture against the same algorithms in OpenCV, and from archive to pixels along
+// a moving shot. The take: $RAYSTAGE_BENCH_TAKE (with restart markers) and
+// $RAYSTAGE_BENCH_TAKE_PLAIN (without); by default 8x8 cameras of 960x640 looking at a painted
+// plane. See tests/bench/run.sh.
 #include <benchmark/benchmark.h>
 #include <malloc.h>
 #include <tbb/global_control.h>
@@ -158,7 +159,64 @@ class OpenCvFocalPlane {
     return sum;
   }
 
+  /// Every camera that gathers something, times its weight map, added; then by the maps' sum.
+  cv::Mat render_aperture(const VirtualCamera& view, const Eigen::Vector4d& plane,
+                          double radius) const {
+    const PlaneProjection projection(view, plane);
+    const cv::Rect whole(0, 0, view.width, view.height);
+    const auto [right, up] = crossings(view);
+    double left_most = 0, right_most = 0, lowest = 0, highest = 0;
+    cv::minMaxLoc(right, &left_most, &right_most);
+    cv::minMaxLoc(up, &lowest, &highest);
+    cv::Mat sum = cv::Mat::zeros(view.height, view.width, CV_32FC3);
+    cv::Mat weights = cv::Mat::zeros(view.height, view.width, CV_32F);
+    cv::Mat weight(view.height, view.width, CV_32F), warped, weight3;
+    const auto per_square = static_cast<float>(1 / (radius * radius));
+    for (std::size_t i = 0; i < images_.size(); ++i) {
+      const Eigen::Vector3d& at = take_.rig().cameras[i].pose.position;
+      const double beside = at.x() - std::clamp(at.x(), left_most, right_most);
+      const double above = at.y() - std::clamp(at.y(), lowest, highest);
+      if (beside * beside + above * above >= radius * radius) continue;
+      const auto x0 = static_cast<float>(at.x()), y0 = static_cast<float>(at.y());
+      for (int y = 0; y < view.height; ++y) {
+        const auto* x_row = right.ptr<float>(y);
+        const auto* y_row = up.ptr<float>(y);
+        auto* row = weight.ptr<float>(y);
+        for (int x = 0; x < view.width; ++x) {
+          const float dx = x_row[x] - x0, dy = y_row[x] - y0;
+          const float inside = std::max(0.0F, 1 - (dx * dx + dy * dy) * per_square);
+          row[x] = inside * inside * (3 - 2 * inside);
+        }
+      }
+      cv::warpPerspective(images_[i], warped, source_from_view(projection, i, whole), whole.size(),
+                          cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT);
+      cv::merge(std::vector<cv::Mat>(3, weight), weight3);
+      cv::accumulateProduct(warped, weight3, sum);
+      cv::accumulate(weight, weights);
+    }
+    cv::merge(std::vector<cv::Mat>(3, weights), weight3);
+    cv::divide(sum, weight3, sum);
+    return sum;
+  }
+
  private:
+  /// Where each pixel's ray crosses the array, in the plane z = 0: x and y, metres.
+  static std::pair<cv::Mat, cv::Mat> crossings(const VirtualCamera& view) {
+    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+    const Eigen::Vector3d& eye = view.pose.position;
+    std::pair<cv::Mat, cv::Mat> at{cv::Mat(view.height, view.width, CV_32F),
+                                   cv::Mat(view.height, view.width, CV_32F)};
+    for (int y = 0; y < view.height; ++y) {
+      for (int x = 0; x < view.width; ++x) {
+        const Eigen::Vector3d ray = ray_from_pixel * Eigen::Vector3d(x + 0.5, y + 0.5, 1);
+        const double t = -eye.z() / ray.z();
+        at.first.at<float>(y, x) = static_cast<float>(eye.x() + t * ray.x());
+        at.second.at<float>(y, x) = static_cast<float>(eye.y() + t * ray.y());
+      }
+    }
+    return at;
+  }
+
   cv::Mat source_from_view(const PlaneProjection& projection, std::size_t camera,
                            const cv::Rect& region) const {
     const Rig::Camera& source = take_.rig().cameras[camera];
@@ -206,19 +264,8 @@ class OpenCvFocalPlane {
   Topology topology_;
 };
 
-void BM_OpenCv(benchmark::State& state) {
-  const Take& take = takes().restart();
-  static const OpenCvFocalPlane peer(take);
-  cv::setNumThreads(static_cast<int>(state.range(0)));
-  const bool crop = state.range(1) != 0;
-  const VirtualCamera view = view_through_all(kAllCameras);
-  const Eigen::Vector4d plane = plane_in_front_of(take.rig(), kFocalDepth);
-  for (auto _ : state) benchmark::DoNotOptimize(peer.render(view, plane, crop).data);
-
-  // They must be the same picture, or the comparison says nothing.
-  const cv::Mat theirs = peer.render(view, plane, crop);
-  const RenderedView ours = LightFieldRenderer(take, {}).render(
-      view, select_frames(take, 0, kNanosecondsPerSecond), reconstruction(take));
+/// They must be the same picture, or the comparison says nothing.
+void expect_same_picture(benchmark::State& state, const RenderedView& ours, const cv::Mat& theirs) {
   double difference = 0;
   for (int y = 8; y < kHeight - 8; ++y) {
     for (int x = 8; x < kWidth - 8; ++x) {
@@ -234,9 +281,98 @@ void BM_OpenCv(benchmark::State& state) {
   state.counters["mean_difference"] = difference;
   if (difference > 2e-3) state.SkipWithError("OpenCV's picture differs from ours");
 }
+
+void BM_OpenCv(benchmark::State& state) {
+  const Take& take = takes().restart();
+  static const OpenCvFocalPlane peer(take);
+  cv::setNumThreads(static_cast<int>(state.range(0)));
+  const bool crop = state.range(1) != 0;
+  const VirtualCamera view = view_through_all(kAllCameras);
+  const Eigen::Vector4d plane = plane_in_front_of(take.rig(), kFocalDepth);
+  for (auto _ : state) benchmark::DoNotOptimize(peer.render(view, plane, crop).data);
+
+  const cv::Mat theirs = peer.render(view, plane, crop);
+  const RenderedView ours = LightFieldRenderer(take, {}).render(
+      view, select_frames(take, 0, kNanosecondsPerSecond), reconstruction(take));
+  expect_same_picture(state, ours, theirs);
+}
 BENCHMARK(BM_OpenCv)
     ->ArgsProduct({{1, 2}, {0, 1}})
     ->ArgNames({"threads", "crop"})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime()
+    ->MinTime(2);
+
+constexpr double kApertureRadius = 0.178;  // 2.9 spacings: 25 cameras around one of them
+
+/// The view of a camera in the middle of the array.
+VirtualCamera view_on_array(const Take& take) {
+  Pose pose;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    if (camera.row == 3 && camera.column == 4) pose.position = camera.pose.position;
+  }
+  return virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
+}
+
+int gathering_cameras(const Take& take, const VirtualCamera& view) {
+  int count = 0;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    count += (camera.pose.position - view.pose.position).norm() < kApertureRadius ? 1 : 0;
+  }
+  return count;
+}
+
+Reconstruction aperture(const Take& take) {
+  return {"aperture", plane_in_front_of(take.rig(), kFocalDepth), {{"radius", kApertureRadius}}};
+}
+
+void BM_Aperture(benchmark::State& state) {
+  const Take& take = takes().restart();
+  const tbb::global_control threads(tbb::global_control::max_allowed_parallelism,
+                                    static_cast<std::size_t>(state.range(0)));
+  RendererSettings settings;
+  settings.blend_space = BlendSpace::kLinear;  // as OpenCV's version
+  const LightFieldRenderer renderer(take, settings);
+  const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
+  const VirtualCamera view = view_on_array(take);
+  for (int warm = 0; warm < 2; ++warm) {
+    benchmark::DoNotOptimize(renderer.render(view, frames, aperture(take)));
+  }
+  double plan = 0, blend = 0, count = 0;
+  for (auto _ : state) {
+    const RenderedView image = renderer.render(view, frames, aperture(take));
+    plan += image.statistics.plan_ms;
+    blend += image.statistics.render_ms;
+    ++count;
+    benchmark::DoNotOptimize(image.rgba.data());
+  }
+  state.counters["plan_ms"] = plan / count;
+  state.counters["blend_ms"] = blend / count;
+  state.counters["cameras"] = gathering_cameras(take, view);
+  state.counters["Msamples_per_s"] = benchmark::Counter(
+      count * kWidth * kHeight * gathering_cameras(take, view) / 1e6, benchmark::Counter::kIsRate);
+}
+BENCHMARK(BM_Aperture)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime()->MinTime(2);
+
+void BM_OpenCvAperture(benchmark::State& state) {
+  const Take& take = takes().restart();
+  static const OpenCvFocalPlane peer(take);
+  cv::setNumThreads(static_cast<int>(state.range(0)));
+  const VirtualCamera view = view_on_array(take);
+  const Eigen::Vector4d plane = plane_in_front_of(take.rig(), kFocalDepth);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(peer.render_aperture(view, plane, kApertureRadius).data);
+  }
+  RendererSettings settings;
+  settings.blend_space = BlendSpace::kLinear;
+  const RenderedView ours =
+      LightFieldRenderer(take, settings)
+          .render(view, select_frames(take, 0, kNanosecondsPerSecond), aperture(take));
+  expect_same_picture(state, ours, peer.render_aperture(view, plane, kApertureRadius));
+}
+BENCHMARK(BM_OpenCvAperture)
+    ->Arg(1)
+    ->Arg(2)
     ->Unit(benchmark::kMillisecond)
     ->UseRealTime()
     ->MinTime(2);

@@ -1,0 +1,296 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+#include <hwy/highway.h>
+#include <tbb/global_control.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "render/planar/aperture_lens.h"
+#include "render/renderer.h"
+#include "render/sampling/source_view.h"
+#include "render/view/synthetic_take.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using testing::SyntheticTake;
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+VirtualCamera view_from(const Eigen::Vector3d& position, double yaw_degrees = 0, int width = 110,
+                        int height = 75, double fov_degrees = 40) {
+  Pose pose;
+  pose.position = position;
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(yaw_degrees * kDegree, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return virtual_camera_with_fov(width, height, fov_degrees * kDegree, pose);
+}
+
+class Aperture : public ::testing::Test {
+ protected:
+  Take write(const SyntheticTake& settings) {
+    const auto folder = folder_.path() / std::to_string(++takes_);
+    write_synthetic_take(settings, folder);
+    return Take(folder);
+  }
+  TestFolder folder_;
+  int takes_ = 0;
+};
+
+SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}) {
+  SyntheticTake take;
+  take.cameras = testing::camera_grid(rows, columns, 0.06, 160, 120, distortion);
+  return take;
+}
+
+struct Asked {
+  OptionValues options = {};
+  Eigen::Vector4d plane{0, 0, 1, 4};
+  int frame = 0;
+  RendererSettings settings = {};
+  std::string method = "aperture";
+};
+
+RenderedView render(const Take& take, const VirtualCamera& view, const Asked& asked) {
+  const FrameSelection frames =
+      select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
+  return LightFieldRenderer(take, asked.settings)
+      .render(view, frames, {asked.method, asked.plane, asked.options});
+}
+
+/// Renders fast and slowly; they must agree.
+RenderedView render_both(const Take& take, const VirtualCamera& view, Asked asked) {
+  asked.settings.count_needed_pixels = true;
+  RenderedView fast = render(take, view, asked);
+  asked.settings.reference = true;
+  const RenderedView reference = render(take, view, asked);
+  for (std::size_t i = 0; i < fast.rgba.size(); ++i) {
+    EXPECT_NEAR(fast.rgba[i], reference.rgba[i], 1e-3) << "value " << i;
+    if (std::abs(fast.rgba[i] - reference.rgba[i]) > 1e-3F) return fast;
+  }
+  for (std::size_t i = 0; i < fast.coverage.size(); ++i) {
+    EXPECT_NEAR(fast.coverage[i], reference.coverage[i], 1e-3) << "pixel " << i;
+    if (std::abs(fast.coverage[i] - reference.coverage[i]) > 1e-3F) return fast;
+    if (std::isfinite(fast.z[i]) && std::isfinite(reference.z[i])) {
+      EXPECT_NEAR(fast.z[i] / reference.z[i], 1, 1e-4) << "pixel " << i;
+    }
+  }
+  EXPECT_GE(fast.statistics.pixels_decoded, fast.statistics.pixels_needed);
+  return fast;
+}
+
+double mean_alpha(const RenderedView& view) {
+  double sum = 0;
+  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
+  return sum / static_cast<double>(view.coverage.size());
+}
+
+/// Mean absolute difference between horizontal neighbours: less of it is more blur.
+double detail(const RenderedView& view) {
+  double sum = 0, count = 0;
+  for (std::size_t i = 0; i + 4 < view.rgba.size(); i += 4) {
+    if (view.rgba[i + 3] < 0.999F || view.rgba[i + 7] < 0.999F) continue;
+    sum += static_cast<double>(std::abs(view.rgba[i] - view.rgba[i + 4]));
+    ++count;
+  }
+  return sum / count;
+}
+
+TEST_F(Aperture, AgreesWithTheReferenceFromEverywhere) {
+  const Take take = write(grid_take(5, 5, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  for (const auto& [position, yaw, fov] :
+       {std::tuple{Eigen::Vector3d(0.01, 0.02, 0), 0.0, 50.0},  // on the array
+        {Eigen::Vector3d(0.06, 0, 0), 0.0, 62.0},               // at a camera
+        {Eigen::Vector3d(0, 0, 0.25), 3.0, 40.0},               // behind it
+        {Eigen::Vector3d(0.02, 0, -0.3), -4.0, 30.0},           // in front of it
+        {Eigen::Vector3d(0.25, 0, 0.5), 20.0, 60.0},            // from the side
+        {Eigen::Vector3d(0, 0, 40), 0.0, 0.5}}) {               // from far behind
+    for (const double radius : {0.0, 0.1}) {
+      SCOPED_TRACE(position.transpose());
+      const RenderedView image = render_both(take, view_from(position, yaw, 110, 75, fov),
+                                             {{{"radius", radius}}, {0, 0, 1, 3}});
+      EXPECT_GT(mean_alpha(image), 0.05);
+    }
+  }
+}
+
+TEST_F(Aperture, AgreesWithTheReferenceForEveryShapePlaneAndScale) {
+  const Take take = write(grid_take(5, 5));
+  const VirtualCamera view = view_from({0.01, 0.01, 0.1}, 2);
+  for (const char* shape : {"round", "square", "hexagon", "octagon"}) {
+    for (const double soft : {0.3, 1.0}) {
+      SCOPED_TRACE(shape);
+      render_both(
+          take, view,
+          {{{"radius", 0.11}, {"shape", std::string(shape)}, {"soft_edge", soft}}, {0, 0, 1, 2}});
+    }
+  }
+  for (const Eigen::Vector4d& plane :
+       {Eigen::Vector4d(0, 0, 0, 1), Eigen::Vector4d(0, 0, 1, 1e9), Eigen::Vector4d(0, 0, 1, 0.8),
+        Eigen::Vector4d(0.4, 0.2, 1, 3), Eigen::Vector4d(0, 1, 0, 0.5)}) {
+    SCOPED_TRACE(plane.transpose());
+    render_both(take, view, {{{"radius", 0.1}}, plane});
+  }
+  Asked linear{{{"radius", 0.1}}, {0, 0, 1, 1}};
+  const RenderedView perceptual = render_both(take, view, linear);
+  linear.settings.blend_space = BlendSpace::kLinear;
+  EXPECT_NE(render_both(take, view, linear).rgba, perceptual.rgba);
+}
+
+TEST_F(Aperture, EveryInstructionSetAgreesWithTheReference) {
+  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  std::set<std::string> seen;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(kernel_target());
+    seen.insert(kernel_target());
+    render_both(take, view_from({0, 0.01, 0.1}, 2, 117, 83, 45),
+                {{{"radius", 0.09}, {"shape", "hexagon"}}, {0, 0, 1, 3.7}});
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  EXPECT_FALSE(seen.empty());
+}
+
+TEST_F(Aperture, ASceneInFocusComesOutTrueAndAsFocalPlaneSeesIt) {
+  const Take take = write(grid_take(5, 5));
+  const VirtualCamera view = view_from({0.013, -0.02, 0.05}, 3);
+  const RenderedView image = render_both(take, view, {{{"radius", 0.1}}});
+  const RenderedView three = render(take, view, {{}, {0, 0, 1, 4}, 0, {}, "focal_plane"});
+  const CameraModel model({"v", view.width, view.height, view.intrinsics, {}, {}, {}});
+  double worst = 0, apart = 0;
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      const auto at = static_cast<std::size_t>(y * view.width + x);
+      EXPECT_EQ(image.rgba[at * 4 + 3] > 0, three.rgba[at * 4 + 3] > 0);
+      if (image.rgba[at * 4 + 3] < 0.999F) continue;
+      const Eigen::Vector3d ray =
+          view.pose.world_from_camera_rotation * *model.unproject({x + 0.5, y + 0.5});
+      const double t = (-4 - view.pose.position.z()) / ray.z();
+      const Eigen::Vector3d hit = view.pose.position + t * ray;
+      const auto truth = testing::painted_plane(hit.x(), hit.y());
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double value = static_cast<double>(image.rgba[at * 4 + c]);
+        worst = std::max(worst, std::abs(truth[c] - value));
+        if (three.rgba[at * 4 + 3] < 0.999F) continue;
+        apart = std::max(apart, std::abs(value - static_cast<double>(three.rgba[at * 4 + c])));
+      }
+      ASSERT_NEAR(image.z[at], t, 1e-3);
+    }
+  }
+  EXPECT_GT(mean_alpha(image), 0.8);
+  EXPECT_LT(worst, 0.03);  // JPEG's quantisation
+  EXPECT_LT(apart, 0.03);
+}
+
+TEST_F(Aperture, AWiderApertureBlursWhatIsOutOfFocusOnly) {
+  const Take take = write(grid_take(7, 7));
+  const VirtualCamera view = view_from({0, 0, 0.05}, 0, 110, 75, 30);
+  const auto at = [&](double radius, double depth) {
+    return detail(render(take, view, {{{"radius", radius}}, {0, 0, 1, depth}}));
+  };
+  EXPECT_LT(at(0.18, 0.7), 0.8 * at(0, 0.7));
+  EXPECT_GT(at(0.18, 4), 0.95 * at(0, 4));
+}
+
+TEST_F(Aperture, TheSmallestApertureLeavesNoHolesBetweenCameras) {
+  const Take take = write(grid_take(4, 4));
+  const VirtualCamera view = view_from({0.002, 0.001, 0.3}, 0, 90, 60, 20);
+  const RenderedView three = render(take, view, {{}, {0, 0, 1, 4}, 0, {}, "focal_plane"});
+  for (const double radius : {0.0, 1e-12}) {
+    const RenderedView image = render_both(take, view, {{{"radius", radius}, {"soft_edge", 0.05}}});
+    for (std::size_t i = 3; i < image.rgba.size(); i += 4) {
+      ASSERT_EQ(image.rgba[i] > 0, three.rgba[i] > 0) << i;
+    }
+  }
+}
+
+TEST_F(Aperture, DegenerateArraysRender) {
+  for (const auto& [rows, columns] : {std::pair{1, 4}, {4, 1}, {1, 1}, {1, 2}}) {
+    for (const double radius : {0.0, 0.2}) {
+      SCOPED_TRACE(std::to_string(rows) + "x" + std::to_string(columns));
+      const Take take = write(grid_take(rows, columns));
+      const RenderedView image =
+          render_both(take, view_from({0.005, 0.002, 0.01}), {{{"radius", radius}}});
+      EXPECT_GT(mean_alpha(image), 0.2);
+    }
+  }
+}
+
+TEST_F(Aperture, MissingRaysAreMissing) {
+  const Take take = write(grid_take(3, 3));
+  const RenderedView beside = render_both(take, view_from({5, 0, 0.1}), {{{"radius", 0.5}}});
+  EXPECT_EQ(mean_alpha(beside), 0);
+  EXPECT_EQ(beside.z[0], std::numeric_limits<float>::infinity());
+  EXPECT_EQ(beside.statistics.pixels_decoded, 0);
+  EXPECT_EQ(mean_alpha(render_both(take, view_from({0, 0, 0.1}), {{}, {0, 0, 1, -2}})), 0);
+  EXPECT_EQ(mean_alpha(render_both(take, view_from({0, 0, 0.1}), {{}, {0, 0, 1, -0.1}})), 0);
+}
+
+TEST_F(Aperture, CoverageOwnsUpToAbsentCamerasAndLeftOutOnesDoNotCount) {
+  SyntheticTake settings = grid_take(3, 3);
+  settings.frames = 2;
+  settings.absent = {{4, 1}};  // the middle camera, second frame
+  const Take take = write(settings);
+  const VirtualCamera view = view_from({0, 0, 0.2}, 0, 90, 90, 20);
+  const std::size_t middle = 45 * 90 + 45;
+  Asked asked{{{"radius", 0.1}}};
+  EXPECT_NEAR(render_both(take, view, asked).coverage[middle], 1, 1e-5);
+  asked.frame = 1;
+  const RenderedView lacking = render_both(take, view, asked);
+  EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-5);
+  EXPECT_LT(lacking.coverage[middle], 0.9);
+  EXPECT_GT(lacking.coverage[middle], 0.1);
+  asked.frame = 0;
+  asked.settings.left_out = {4};
+  const RenderedView without = render_both(take, view, asked);
+  EXPECT_NEAR(without.coverage[middle], 1, 1e-5);
+  EXPECT_LE(without.statistics.cameras_used, 8);
+}
+
+TEST_F(Aperture, SameBytesForAnyNumberOfThreadsAndWhateverIsInMemory) {
+  const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
+  const VirtualCamera view = view_from({0, 0.01, 0.1}, 2);
+  const Asked asked{{{"radius", 0.1}}};
+  const RenderedView first = render(take, view, asked);
+  for (const std::size_t threads : {1, 5}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    const RenderedView other = render(take, view, asked);
+    EXPECT_EQ(first.rgba, other.rgba);
+    EXPECT_EQ(first.z, other.z);
+  }
+  const LightFieldRenderer renderer(take, {});
+  const FrameSelection frames = select_frames(take, 0, 1);
+  for (const double x : {0.03, -0.03, 0.0, 0.0}) {  // in part, then whole
+    const RenderedView image = renderer.render(view_from({x, 0.01, 0.1}, 2), frames,
+                                               {"aperture", asked.plane, asked.options});
+    if (x == 0) {
+      EXPECT_EQ(image.rgba, first.rgba);
+    }
+  }
+}
+
+TEST_F(Aperture, IsNamedAsPhotographersDo) {
+  // 50 mm on full frame: 36 mm * fx / width.
+  VirtualCamera view = view_from({0, 0, 0});
+  view.intrinsics.fx = view.intrinsics.fy = view.width * 50.0 / 36;
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  EXPECT_NEAR(aperture_radius(view, 2, 36, kFar), 0.0125, 1e-12);
+  EXPECT_NEAR(aperture_radius(view, 4, 72, kFar), 0.0125, 1e-12);
+  EXPECT_NEAR(aperture_radius(view, 1, 36, 1), 0.5 / (1 / 0.05 + 1), 1e-12);
+
+  const Take take = write(grid_take(3, 3));
+  const VirtualCamera ours = view_from({0.01, 0, 0.1}, 5);
+  const double radius = aperture_radius(ours, 0.25, 36, 3.5);
+  EXPECT_EQ(render(take, ours, {{{"f_number", 0.25}, {"focus_distance", 3.5}}}).rgba,
+            render(take, ours, {{{"radius", radius}}, plane_across(ours, 3.5)}).rgba);
+  EXPECT_THROW(render(take, ours, {{{"f_number", 2.0}, {"radius", 0.1}}}), Error);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/planar/aperture.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <vector>
+
+#include "render/planar/aperture_lens.h"
+#include "render/planar/view_rows.h"
+#include "render/sampling/aperture_run.h"
+#include "render/sampling/needed_mcus.h"
+#include "render/sampling/source_frames.h"
+#include "render/view/plane_projection.h"
+#include "render/view/ray_cells.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+std::array<double, 3> as_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+std::array<float, 2> as_floats(const Eigen::Vector2d& v) {
+  return {static_cast<float>(v.x()), static_cast<float>(v.y())};
+}
+
+Eigen::Vector4d plane_of(const ViewRequest& request) {
+  const double distance = request.options.number("focus_distance");
+  return distance > 0 ? plane_across(request.view, distance) : request.focal_plane;
+}
+
+/// One view's rendering, stage by stage: plan (which source pixels), decode, blend.
+class ApertureFrame {
+  static constexpr int kRowsPerBlock = 8, kColumnsPerBlock = 32;
+
+ public:
+  explicit ApertureFrame(const ViewRequest& request)
+      : request_(request),
+        view_(request.view),
+        instant_(request.instant),
+        plane_(plane_of(request)),
+        lens_(view_, instant_, plane_, request.options),
+        projection_(view_, plane_),
+        cells_(view_, *instant_.rig, *instant_.present),
+        rows_(view_, cells_),
+        sources_(instant_, projection_, request.count_needed_pixels) {
+    for (const Eigen::Vector2d& side : lens_.sides()) sides_.push_back(as_floats(side));
+  }
+
+  RenderedView render() {
+    const auto start = Clock::now();
+    if (!projection_.at_infinity() && projection_.distance() == 0) {
+      return empty_view(view_);  // eye on the plane
+    }
+    RenderedView image = unset_view(view_);
+    open_cameras();
+    mark_needed();
+    const auto planned = Clock::now();
+    sources_.decode(image.statistics);
+    const auto decoded = Clock::now();
+    const auto full_scale = static_cast<float>(instant_.cache->full_scale());
+    rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
+      blend_aperture_run(run_of(span, y), instant_.cache->blend_space(), full_scale,
+                         &image.rgba[at * 4], &image.coverage[at], &image.z[at]);
+    });
+    image.statistics.plan_ms = milliseconds(planned - start);
+    image.statistics.decode_ms = milliseconds(decoded - planned);
+    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
+    return image;
+  }
+
+ private:
+  /// Cameras that may gather some ray through a cell, and of them all those present.
+  void open_cameras() {
+    const std::size_t count = cells_.cells().size();
+    std::vector<bool> cell_used(count), used(lens_.cameras().size());
+    for (int y = 0; y < view_.height; ++y) {
+      for (const RayCells::Span& span : rows_.spans(y)) {
+        cell_used[static_cast<std::size_t>(span.cell)] = true;
+      }
+    }
+    gathering_.resize(count);
+    for (std::size_t c = 0; c < count; ++c) {
+      if (!cell_used[c]) continue;
+      const RayCells::Cell& cell = cells_.cells()[c];
+      std::vector<Eigen::Vector2d> corners;
+      for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+        corners.push_back(place(cell.camera[i]));
+      }
+      for (std::size_t i = 0; i < used.size(); ++i) {
+        if (may_gather(static_cast<int>(i), corners)) {
+          gathering_[c].push_back(static_cast<int>(i));
+          used[i] = true;
+        }
+      }
+    }
+    std::vector<int> present;
+    for (std::size_t i = 0; i < used.size(); ++i) {
+      if (used[i] && instant_.is_present(static_cast<int>(i))) {
+        present.push_back(static_cast<int>(i));
+      }
+    }
+    sources_.open(present);
+    cameras_.resize(count);
+    for (std::size_t c = 0; c < count; ++c) {
+      for (const int camera : gathering_[c]) cameras_[c].push_back(as_seen(camera));
+    }
+  }
+
+  const Eigen::Vector2d& place(int camera) const {
+    return lens_.cameras()[static_cast<std::size_t>(camera)].place;
+  }
+
+  ApertureCamera as_seen(int index) {
+    const ApertureLens::Camera& camera = lens_.cameras()[static_cast<std::size_t>(index)];
+    const bool present = instant_.is_present(index);
+    return {static_cast<float>(camera.place.x()), static_cast<float>(camera.place.y()),
+            static_cast<float>(1 / camera.reach), present,
+            present ? &sources_.view(index) : nullptr};
+  }
+
+  /// Whether a camera's weight may be above 0 for a ray that crosses the array between `points`.
+  bool may_gather(int camera, const std::vector<Eigen::Vector2d>& points) const {
+    const double reach = lens_.cameras()[static_cast<std::size_t>(camera)].reach;
+    if (reach == 0) return false;
+    Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+    for (const Eigen::Vector2d& point : points)
+      middle += point / static_cast<double>(points.size());
+    double size = 0;
+    for (const Eigen::Vector2d& point : points) size = std::max(size, (point - middle).norm());
+    const double to_corner = lens_.sides().empty() ? 1 : 1.4143;  // a square's, the longest
+    return (place(camera) - middle).norm() <= reach * to_corner + size * (1 + 1e-6);
+  }
+
+  ApertureRun run_of(const RayCells::Span& span, int y) const {
+    const auto index = static_cast<std::size_t>(span.cell);
+    const RayCells::Cell& cell = cells_.cells()[index];
+    ApertureRun run;
+    run.cell.begin = span.begin;
+    run.cell.end = span.end;
+    run.cell.y = y;
+    run.cell.room_end = view_.width;  // rows are written from left to right
+    run.cell.count = cell.count;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+      run.cell.share[i] = as_array(cell.share[i]);
+      run.corner[i] = as_floats(place(cell.camera[i]));
+    }
+    run.cell.total = as_array(cell.total);
+    run.cell.slope = as_array(projection_.slope());
+    run.cell.distance = projection_.distance();
+    run.cell.at_infinity = projection_.at_infinity();
+    run.cameras = cameras_[index];
+    run.shape = {sides_, static_cast<float>(lens_.steepness())};
+    return run;
+  }
+
+  void mark_needed() {
+    if (sources_.all_whole()) return;
+    raystage::parallel_for(0, (view_.height + kRowsPerBlock - 1) / kRowsPerBlock, [&](int block) {
+      const int first = block * kRowsPerBlock;
+      const int end = std::min(first + kRowsPerBlock, view_.height);
+      mark_blocks(first, end);
+      if (!request_.count_needed_pixels) return;
+      for (int y = first; y < end; ++y) {
+        for (const RayCells::Span& span : rows_.spans(y)) mark_pixels_of_aperture(run_of(span, y));
+      }
+    });
+  }
+
+  /// What rows [first, end) need of each camera, a block each.
+  void mark_blocks(int first, int end) {
+    std::vector<PixelBlock> blocks(lens_.cameras().size());
+    rows_.for_each_cell(first, end, [&](int cell, int x_begin, int x_end, int y_begin, int y_end) {
+      for (int x = x_begin; x < x_end; x += kColumnsPerBlock) {
+        const PixelBlock part{x, std::min(x + kColumnsPerBlock, x_end), y_begin, y_end};
+        const std::vector<Eigen::Vector2d> points = crossings(cell, part);
+        for (const int camera : gathering_[static_cast<std::size_t>(cell)]) {
+          if (!instant_.is_present(camera) || !may_gather(camera, points)) continue;
+          PixelBlock& block = blocks[static_cast<std::size_t>(camera)];
+          if (block.x_end == 0) {
+            block = part;
+          } else {
+            block = {std::min(block.x_begin, part.x_begin), std::max(block.x_end, part.x_end),
+                     std::min(block.y_begin, part.y_begin), std::max(block.y_end, part.y_end)};
+          }
+        }
+      }
+    });
+    for (std::size_t i = 0; i < blocks.size(); ++i) {
+      if (blocks[i].x_end == 0) continue;
+      const SourceView& camera = sources_.view(static_cast<int>(i));
+      if (camera.wanted_mcus != nullptr) mark_block(camera, blocks[i]);
+    }
+  }
+
+  /// Points between which all rays of a block that pass through a cell cross the array: the
+  /// corners' own crossings, of the cell's plane if not of the cell; or else the cell's cameras.
+  std::vector<Eigen::Vector2d> crossings(int index, const PixelBlock& block) const {
+    const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(index)];
+    std::vector<Eigen::Vector2d> points, cameras;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+      cameras.push_back(place(cell.camera[i]));
+    }
+    double first_total = 0;
+    for (const double y : {block.y_begin + 0.5, block.y_end - 0.5}) {
+      for (const double x : {block.x_begin + 0.5, block.x_end - 0.5}) {
+        const Eigen::Vector3d pixel(x, y, 1);
+        const double total = cell.total.dot(pixel);
+        if (first_total == 0) first_total = total;
+        if (!(total * first_total > 0)) return cameras;  // the array's horizon lies in between
+        Eigen::Vector2d point = Eigen::Vector2d::Zero();
+        for (std::size_t i = 0; i < cameras.size(); ++i) {
+          point += cell.share[i].dot(pixel) / total * cameras[i];
+        }
+        points.push_back(point);
+      }
+    }
+    return points;
+  }
+
+  const ViewRequest& request_;
+  const VirtualCamera& view_;
+  const Instant& instant_;
+  Eigen::Vector4d plane_;
+  ApertureLens lens_;
+  PlaneProjection projection_;
+  RayCells cells_;
+  ViewRows rows_;
+  SourceFrames sources_;
+  std::vector<std::array<float, 2>> sides_;
+  std::vector<std::vector<int>> gathering_;           // per cell: cameras of the rig
+  std::vector<std::vector<ApertureCamera>> cameras_;  // the same
+};
+
+}  // namespace
+
+RenderedView render_aperture(const ViewRequest& request) { return ApertureFrame(request).render(); }
+
+Method aperture_method() {
+  return {"aperture",
+          "all cameras within an aperture around the ray, where it meets the focal plane: blurs "
+          "the rest",
+          aperture_options(), render_aperture, render_aperture_reference};
+}
+
+}  // namespace raystage

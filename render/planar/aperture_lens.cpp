@@ -1,0 +1,131 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/planar/aperture_lens.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <string>
+
+#include "render/view/plane_projection.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::array kOptions{
+    number_option(
+        "radius", 0, 0, 1e6,
+        "of the aperture on the array's surface, m; reaches at least from a camera to its "
+        "neighbours, which is what 0 means"),
+    number_option("f_number", 0, 0, 1e6, "of a photographer's lens, instead of a radius; 0: none"),
+    number_option("film_width", 36, 0.1, 1e6, "of the camera that f_number is meant for, mm"),
+    number_option("focus_distance", 0, 0, 1e9,
+                  "along the view's axis, m; 0: the focal plane that all methods use"),
+    choice_option("shape", "round", "round|square|hexagon|octagon", "of the aperture"),
+    number_option("soft_edge", 1, 0.01, 1, "part of the radius in which the weight falls to 0"),
+};
+
+/// In the array's plane: the cameras' own right, as near as may be, and up.
+Eigen::Matrix<double, 2, 3> plane_axes(const Rig& rig, const Eigen::Vector3d& normal) {
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  for (const Rig::Camera& camera : rig.cameras) {
+    right += camera.pose.world_from_camera_rotation.col(0);
+  }
+  right -= normal * normal.dot(right);
+  if (right.norm() < 1e-6 * static_cast<double>(rig.cameras.size())) {
+    right = normal.unitOrthogonal();
+  }
+  right.normalize();
+  Eigen::Matrix<double, 2, 3> axes;
+  axes << right.transpose(), normal.cross(right).transpose();
+  return axes;
+}
+
+std::vector<Eigen::Vector2d> sides_of(const std::string& shape) {
+  const int pairs = shape == "square" ? 2 : shape == "hexagon" ? 3 : shape == "octagon" ? 4 : 0;
+  std::vector<Eigen::Vector2d> sides;
+  for (int i = 0; i < pairs; ++i) {
+    const double angle = std::numbers::pi * i / pairs;
+    sides.emplace_back(std::cos(angle), std::sin(angle));
+  }
+  return sides;
+}
+
+/// The longest way from each camera to a neighbour, m.
+std::vector<double> ways_to_neighbours(const Rig& rig, const Topology& topology) {
+  std::vector<double> longest(rig.cameras.size());
+  for (const Topology::Cell& cell : topology.cells) {
+    for (const int from : cell) {
+      for (const int to : cell) {
+        if (from < 0 || to < 0) continue;
+        const auto i = static_cast<std::size_t>(from), j = static_cast<std::size_t>(to);
+        longest[i] = std::max(longest[i],
+                              (rig.cameras[i].pose.position - rig.cameras[j].pose.position).norm());
+      }
+    }
+  }
+  return longest;
+}
+
+}  // namespace
+
+ApertureLens::ApertureLens(const VirtualCamera& view, const Instant& instant,
+                           const Eigen::Vector4d& focal_plane, const MethodOptions& options) {
+  double radius = options.number("radius");
+  if (const double f_number = options.number("f_number"); f_number > 0) {
+    if (radius > 0) {
+      throw Error::bad_input("both radius and f_number are given", "method aperture",
+                             "Give one of them");
+    }
+    const Intrinsics& k = view.intrinsics;
+    const double depth = PlaneProjection(view, focal_plane).depth(k.cx, k.cy);
+    radius = aperture_radius(view, f_number, options.number("film_width"),
+                             depth > 0 ? depth : std::numeric_limits<double>::infinity());
+  }
+  const double soft = options.number("soft_edge");
+  steepness_ = 1 / (1 - (1 - soft) * (1 - soft));
+  sides_ = sides_of(options.text("shape"));
+
+  const Rig& rig = *instant.rig;
+  const auto axes = plane_axes(rig, instant.complete->normal);
+  const Eigen::Vector3d centre = rig.centre();
+  const std::vector<double> present = ways_to_neighbours(rig, *instant.present);
+  const std::vector<double> complete = ways_to_neighbours(rig, *instant.complete);
+  const bool alone = instant.present->kind == Topology::Kind::kPoint;
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    const bool is_present = instant.is_present(static_cast<int>(i));
+    Camera camera;
+    camera.place = axes * (rig.cameras[i].pose.position - centre);
+    camera.reach = std::max(radius, is_present ? present[i] : complete[i]);
+    if (!is_present && complete[i] == 0) camera.reach = 0;  // left out, or another stands for it
+    if (alone && is_present) camera.reach = std::numeric_limits<double>::infinity();
+    cameras_.push_back(camera);
+  }
+}
+
+double ApertureLens::weight(const Camera& camera, const Eigen::Vector2d& crossing) const {
+  if (camera.reach == 0) return 0;
+  const Eigen::Vector2d way = (crossing - camera.place) / camera.reach;
+  double q = sides_.empty() ? way.norm() : 0;
+  for (const Eigen::Vector2d& side : sides_) q = std::max(q, std::abs(side.dot(way)));
+  const double t = std::clamp((1 - q * q) * steepness_, 0.0, 1.0);
+  return t * t * (3 - 2 * t);
+}
+
+double aperture_radius(const VirtualCamera& view, double f_number, double film_width,
+                       double focus_distance) {
+  const double image_distance = film_width * 1e-3 * view.intrinsics.fx / view.width;
+  return 0.5 / (f_number * (1 / image_distance + 1 / focus_distance));
+}
+
+Eigen::Vector4d plane_across(const VirtualCamera& view, double distance) {
+  const Eigen::Vector3d ahead = -view.pose.world_from_camera_rotation.col(2);
+  return {ahead.x(), ahead.y(), ahead.z(), -(ahead.dot(view.pose.position) + distance)};
+}
+
+std::span<const OptionSpec> aperture_options() { return kOptions; }
+
+}  // namespace raystage

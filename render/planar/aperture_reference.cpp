@@ -1,0 +1,109 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "render/planar/aperture.h"
+#include "render/planar/aperture_lens.h"
+#include "render/planar/reference_look_up.h"
+#include "render/view/ray_cells.h"
+#include "schemas/parallel.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+RenderedView render_aperture_reference(const ViewRequest& request) {
+  const VirtualCamera& view = request.view;
+  const Instant& instant = request.instant;
+  RenderedView image = empty_view(view);
+  const double focus_distance = request.options.number("focus_distance");
+  const Eigen::Vector4d plane =
+      focus_distance > 0 ? plane_across(view, focus_distance) : request.focal_plane;
+  const ApertureLens lens(view, instant, plane, request.options);
+
+  const std::size_t count = instant.rig->cameras.size();
+  std::vector<std::shared_ptr<const DecodedFrame>> frames(count);
+  std::vector<ReadPixels> read(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const int camera = static_cast<int>(i), frame = instant.frame_of_camera[i];
+    if (frame < 0) continue;
+    const auto layout = instant.cache->layout(camera, frame);
+    frames[i] = instant.cache->fetch(camera, frame,
+                                     McuMask(static_cast<std::size_t>(layout->mcu_count()), 1),
+                                     image.statistics.pixels_decoded);
+    ++image.statistics.cameras_used;
+    if (!request.count_needed_pixels) continue;
+    read[i].assign(
+        static_cast<std::size_t>(frames[i]->width) * static_cast<std::size_t>(frames[i]->height),
+        0);
+  }
+
+  // Which cells a ray crosses is asked of an undistorted twin of the view.
+  VirtualCamera ideal_view = view;
+  ideal_view.intrinsics.distortion = {};
+  const CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
+  const RayCells cells(ideal_view, *instant.rig, *instant.present);
+  const bool perceptual = instant.cache->blend_space() == BlendSpace::kPerceptual;
+
+  const auto reconstruct = [&](int x, int y, float* rgba, float& coverage, float& z) {
+    const auto ray_in_view = view_model.unproject({x + 0.5, y + 0.5});
+    if (!ray_in_view) return;
+    const Intrinsics& k = view.intrinsics;
+    const auto crossing =
+        cells.locate(ray_in_view->x() * k.fx + k.cx, -ray_in_view->y() * k.fy + k.cy);
+    if (!crossing) return;
+    const Vector3d ray = view.pose.world_from_camera_rotation * *ray_in_view;
+    const PlaneHit hit(view.pose.position, ray, plane);
+    if (!hit.ahead()) return;
+    const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
+    Vector2d place = Vector2d::Zero();
+    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+      place += crossing->weight[i] * lens.cameras()[static_cast<std::size_t>(cell.camera[i])].place;
+    }
+    std::array<double, 3> sum{};
+    double seen_weight = 0, present = 0, complete = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const double weight = lens.weight(lens.cameras()[i], place);
+      if (weight == 0) continue;
+      complete += weight;
+      if (!frames[i]) continue;
+      present += weight;
+      const Rig::Camera& source = instant.rig->cameras[i];
+      const Vector3d towards =
+          source.pose.world_from_camera_rotation.transpose() * hit.seen_from(source.pose.position);
+      Vector2d pixel;
+      const double seen = visibility(source.model, towards, pixel);
+      if (seen <= 0) continue;
+      const Sample sample = look_up(*frames[i], pixel, seen, read[i]);
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * seen * sample.rgb[c];
+      seen_weight += weight * seen;
+    }
+    if (!(seen_weight > 0)) return;
+    const double alpha = seen_weight / present;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double mean = sum[c] / seen_weight;
+      const double linear = perceptual ? linear_from_srgb(mean) : mean;
+      rgba[c] = static_cast<float>(linear * instant.cache->full_scale() * alpha);
+    }
+    rgba[3] = static_cast<float>(alpha);
+    coverage = static_cast<float>(alpha * present / complete);
+    z = static_cast<float>(hit.depth());
+  };
+
+  raystage::parallel_for(0, view.height, [&](int y) {
+    for (int x = 0; x < view.width; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
+                             static_cast<std::size_t>(x);
+      reconstruct(x, y, &image.rgba[at * 4], image.coverage[at], image.z[at]);
+    }
+  });
+  for (const ReadPixels& pixels : read) {
+    image.statistics.pixels_needed += std::ranges::count(pixels, 1);
+  }
+  return image;
+}
+
+}  // namespace raystage

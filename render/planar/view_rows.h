@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <limits>
+#include <vector>
+
+#include "render/view/ray_cells.h"
+#include "render/view/view.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+
+/// A view's rows, cut into spans between the same cameras.
+class ViewRows {
+ public:
+  ViewRows(const VirtualCamera& view, const RayCells& cells)
+      : width_(view.width), spans_(static_cast<std::size_t>(view.height)) {
+    for_each_part([&](int first, int end) {
+      std::vector<int> scratch;
+      for (int y = first; y < end; ++y) {
+        cells.spans_of_row(y, width_, scratch, spans_[static_cast<std::size_t>(y)]);
+      }
+    });
+  }
+
+  const std::vector<RayCells::Span>& spans(int y) const {
+    return spans_[static_cast<std::size_t>(y)];
+  }
+
+  /// In parallel: body(first row, end) for a few rows at a time.
+  template <class Body>
+  void for_each_part(const Body& body) const {
+    constexpr int kRowsPerTask = 16;
+    raystage::parallel_for(
+        tbb::blocked_range<int>(0, static_cast<int>(spans_.size()), kRowsPerTask),
+        [&](const tbb::blocked_range<int>& rows) { body(rows.begin(), rows.end()); });
+  }
+
+  /// In parallel, body(span, y, index of its first pixel) for every span; from left to right within
+  /// a row, so that a body may spill to the right. All other pixels become those that nobody saw.
+  template <class Body>
+  void write(RenderedView& image, const Body& body) const {
+    for_each_part([&](int first, int end) {
+      for (int y = first; y < end; ++y) {
+        const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(width_);
+        std::size_t at = row;  // the first pixel not written yet
+        for (const RayCells::Span& span : spans(y)) {
+          const std::size_t begin = row + static_cast<std::size_t>(span.begin);
+          leave_unseen(image, at, begin);
+          body(span, y, begin);
+          at = row + static_cast<std::size_t>(span.end);
+        }
+        leave_unseen(image, at, row + static_cast<std::size_t>(width_));
+      }
+    });
+  }
+
+  /// Smallest boxes around the pixels of each cell that is crossed in rows [first, end): body(cell,
+  /// x begin, x end, y begin, y end).
+  template <class Body>
+  void for_each_cell(int first, int end, const Body& body) const {
+    struct Box {
+      int cell, x_begin, x_end, y_begin, y_end;
+    };
+    std::vector<Box> boxes;
+    for (int y = first; y < end; ++y) {
+      for (const RayCells::Span& span : spans(y)) {
+        const auto known = std::ranges::find(boxes, span.cell, &Box::cell);
+        if (known == boxes.end()) {
+          boxes.push_back({span.cell, span.begin, span.end, y, y + 1});
+        } else {
+          known->x_begin = std::min(known->x_begin, span.begin);
+          known->x_end = std::max(known->x_end, span.end);
+          known->y_end = y + 1;
+        }
+      }
+    }
+    for (const Box& b : boxes) body(b.cell, b.x_begin, b.x_end, b.y_begin, b.y_end);
+  }
+
+ private:
+  static void leave_unseen(RenderedView& image, std::size_t begin, std::size_t end) {
+    std::fill(image.rgba.data() + 4 * begin, image.rgba.data() + 4 * end, 0.0F);
+    std::fill(image.coverage.data() + begin, image.coverage.data() + end, 0.0F);
+    std::fill(image.z.data() + begin, image.z.data() + end, std::numeric_limits<float>::infinity());
+  }
+
+  int width_;
+  std::vector<std::vector<RayCells::Span>> spans_;  // per row
+};
+
+}  // namespace raystage

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "render/sampling/source_view.h"
+
+namespace raystage {
+
+/// A camera as a synthetic aperture sees it (thesis, Reconstruction; ApertureLens has the formula).
+struct ApertureCamera {
+  float x = 0, y = 0;            ///< in the array's plane, m
+  float inverse_reach = 0;       ///< 1 / R; 0 where the camera counts everywhere
+  bool present = true;           ///< counts for alpha; others only for coverage
+  SourceView* source = nullptr;  ///< of those present; without a frame where it sees nothing
+};
+
+/// A synthetic aperture.
+struct ApertureShape {
+  std::span<const std::array<float, 2>> sides;  ///< ApertureLens::sides()
+  float steepness = 1;                          ///< ApertureLens::steepness()
+};
+
+/// A run of pixels of one row of the view within one cell of the array.
+struct ApertureRun {
+  /// Its cameras tell where rays cross the array; `source` and `nearest_only` are not used.
+  PixelRun cell;
+  std::array<std::array<float, 2>, 3> corner{};  ///< where the cell's cameras stand
+  std::span<const ApertureCamera> cameras;       ///< all whose weight may be above 0
+  ApertureShape shape;
+};
+
+/// Marks, in `read_pixels` of the cameras that have them, what blend_aperture_run() reads.
+void mark_pixels_of_aperture(const ApertureRun& run);
+
+/// As blend_run(). Alpha: the part of the light that the cameras present, of which all count with
+/// their weight, have seen. `coverage`: the same with those that are absent counted too.
+void blend_aperture_run(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
+                        float* coverage, float* z);
+
+}  // namespace raystage

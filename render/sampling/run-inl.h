@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is done for a run of pixels before and after its cameras are sampled, in vectors. Included
+// once per instruction set, as Highway's kernels are: no include guard of the common kind.
+
+#if defined(RAYSTAGE_RENDER_SAMPLING_RUN_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef RAYSTAGE_RENDER_SAMPLING_RUN_INL_H
+#undef RAYSTAGE_RENDER_SAMPLING_RUN_INL_H
+#else
+#define RAYSTAGE_RENDER_SAMPLING_RUN_INL_H
+#endif
+
+// The order matters.
+// clang-format off
+#include <hwy/highway.h>
+#include "render/sampling/finish-inl.h"
+#include "render/sampling/taps-inl.h"
+// clang-format on
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <limits>
+
+#include "render/sampling/source_view.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace raystage {
+namespace HWY_NAMESPACE {
+
+struct Weights {
+  HWY_ALIGN float camera[3][kChunk];
+};
+
+HWY_INLINE void find_weights(const PixelRun& run, int begin, int n, Weights& weights) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const double middle = begin + 0.5 * n;
+  const double total = run.total[0] * middle + (run.total[1] * (run.y + 0.5) + run.total[2]);
+  const double scale = 1 / total;  // keeps the shares near 1 whatever the distance to the array
+  Ramp shares[3] = {};
+  const int anchor = anchor_of(run.total.data(), begin, run.y, n);
+  for (int c = 0; c < run.count; ++c) {
+    shares[c] = ramp(run.share[c].data(), begin, anchor, run.y, scale);
+  }
+  for (int i = 0; i < n; i += lanes) {
+    const auto steps = counting_from(d, i - anchor);
+    const auto zero = hn::Zero(d);
+    const auto w0 = hn::Max(values(d, shares[0], steps), zero);
+    const auto w1 = hn::Max(values(d, shares[1], steps), zero);
+    const auto w2 = hn::Max(values(d, shares[2], steps), zero);
+    const auto sum = hn::Add(w0, hn::Add(w1, w2));
+    const auto inverse = hn::IfThenElseZero(hn::Gt(sum, hn::Set(d, 1e-30F)), reciprocal(d, sum));
+    hn::Store(hn::Mul(w0, inverse), d, weights.camera[0] + i);
+    hn::Store(hn::Mul(w1, inverse), d, weights.camera[1] + i);
+    hn::Store(hn::Mul(w2, inverse), d, weights.camera[2] + i);
+  }
+}
+
+/// 1 / planar depth of the plane with this slope and distance (PixelRun), where that is positive.
+HWY_INLINE Ramp inverse_depth(const std::array<double, 3>& slope, double distance, int begin, int y,
+                              int n) {
+  return ramp(slope.data(), begin, anchor_of(slope.data(), begin, y, n), y, 1 / distance);
+}
+
+/// Rays that never meet the focal plane have no weight to give. `along`: 1 / planar depth.
+HWY_INLINE void drop_unmet(Ramp along, int n, Weights& weights) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const auto at = [&](int i) {
+    return along.base + static_cast<float>(i - along.start) * along.step;
+  };
+  if (at(0) > 0 && at(n - 1) > 0) return;
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < n; i += lanes) {
+    const auto met = hn::Gt(values(d, along, counting_from(d, i - along.start)), hn::Zero(d));
+    for (auto& camera : weights.camera) {
+      hn::Store(hn::IfThenElseZero(met, hn::Load(d, camera + i)), d, camera + i);
+    }
+  }
+}
+
+/// Adds the samples of kCount cameras to `sums`, in whole vectors of pixels: 4 floats a pixel, in
+/// the order of transpose_blocks(). kFirst: sums are not set yet.
+template <int kCount, bool kFirst>
+HWY_INLINE void add_samples_of(const SourceView* const* sources, const Taps* taps, int n,
+                               float* sums) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const SumTag d;
+  const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
+  const std::uint16_t* frame[kCount];
+  std::size_t row[kCount];
+  for (int c = 0; c < kCount; ++c) {
+    frame[c] = sources[c]->rgbx;
+    row[c] = std::size_t{4} * static_cast<std::size_t>(sources[c]->width);
+  }
+  for (int begin = 0; begin < n; begin += lanes) {
+    int slot = begin;
+    for (int first = begin; first < begin + 4; ++first) {
+      for (int i = first; i < begin + lanes; i += 4, ++slot) {
+        auto sum = hn::Zero(d);
+        for (int c = 0; c < kCount; ++c) {
+          sum = add_tap(frame[c], row[c], taps[c].pixel[i], taps[c].weight + 4 * slot, sum);
+        }
+        float* to = sums + 4 * slot;
+        auto pixel = fold(sum);
+        if constexpr (!kFirst) pixel = hn::Add(pixel, hn::Load(hn::FixedTag<float, 4>(), to));
+        hn::Store(pixel, hn::FixedTag<float, 4>(), to);
+      }
+    }
+  }
+}
+
+/// The same for up to three cameras; none leave the sums as they are, or 0.
+template <bool kFirst>
+HWY_INLINE void add_samples(const SourceView* const* sources, const Taps* taps, int count, int n,
+                            float* sums) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  if (count == 3) {
+    add_samples_of<3, kFirst>(sources, taps, n, sums);
+  } else if (count == 2) {
+    add_samples_of<2, kFirst>(sources, taps, n, sums);
+  } else if (count == 1) {
+    add_samples_of<1, kFirst>(sources, taps, n, sums);
+  } else if (kFirst) {
+    std::fill_n(sums, 4 * kChunk, 0.0F);
+  }
+}
+
+/// A vector of the view's pixels.
+struct Pixels {
+  HWY_ALIGN float rgba[4 * hwy::HWY_NAMESPACE::MaxLanes(hwy::HWY_NAMESPACE::ScalableTag<float>())];
+  HWY_ALIGN float coverage[hwy::HWY_NAMESPACE::MaxLanes(hwy::HWY_NAMESPACE::ScalableTag<float>())];
+  HWY_ALIGN float z[hwy::HWY_NAMESPACE::MaxLanes(hwy::HWY_NAMESPACE::ScalableTag<float>())];
+};
+
+/// From sums in the order of transpose_blocks() to the view, of which `room` pixels may be written.
+/// `along`: 1 / planar depth. `share`, if any, times each pixel's sums; `present`, if any, times
+/// alpha is its coverage.
+HWY_INLINE void write_pixels(const float* sums, const float* share, const float* present, int n,
+                             int room, BlendSpace space, float full_scale, Ramp along,
+                             bool at_infinity, float* rgba, float* coverage, float* z) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto infinity = hn::Set(d, std::numeric_limits<float>::infinity());
+  for (int i = 0; i < n; i += lanes) {
+    const float* from = sums + 4 * i;
+    auto r = hn::Load(d, from), g = hn::Load(d, from + lanes);
+    auto b = hn::Load(d, from + 2 * lanes), weight = hn::Load(d, from + 3 * lanes);
+    transpose_blocks(d, r, g, b, weight);
+    if (share != nullptr) {
+      const auto part = hn::Load(d, share + i);
+      r = hn::Mul(r, part);
+      g = hn::Mul(g, part);
+      b = hn::Mul(b, part);
+      weight = hn::Mul(weight, part);
+    }
+    finish(d, space, full_scale, r, g, b, weight);
+    const auto covered = present == nullptr ? weight : hn::Mul(weight, hn::Load(d, present + i));
+    auto depth = infinity;
+    if (!at_infinity) {
+      const auto steps = counting_from(d, i - along.start);
+      const auto slope = values(d, along, steps);
+      const auto seen = hn::And(hn::Gt(weight, hn::Zero(d)), hn::Gt(slope, hn::Set(d, 1e-30F)));
+      depth = hn::IfThenElse(seen, reciprocal(d, slope), infinity);
+    }
+    if (i + lanes <= room) {
+      hn::StoreInterleaved4(r, g, b, weight, d, rgba + 4 * i);
+      hn::StoreU(covered, d, coverage + i);
+      hn::StoreU(depth, d, z + i);
+    } else {
+      Pixels last;
+      hn::StoreInterleaved4(r, g, b, weight, d, last.rgba);
+      hn::Store(covered, d, last.coverage);
+      hn::Store(depth, d, last.z);
+      std::copy_n(last.rgba, 4 * (n - i), rgba + 4 * i);
+      std::copy_n(last.coverage, n - i, coverage + i);
+      std::copy_n(last.z, n - i, z + i);
+    }
+  }
+}
+
+/// Marks the pixels that taps read with a weight.
+HWY_INLINE void mark_pixels(const SourceView& source, const Taps& taps, int n) {
+  for (int i = 0; i < n; ++i) {
+    std::uint8_t* at = source.read_pixels + taps.pixel[i];
+    const float* weight = taps.weight + 4 * slot_of(hwy::HWY_NAMESPACE::ScalableTag<float>(), i);
+    const auto mark = [](std::uint8_t& pixel, float w) {
+      if (w > 0) std::atomic_ref(pixel).store(1, std::memory_order_relaxed);
+    };
+    mark(at[0], weight[0]);
+    mark(at[1], weight[1]);
+    mark(at[source.width], weight[2]);
+    mark(at[source.width + 1], weight[3]);
+  }
+}
+
+// NOLINTNEXTLINE(google-readability-namespace-comments)
+}  // namespace HWY_NAMESPACE
+}  // namespace raystage
+HWY_AFTER_NAMESPACE();
+
+#endif  // per target

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/sampling/source_frames.h"
+
+#include <algorithm>
+#include <atomic>
+
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+int log2_of(int power_of_two) {
+  int log2 = 0;
+  while ((1 << log2) < power_of_two) ++log2;
+  return log2;
+}
+
+}  // namespace
+
+SourceFrames::SourceFrames(const Instant& instant, const PlaneProjection& projection,
+                           bool count_needed)
+    : instant_(instant),
+      projection_(projection),
+      count_needed_(count_needed),
+      sources_(instant.rig->cameras.size()) {}
+
+void SourceFrames::open(const std::vector<int>& cameras) {
+  opened_ = cameras;
+  raystage::parallel_for(std::size_t{0}, opened_.size(), [&](std::size_t i) {
+    const int index = opened_[i], frame = instant_.frame_of_camera[static_cast<std::size_t>(index)];
+    Source& source = sources_[static_cast<std::size_t>(index)];
+    const Rig::Camera& camera = instant_.rig->cameras[static_cast<std::size_t>(index)];
+    source.view = source_view_of(camera.model, projection_.ideal_from_pixel(camera.pose));
+    if (!count_needed_ && instant_.cache->holds_whole(index, frame)) return;
+    const auto layout = instant_.cache->layout(index, frame);
+    source.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
+    source.view.wanted_mcus = source.wanted.data();
+    source.view.mcus_per_row = layout->mcus_per_row;
+    source.view.mcu_width_log2 = log2_of(layout->mcu_width);
+    source.view.mcu_height_log2 = log2_of(layout->mcu_height);
+    source.view.chroma_reach = layout->mcu_width > 8 || layout->mcu_height > 8 ? 1 : 0;
+    if (!count_needed_) return;
+    source.read_pixels.assign(
+        static_cast<std::size_t>(source.view.width) * static_cast<std::size_t>(source.view.height),
+        0);
+    source.view.read_pixels = source.read_pixels.data();
+  });
+}
+
+bool SourceFrames::all_whole() const {
+  return std::ranges::all_of(opened_, [&](int camera) {
+    return sources_[static_cast<std::size_t>(camera)].wanted.empty();
+  });
+}
+
+void SourceFrames::decode(RenderStatistics& statistics) {
+  std::atomic<std::int64_t> pixels = 0, needed = 0;
+  std::atomic<int> cameras = 0;
+  raystage::parallel_for(std::size_t{0}, opened_.size(), [&](std::size_t i) {
+    const int index = opened_[i];
+    Source& source = sources_[static_cast<std::size_t>(index)];
+    if (!source.wanted.empty() && std::ranges::count(source.wanted, 1) == 0) return;
+    std::int64_t decoded = 0;
+    source.frame = instant_.cache->fetch(
+        index, instant_.frame_of_camera[static_cast<std::size_t>(index)], source.wanted, decoded);
+    source.view.rgbx = source.frame->rgbx.get();
+    pixels += decoded;
+    needed += std::ranges::count(source.read_pixels, 1);
+    ++cameras;
+  });
+  statistics.pixels_decoded = pixels;
+  statistics.pixels_needed = needed;
+  statistics.cameras_used = cameras;
+}
+
+}  // namespace raystage

@@ -157,7 +157,7 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
   const RaySurface surface =
-      proxy_surface(options, reconstruction.focal_plane, state_->take, state_->kept);
+      proxy_surface(options, reconstruction.focal_plane, state_->take, *state_->kept);
   const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, ray_weighing(options), samples);
 }

@@ -116,7 +116,7 @@ void SlabRays::add_runs(const Conditions& conditions, int y, int width,
     }
   }
   std::ranges::sort(starts);
-  starts.erase(std::ranges::unique(starts).begin(), starts.end());
+  starts.erase(std::unique(starts.begin(), starts.end()), starts.end());
   for (std::size_t i = 0; i < starts.size(); ++i) {
     const int last = i + 1 < starts.size() ? starts[i + 1] : end;
     const Crossing middle = crossing((starts[i] + last) / 2.0, centre_y);

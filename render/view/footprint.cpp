@@ -39,8 +39,9 @@ double source_pixels_per_pixel(const VirtualCamera& view, const Instant& instant
   const RayCells cells(ideal_view, *instant.rig, *instant.present);
   double most = 0;
   for (int i = 0; i < kPlaces * kPlaces; ++i) {
-    const double x = view.width * (i % kPlaces + 0.5) / kPlaces;
-    const double y = view.height * (i / kPlaces + 0.5) / kPlaces;
+    const int column = i % kPlaces, row = i / kPlaces;
+    const double x = view.width * (column + 0.5) / kPlaces;
+    const double y = view.height * (row + 0.5) / kPlaces;
     const auto crossing = cells.locate(x, y);
     if (!crossing || !(projection.depth(x, y) > 0)) continue;
     const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];

@@ -44,6 +44,9 @@ if(RAYSTAGE_TESTS)
   find_package(GTest REQUIRED)                     # GTest::gtest_main
   find_package(rapidcheck REQUIRED)                # rapidcheck
 endif()
+if(RAYSTAGE_TESTS OR RAYSTAGE_BENCHMARKS)
+  find_package(Boost 1.74 REQUIRED)                # Boost::headers
+endif()
 if(RAYSTAGE_BENCHMARKS)
   find_package(benchmark REQUIRED)                 # benchmark::benchmark
 endif()

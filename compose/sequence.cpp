@@ -12,6 +12,7 @@
 #include <limits>
 #include <mutex>
 #include <new>
+#include <set>
 
 #include "compose/exr_file.h"
 #include "compose/frame_range.h"
@@ -176,7 +177,10 @@ class SequenceRun {
     for_each_in_flight(
         frames_.size(), static_cast<std::size_t>(in_flight),
         [this] { return stop_.stop_requested(); },
-        [this](std::size_t index) { process(frames_[index]); });
+        [this, in_flight](std::size_t index) {
+          read_ahead(index + static_cast<std::size_t>(in_flight));
+          process(frames_[index]);
+        });
     report_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report_.asked = static_cast<int>(frames_.size());
@@ -191,6 +195,12 @@ class SequenceRun {
  private:
   // Reading, sampling and writing in tenths of a frame, so that a heavy frame shows progress.
   static constexpr int kPartsOfFrame = 10, kPartsOfRender = 8;
+
+  /// The frames in flight keep the processors busy; the disk works for the one that comes next.
+  void read_ahead(std::size_t index) {
+    if (index >= frames_.size() || !frames_[index].tick) return;
+    renderer_.read_ahead(plan_.timeline().ticks[static_cast<std::size_t>(*frames_[index].tick)]);
+  }
 
   void process(const PlannedFrame& frame) {
     int parts_left = kPartsOfFrame;
@@ -239,6 +249,9 @@ class SequenceRun {
 
     const std::size_t bytes = write_exr(view, metadata, file);
     const std::scoped_lock lock(mutex_);
+    for (const std::string& note : view.notes) {
+      if (notes_.insert(note).second) options_.say(note);
+    }
     ++report_.rendered;
     report_.bytes_written += static_cast<std::int64_t>(bytes);
     report_.pixels_decoded += view.statistics.pixels_decoded;
@@ -259,8 +272,9 @@ class SequenceRun {
   const SequenceOptions& options_;
   std::stop_token stop_;
   std::atomic<std::int64_t> parts_done_ = 0;
-  std::mutex mutex_;  ///< of report_
+  std::mutex mutex_;  ///< of what follows
   SequenceReport report_;
+  std::set<std::string> notes_;  ///< said already
 };
 
 }  // namespace

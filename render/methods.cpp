@@ -4,16 +4,20 @@
 #include <algorithm>
 #include <vector>
 
+#include "render/automatic/automatic.h"
 #include "render/hull/visual_hull.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/planar/focal_plane.h"
+#include "render/slabs/slabs.h"
+#include "render/sweep/plane_sweep.h"
 #include "schemas/error.h"
 
 namespace raystage {
 
 std::span<const Method> methods() {
-  static const std::vector<Method> all{focal_plane_method(), nearest_method(), lumigraph_method(),
-                                       visual_hull_method()};
+  static const std::vector<Method> all{
+      focal_plane_method(), nearest_method(),     lumigraph_method(), slabs_method(),
+      plane_sweep_method(), visual_hull_method(), automatic_method()};
   return all;
 }
 

@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/renderer.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <mutex>
 
 #include "render/fill/push_pull.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/methods.h"
+#include "render/view/footprint.h"
 #include "render/view/instant.h"
 #include "schemas/error.h"
 #include "store/frames/frame_cache.h"
@@ -58,6 +62,25 @@ struct LightFieldRenderer::State {
   }
 };
 
+namespace {
+
+constexpr std::size_t kBytesPerPixel = 6 * sizeof(float);  // of a RenderedView
+
+/// Samples along each axis of a pixel that covers `ratio` pixels of the cameras: steps of up to one
+/// and a half of them lie within the two pixels that linear interpolation takes in anyway.
+int supersampling(double ratio, const VirtualCamera& view, const RendererSettings& settings) {
+  int factor = std::clamp(static_cast<int>(std::min(ratio, 64.0) + 0.5), 1,
+                          std::clamp(settings.most_supersampling, 1, 64));
+  const std::size_t bytes =
+      static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * kBytesPerPixel;
+  while (factor > 1 && bytes * static_cast<std::size_t>(factor * factor) > settings.working_bytes) {
+    --factor;
+  }
+  return factor;
+}
+
+}  // namespace
+
 LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings& settings)
     : state_(std::make_unique<State>(take, settings)) {
   for (int camera = 0; camera < take.camera_count(); ++camera) {
@@ -92,8 +115,11 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
     return nothing;
   }
 
+  const double ratio = source_pixels_per_pixel(view, instant, reconstruction.focal_plane);
+  const int factor = supersampling(ratio, view, state_->settings);
+  const VirtualCamera fine = supersampled(view, factor);
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
-  const ViewRequest request{view,
+  const ViewRequest request{fine,
                             instant,
                             reconstruction.focal_plane,
                             options,
@@ -103,9 +129,18 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                             state_->settings.measure_coverage};
   const bool by_reference = state_->settings.reference || distorted;
   RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
+  if (factor > 1) image = averaged(image, factor);
   if (reconstruction.fill == HoleFill::kPushPull) {
     const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
     fill(image);
+  }
+  image.statistics.source_pixels_per_pixel = ratio;
+  image.statistics.supersampling = factor;
+  if (const double halves = std::floor(2 / ratio); ratio > 0 && halves >= 3) {
+    image.notes.push_back(
+        fmt::format("the view asks for more resolution than the light field has: a pixel of the "
+                    "cameras is at least {:g} pixels of the view wide",
+                    halves / 2));
   }
   return image;
 }
@@ -124,6 +159,13 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
       proxy_surface(options, reconstruction.focal_plane, state_->take, state_->kept);
   const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, ray_weighing(options), samples);
+}
+
+void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
+  for (const int camera : state_->members) {
+    const int frame = frames.frame[static_cast<std::size_t>(camera)];
+    if (frame >= 0) state_->cache.read_ahead(camera, frame);
+  }
 }
 
 }  // namespace raystage

@@ -34,6 +34,11 @@ struct RendererSettings {
   std::size_t working_bytes = std::size_t{1} << 30;  ///< what a method may use for one view
   std::vector<int> left_out;  ///< cameras of the take that must not contribute
   BlendSpace blend_space = BlendSpace::kPerceptual;
+  /// Views with less resolution than the light field are rendered with whole multiples of their
+  /// pixels, as many as make their steps as short as the cameras', and averaged in linear light
+  /// (thesis 5.3); at most this many along each axis, 1 to 64; 1: never. Fewer where the larger
+  /// view would not fit in working_bytes.
+  int most_supersampling = 8;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
   bool measure_coverage = false;     ///< fills RenderedView::cameras and nearest_ray (costs time)
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
@@ -47,10 +52,14 @@ class LightFieldRenderer {
   LightFieldRenderer(const Take& take, const RendererSettings& settings);
   ~LightFieldRenderer();
 
-  /// Throws Error (bad input) for an unknown method, options that it does not have, or frames that
-  /// cannot be read.
+  /// A view with more resolution than the light field has a note that says so. Throws Error (bad
+  /// input) for an unknown method, options that it does not have, or frames that cannot be read.
   RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
                       const Reconstruction& reconstruction) const;
+
+  /// Asks for the frames that a later render() will need to be read from the disk meanwhile. A
+  /// hint: of cameras that earlier views did not look at nothing is read.
+  void read_ahead(const FrameSelection& frames) const;
 
   /// Any rays, not only those of a view, into as many `samples`: see query_rays(). Method
   /// `lumigraph` by its options; every other with lumigraph's own weights, on the focal plane. No

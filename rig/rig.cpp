@@ -80,7 +80,8 @@ double best_focal_depth(DepthRange range) {
     throw Error::bad_input("the depth range has no middle", "depth_range",
                            "Give 0 < near <= far, in metres; far may be infinite");
   }
-  return 2 / (1 / range.near + 1 / range.far);
+  // Without 1 / near, which the smallest depths do not have: exact where near = far.
+  return range.near / (0.5 + 0.5 * (range.near / range.far));
 }
 
 }  // namespace raystage

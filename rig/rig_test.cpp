@@ -103,5 +103,52 @@ TEST(Rig, BestFocalDepth) {
   EXPECT_THROW(best_focal_depth({std::nan(""), 4}), Error);
 }
 
+TEST(Rig, BestFocalDepthAtTheEndsOfDoubles) {
+  constexpr double kLeast = std::numeric_limits<double>::denorm_min();
+  constexpr double kMost = std::numeric_limits<double>::max();
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (const double depth : {kLeast, 1e-310, 1e-3, 0.1, 1.7, 1e9, kMost}) {
+    EXPECT_EQ(best_focal_depth({depth, depth}), depth);  // near = far: nowhere else
+  }
+  EXPECT_EQ(best_focal_depth({kLeast, kInfinity}), 2 * kLeast);
+  EXPECT_EQ(best_focal_depth({1.5, kInfinity}), 3);  // eq. 2.2
+  EXPECT_DOUBLE_EQ(best_focal_depth({1, 3}), 1.5);
+  EXPECT_DOUBLE_EQ(best_focal_depth({1e-3, 1e9}), 2 / (1e3 + 1e-9));
+}
+
+/// The rig moved to somewhere in the world.
+Rig moved(Rig rig, const Eigen::Vector3d& by) {
+  for (Rig::Camera& camera : rig.cameras) camera.pose.position += by;
+  return rig;
+}
+
+TEST(Rig, FarFromTheWorldsOriginItIsTheSame) {
+  for (const auto& [rows, columns] : {std::pair{4, 4}, {1, 5}, {1, 1}}) {
+    RigDocument document;
+    std::vector<int> all;
+    for (int i = 0; i < rows * columns; ++i) {
+      CameraGeometry camera;
+      camera.id = std::to_string(i);
+      camera.width = camera.height = 8;
+      // 1/16 m, a multiple of what doubles resolve at 1e7 m: the moved rig is the very same.
+      camera.world_from_camera[3] = (i % columns) / 16.0;
+      camera.world_from_camera[7] = (i / columns) / 16.0;
+      document.cameras.push_back({camera, {}});
+      all.push_back(i);
+    }
+    const Rig near = rig_from_document(document);
+    const Eigen::Vector3d far_off(1e7, -1e7, 3e6);
+    const Rig far = moved(near, far_off);
+    const Topology near_cells = topology_of(near, all), far_cells = topology_of(far, all);
+    EXPECT_EQ(near_cells.kind, far_cells.kind);
+    EXPECT_EQ(near_cells.cells, far_cells.cells);
+    EXPECT_EQ(near_cells.normal, far_cells.normal);
+    EXPECT_EQ(near_cells.up, far_cells.up);
+    EXPECT_EQ(far.centre() - far_off, near.centre());
+    const Eigen::Vector4d plane = plane_in_front_of(far, 4);
+    EXPECT_NEAR(plane.head<3>().dot(far.centre()) + plane.w(), -4, 4e-9);
+  }
+}
+
 }  // namespace
 }  // namespace raystage

@@ -153,7 +153,7 @@ std::optional<DepthRange> depth_range_from(const Located& object) {
   DepthRange result{0, std::numeric_limits<double>::infinity()};
   if (values[0].is_number()) result.near = values[0].get<double>();
   if (values.size() > 1 && !values[1].is_null()) result.far = values[1].get<double>();
-  if (!values[0].is_number() || result.near >= result.far) {
+  if (!values[0].is_number() || result.near > result.far) {
     throw range.refuse(
         fmt::format("found {}, allowed: the nearest and then the farthest distance, in metres",
                     values.dump()),

@@ -247,7 +247,7 @@ INSTANTIATE_TEST_SUITE_P(
         Damage{"take", "/cameras/1/journal", "a/../../b", "/cameras/1/journal", "inside the take"},
         Damage{"take", "/cameras/1/journal", std::string("a\0b", 3), "/cameras/1/journal",
                "control character"},
-        Damage{"take", "/depth_range_m", {3, 3}, "/depth_range_m", "nearest and then the farthest"},
+        Damage{"take", "/depth_range_m", {3, 2.5}, "/depth_range_m", "nearest and then the farthest"},
         Damage{"take", "/depth_range_m", {nullptr, 3}, "/depth_range_m", "nearest"},
         Damage{"take", "/depth_range_m", {0, 3}, "/depth_range_m/0", "greater than 0"}));
 
@@ -379,6 +379,12 @@ TEST(TakeDocument, TheFarthestDistanceMayBeLeftOut) {
     EXPECT_EQ(take.depth_range, (DepthRange{3, std::numeric_limits<double>::infinity()}));
     EXPECT_EQ(parse_take(format_take(take), "f").depth_range, take.depth_range);
   }
+}
+
+TEST(TakeDocument, ADepthRangeMayBeOneDepth) {
+  json document = good("take");
+  document["depth_range_m"] = {3, 3};
+  EXPECT_EQ(parse_take(document.dump(), "f").depth_range, (DepthRange{3, 3}));
 }
 
 TEST(ShotDocument, ReadsEveryField) {

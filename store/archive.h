@@ -139,6 +139,8 @@ class ArchiveReader {
   /// The JPEG bytes of frame i, mapped from the file: valid as long as the reader.
   /// Nothing is checked but the bounds; see verify_frame.
   std::span<const std::byte> jpeg(int frame) const;
+  /// Asks for frame i to be read from the disk while the caller goes on. A hint.
+  void read_ahead(int frame) const;
   /// Whether the bytes of frame i still have the journal's XXH3; false where it holds none.
   bool verify_frame(int frame) const;
 

@@ -67,6 +67,8 @@ std::span<const std::byte> ArchiveReader::jpeg(int frame) const {
   return state_->file.bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
 }
 
+void ArchiveReader::read_ahead(int frame) const { state_->file.read_ahead(jpeg(frame)); }
+
 bool ArchiveReader::verify_frame(int frame) const {
   const auto bytes = jpeg(frame);
   return XXH3_64bits(bytes.data(), bytes.size()) == frames()[static_cast<std::size_t>(frame)].xxh3;

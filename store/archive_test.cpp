@@ -1,17 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "store/archive.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
+#include <thread>
 
 #include "schemas/error.h"
 #include "schemas/test_folder.h"
@@ -358,6 +363,37 @@ std::string output_of(const std::string& command) {
   }
   pclose(pipe);
   return text;
+}
+
+/// Pages of a span that are in memory.
+std::size_t pages_in_memory(std::span<const std::byte> bytes) {
+  const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const auto first = reinterpret_cast<std::uintptr_t>(bytes.data()) / page * page;
+  const auto last = reinterpret_cast<std::uintptr_t>(bytes.data() + bytes.size());
+  std::vector<unsigned char> resident((last - first + page - 1) / page);
+  EXPECT_EQ(mincore(reinterpret_cast<void*>(first), last - first, resident.data()), 0);
+  return static_cast<std::size_t>(
+      std::ranges::count_if(resident, [](unsigned char flags) { return (flags & 1) != 0; }));
+}
+
+TEST_F(Archive, ReadsAheadWhatItIsAskedTo) {
+  constexpr std::size_t kSize = 1 << 20;  // beyond what the kernel reads ahead of its own accord
+  ArchiveWriter out = writer();
+  for (unsigned i = 0; i < 3; ++i) out.append(fake_jpeg(i, kSize), 10 + i);
+  out.close();
+  const int descriptor = open(mkv.c_str(), O_RDONLY);
+  fsync(descriptor);
+  posix_fadvise(descriptor, 0, 0, POSIX_FADV_DONTNEED);
+  close(descriptor);
+  const ArchiveReader in = reader();
+  const std::size_t before = pages_in_memory(in.jpeg(1));
+  if (before > 64) GTEST_SKIP() << "this file system does not let go of what it has read";
+  in.read_ahead(1);
+  const std::size_t pages = kSize / static_cast<std::size_t>(sysconf(_SC_PAGESIZE));
+  for (int i = 0; i < 1000 && pages_in_memory(in.jpeg(1)) < pages; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  EXPECT_GE(pages_in_memory(in.jpeg(1)), pages);
 }
 
 TEST_F(Archive, FfprobeReadsTheSameTimesAndSizes) {

@@ -128,13 +128,26 @@ void MappedFile::expect(Access access) const {
           access == Access::kSequential ? MADV_SEQUENTIAL : MADV_RANDOM);
 }
 
-bool MappedFile::can_read(std::span<const std::byte> part) const {
-  if (part.empty()) return true;
+namespace {
+
+/// madvise() of the pages that hold a part.
+int advise(std::span<const std::byte> part, int advice) {
   static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
   const auto first = reinterpret_cast<std::uintptr_t>(part.data()) / page * page;
   const auto last = reinterpret_cast<std::uintptr_t>(part.data() + part.size());
+  return madvise(reinterpret_cast<void*>(first), last - first, advice);
+}
+
+}  // namespace
+
+void MappedFile::read_ahead(std::span<const std::byte> part) const {
+  if (!part.empty()) advise(part, MADV_WILLNEED);
+}
+
+bool MappedFile::can_read(std::span<const std::byte> part) const {
+  if (part.empty()) return true;
   // Older kernels do not know the request: then the part is believed to be readable.
-  return madvise(reinterpret_cast<void*>(first), last - first, MADV_POPULATE_READ) == 0 ||
+  return advise(part, MADV_POPULATE_READ) == 0 ||
          (errno != EFAULT && errno != EIO && errno != EHWPOISON);
 }
 

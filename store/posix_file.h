@@ -57,6 +57,8 @@ class MappedFile {
   /// Says how the file will be read: from end to end, or a few bytes here and there. A hint.
   enum class Access { kSequential, kSparse };
   void expect(Access access) const;
+  /// Asks for a part of bytes() to be read from the disk while the caller goes on. A hint.
+  void read_ahead(std::span<const std::byte> part) const;
   /// Brings a part of bytes() into memory. False where that fails, because the disk cannot read it
   /// or the file was cut: touching it would end the process.
   bool can_read(std::span<const std::byte> part) const;

@@ -15,7 +15,7 @@ import urllib.parse
 
 # Top to bottom. A folder may include from itself and from what stands below it.
 HOUSE = ["tests", "cli", "farm", "replay", "compose", "render", "ingest", "images", "store", "rig",
-         "schemas"]
+         "charts", "schemas"]
 # Folders in folders: their own little house, bottom last.
 ROOMS = {
     "store/fixity": ["store", "store/jpeg"],
@@ -26,15 +26,20 @@ ROOMS = {
     "store": ["store/jpeg"],
     "render/view": [],
     "render/sampling": ["render/view"],
-    "render/planar": ["render/view", "render/sampling"],
     "render/matching": [],
+    "render/quality": ["render/view"],
     "render/fill": ["render/view"],
-    "render/lumigraph": ["render/view", "render/sampling"],
-    "render/hull": ["render/view", "render/lumigraph"],
-    "render/rays": ["render/view", "render/sampling", "render/lumigraph"],
-    "render": ["render/view", "render/sampling", "render/planar", "render/fill",
-               "render/lumigraph", "render/rays", "render/hull"],
-    "render/evaluation": ["render", "render/view"],
+    "render/planar": ["render/sampling", "render/view"],
+    "render/automatic": ["render/planar", "render/quality", "render/view"],
+    "render/sweep": ["render/matching", "render/sampling", "render/view"],
+    "render/slabs": ["render/sampling", "render/view"],
+    "render/lumigraph": ["render/sampling", "render/view"],
+    "render/hull": ["render/lumigraph", "render/view"],
+    "render/rays": ["render/lumigraph", "render/sampling", "render/view"],
+    "render": ["render/automatic", "render/fill", "render/hull", "render/lumigraph",
+               "render/matching", "render/planar", "render/quality", "render/rays",
+               "render/sampling", "render/slabs", "render/sweep", "render/view"],
+    "render/evaluation": ["render", "render/quality", "render/view"],
     "ingest/simulated": [],
     "ingest/record": ["ingest/sources"],
     "ingest/sources": ["ingest/simulated"],

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "render/image_quality.h"
+#include "render/quality/image_quality.h"
 #include "schemas/hole_fill.h"
 #include "schemas/option_values.h"
 #include "schemas/views.h"

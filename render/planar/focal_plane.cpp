@@ -111,27 +111,8 @@ class FocalPlaneFrame {
       Source& opened = sources_[i];
       if (!opened.used) return;
       const Rig::Camera& camera = instant_.rig->cameras[i];
+      opened.view = source_view_of(camera.model, projection_.ideal_from_pixel(camera.pose));
       SourceView& s = opened.view;
-      const Eigen::Matrix3d matrix = projection_.ideal_from_pixel(camera.pose);
-      for (int r = 0; r < 3; ++r) {
-        for (int c = 0; c < 3; ++c)
-          s.ideal_from_pixel[static_cast<std::size_t>(3 * r + c)] = matrix(r, c);
-      }
-      const Intrinsics& k = camera.model.intrinsics();
-      s.fx = static_cast<float>(k.fx);
-      s.fy = static_cast<float>(k.fy);
-      s.cx = static_cast<float>(k.cx);
-      s.cy = static_cast<float>(k.cy);
-      s.k1 = static_cast<float>(k.distortion.k1);
-      s.k2 = static_cast<float>(k.distortion.k2);
-      s.k3 = static_cast<float>(k.distortion.k3);
-      s.p1 = static_cast<float>(k.distortion.p1);
-      s.p2 = static_cast<float>(k.distortion.p2);
-      s.distorted = camera.model.has_distortion();
-      s.fold_radius_squared = static_cast<float>(camera.model.fold_radius_squared());
-      s.width = camera.model.width();
-      s.height = camera.model.height();
-
       const auto layout = instant_.cache->layout(static_cast<int>(i), instant_.frame_of_camera[i]);
       opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
       s.wanted_mcus = opened.wanted.data();
@@ -285,6 +266,7 @@ class FocalPlaneFrame {
         if (instant_.is_present(cell.camera[i])) continue;
         image.coverage[at] -= image.rgba[at * 4 + 3] * static_cast<float>(crossing.weight[i]);
       }
+      image.coverage[at] = std::max(0.0F, image.coverage[at]);  // all absent, and rounded
     }
   }
 

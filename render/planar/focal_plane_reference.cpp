@@ -92,7 +92,7 @@ class PlaneHit {
       depth_ = std::numeric_limits<double>::infinity();
       return;
     }
-    depth_ = -(normal.dot(eye) + plane.w()) / normal.dot(ray);
+    depth_ = -height_above_plane(plane, eye) / normal.normalized().dot(ray);
     from_eye_ = depth_ * ray;
     eye_ = eye;
   }
@@ -187,6 +187,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
           if (instant.is_present(whole_cell.camera[i])) continue;
           coverage -= rgba[3] * static_cast<float>(whole->weight[i]);
         }
+        coverage = std::max(0.0F, coverage);  // all absent, and rounded
       }
     }
     if (rgba[3] > 0) z = static_cast<float>(hit.depth());

@@ -16,27 +16,8 @@ DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera) {
   ideal_from_world.row(2) *= -1;  // the camera looks down -z
   const Eigen::Matrix3d from_pixel = ideal_from_world * world_ray_from_pixel(view);
   const Eigen::Vector3d to_eye = ideal_from_world * (view.pose.position - camera.pose.position);
-  SourceView& s = source.camera;
-  for (int r = 0; r < 3; ++r) {
-    for (int c = 0; c < 3; ++c) {
-      s.ideal_from_pixel[static_cast<std::size_t>(3 * r + c)] = from_pixel(r, c);
-    }
-    source.per_inverse_depth[static_cast<std::size_t>(r)] = to_eye[r];
-  }
-  const Intrinsics& k = camera.model.intrinsics();
-  s.fx = static_cast<float>(k.fx);
-  s.fy = static_cast<float>(k.fy);
-  s.cx = static_cast<float>(k.cx);
-  s.cy = static_cast<float>(k.cy);
-  s.k1 = static_cast<float>(k.distortion.k1);
-  s.k2 = static_cast<float>(k.distortion.k2);
-  s.k3 = static_cast<float>(k.distortion.k3);
-  s.p1 = static_cast<float>(k.distortion.p1);
-  s.p2 = static_cast<float>(k.distortion.p2);
-  s.distorted = camera.model.has_distortion();
-  s.fold_radius_squared = static_cast<float>(camera.model.fold_radius_squared());
-  s.width = camera.model.width();
-  s.height = camera.model.height();
+  source.camera = source_view_of(camera.model, from_pixel);
+  source.per_inverse_depth = {to_eye[0], to_eye[1], to_eye[2]};
   return source;
 }
 

@@ -195,6 +195,30 @@ void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba,
   }
 }
 
+void codes(const PixelRun& run, std::uint16_t* rgba) {
+  Weights weights;
+  Taps taps;
+  HWY_ALIGN float sums[4 * kChunk];
+  for (int begin = run.begin; begin < run.end; begin += kChunk) {
+    const int n = std::min(kChunk, run.end - begin);
+    find_weights(run, begin, n, weights);
+    for (int c = 0; c < run.count; ++c) {
+      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps);
+      add_samples(*run.source[c], taps, n, c == 0, sums);
+    }
+    const Ramp along = ramp(run.slope.data(), begin, run.y, run.at_infinity ? 1 : 1 / run.distance);
+    const hn::FixedTag<float, 4> d;
+    const hn::RebindToSigned<decltype(d)> d32;
+    const hn::Rebind<std::uint16_t, decltype(d)> d16;
+    for (int i = 0; i < n; ++i) {
+      const bool met = run.at_infinity || along.base + static_cast<float>(i) * along.step > 0;
+      const auto sum = hn::Add(hn::Load(d, sums + 4 * i), hn::Set(d, 0.5F));
+      const auto code = hn::DemoteTo(d16, hn::ConvertTo(d32, met ? sum : hn::Zero(d)));
+      hn::StoreU(code, d16, rgba + static_cast<std::size_t>(begin - run.begin + i) * 4);
+    }
+  }
+}
+
 /// First and last MCU of what each tap reads, chroma included; -1 for taps that count for nothing.
 struct TapMcus {
   HWY_ALIGN std::int32_t first[kChunk], last[kChunk], other[kChunk];
@@ -293,11 +317,15 @@ namespace raystage {
 
 HWY_EXPORT(mark);
 HWY_EXPORT(blend);
+HWY_EXPORT(codes);
 HWY_EXPORT(target);
 
 void mark_run(const PixelRun& run) { HWY_DYNAMIC_DISPATCH(mark)(run); }
 void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z) {
   HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, z);
+}
+void codes_of_run(const PixelRun& run, std::uint16_t* rgba) {
+  HWY_DYNAMIC_DISPATCH(codes)(run, rgba);
 }
 const char* kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <cstdint>
 
+#include "rig/camera_model.h"
 #include "store/frames/blend_space.h"
 
 namespace raystage {
@@ -34,6 +36,10 @@ struct SourceView {
   std::uint8_t* read_pixels = nullptr;
 };
 
+/// The geometry of a camera's part in a view; where its frame lies and what of it is wanted is left
+/// open. `ideal_from_pixel`: (x, y, 1) of the view to (X, Y, W), see SourceView.
+SourceView source_view_of(const CameraModel& camera, const Eigen::Matrix3d& ideal_from_pixel);
+
 /// A run of pixels of one row of the view that lie between the same cameras.
 struct PixelRun {
   int begin = 0, end = 0, y = 0;
@@ -61,6 +67,10 @@ void mark_run(const PixelRun& run);
 /// (premultiplied linear light, code 65535 being `full_scale`), `z` 1 float (+infinity where alpha
 /// is 0).
 void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* z);
+
+/// The run's sums of weighted codes themselves, rounded, on the scale of the blend space: R, G, B,
+/// A per pixel, A = 65535 where all cameras see. Rays that do not meet the plane give 0.
+void codes_of_run(const PixelRun& run, std::uint16_t* rgba);
 
 /// The instruction set in use, e.g. "AVX3".
 const char* kernel_target();

@@ -8,6 +8,36 @@
 #include "schemas/error.h"
 
 namespace raystage {
+namespace {
+
+/// Beyond these, distances and their inverses leave the range of a float.
+constexpr double kFarthest = 1e30, kClosest = 1e-30;
+
+/// The same plane with its largest coefficient near 1; exact, as only exponents change.
+Eigen::Vector4d moderate(const Eigen::Vector4d& plane) {
+  const int exponent = std::ilogb(plane.cwiseAbs().maxCoeff());
+  return plane.unaryExpr([&](double number) { return std::ldexp(number, -exponent); });
+}
+
+}  // namespace
+
+double height_above_plane(const Eigen::Vector4d& given, const Eigen::Vector3d& point) {
+  const Eigen::Vector4d plane = moderate(given);
+  double sum = plane.w(), lost = 0, magnitude = std::abs(plane.w());
+  for (int axis = 0; axis < 3; ++axis) {
+    const double product = plane(axis) * point(axis);
+    const double next = sum + product, added = next - sum;
+    lost +=
+        std::fma(plane(axis), point(axis), -product) + ((sum - (next - added)) + (product - added));
+    sum = next;
+    magnitude += std::abs(product);
+  }
+  const double height = sum + lost;
+  // Numbers that were rounded themselves, e.g. of a plane laid through the eye, tell no more.
+  if (std::abs(height) <= 4 * std::numeric_limits<double>::epsilon() * magnitude) return 0;
+  const double metres = height / plane.head<3>().norm();
+  return std::abs(metres) < kClosest ? 0 : metres;
+}
 
 PlaneProjection::PlaneProjection(const VirtualCamera& view, const Eigen::Vector4d& plane)
     : ray_from_pixel_(world_ray_from_pixel(view)), eye_(view.pose.position) {
@@ -15,13 +45,22 @@ PlaneProjection::PlaneProjection(const VirtualCamera& view, const Eigen::Vector4
     throw Error::bad_input("the focal plane's equation is zero or not finite", "focal plane",
                            "Give a x + b y + c z + d = 0 with finite numbers, not all 0");
   }
-  const double length = plane.head<3>().norm();
-  at_infinity_ = length == 0;
-  const Eigen::Vector4d unit = at_infinity_ ? Eigen::Vector4d(0, 0, 0, 1) : plane / length;
-  const double height = unit.head<3>().dot(eye_) + unit.w();
+  at_infinity_ = plane.head<3>().isZero(0);
+  if (at_infinity_) {
+    distance_ = 1;
+    slope_.setZero();
+    return;
+  }
+  const Eigen::Vector4d given = moderate(plane);
+  const double length = given.head<3>().norm();
+  if (std::abs(given.w()) > kFarthest * length) {
+    throw Error::bad_input("the focal plane is further away than 1e30 m", "focal plane",
+                           "Give 0 0 0 1 for a plane at infinity");
+  }
+  const double height = height_above_plane(plane, eye_);
   distance_ = std::abs(height);
   // n.d of the pixels, turned so that it is positive where the plane lies in front of the eye.
-  slope_ = (height > 0 ? -1.0 : 1.0) * (ray_from_pixel_.transpose() * unit.head<3>());
+  slope_ = (height > 0 ? -1.0 : 1.0) * (ray_from_pixel_.transpose() * (given.head<3>() / length));
 }
 
 Eigen::Matrix3d PlaneProjection::ideal_from_pixel(const Pose& camera) const {

@@ -8,6 +8,12 @@
 
 namespace raystage {
 
+/// Signed distance of `point` from the plane a x + b y + c z + d = 0 with (a, b, c) not 0, metres:
+/// to the last places also where the terms all but cancel, as far from the world's origin
+/// (compensated sum: Ogita, Rump and Oishi, Accurate Sum and Dot Product, 2005). 0, on the plane,
+/// where they cancel to less than the rounding of the numbers given, or to less than 1e-30 m.
+double height_above_plane(const Eigen::Vector4d& plane, const Eigen::Vector3d& point);
+
 /// A focal plane seen from a virtual camera: where each pixel's ray meets it, and where the rig's
 /// cameras see that point (thesis 4.1.2: a homography per camera).
 ///
@@ -18,7 +24,8 @@ namespace raystage {
 class PlaneProjection {
  public:
   /// `plane`: a x + b y + c z + d = 0 in the world, any scale; (0, 0, 0, d) lies at infinity.
-  /// Throws Error (bad input) where all four are 0 or one is not finite.
+  /// Throws Error (bad input) where all four are 0 or one is not finite, or the plane lies further
+  /// than 1e30 m from the world's origin without being at infinity.
   PlaneProjection(const VirtualCamera& view, const Eigen::Vector4d& plane);
 
   /// (X, Y, W): the camera's ideal image point is (X/W, Y/W), seen if W > 0; times (x, y, 1) of the

@@ -12,8 +12,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// How far outside, in units of the weight, a ray still counts as in the cell: views on the array's
-/// own edge see its rim cameras along that edge.
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+
+/// Least edge tolerance: views on the array's own edge see its rim cameras along that edge.
 constexpr double kEdgeTolerance = 1e-9;
 
 /// (b - o) x (c - o), the plane through o and an edge, accurate far from the edge, and exactly the
@@ -52,26 +53,58 @@ RayCells::Cell make_cell(const Topology::Cell& indices, const Topology& topology
   return cell;
 }
 
-/// Rows between which a triangle's projection lies; all rows where it reaches beyond the horizon.
+/// An eye at a distance knows where its rays cross the cell to a few units in the last place of
+/// that distance. Neighbouring cells reach out as far, so that no ray falls between them.
+double edge_tolerance(const RayCells::Cell& cell, const Rig& rig, const Vector3d& eye) {
+  if (cell.count < 2) return 0;
+  const auto centre = [&](std::size_t i) {
+    return rig.cameras[static_cast<std::size_t>(cell.camera[i])].pose.position;
+  };
+  double distance = 0, longest = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+    distance = std::max(distance, (centre(i) - eye).norm());
+    longest = std::max(longest,
+                       (centre((i + 1) % static_cast<std::size_t>(cell.count)) - centre(i)).norm());
+  }
+  double width = longest;
+  if (cell.count == 3) {
+    width = (centre(1) - centre(0)).cross(centre(2) - centre(0)).norm() / longest;
+  }
+  return kEdgeTolerance + 8 * kEpsilon * distance / width;
+}
+
+/// Rows between which a triangle's projection lies, with what the tolerance adds around it; all
+/// rows where it reaches beyond the horizon.
 void bound_rows(RayCells::Cell& cell, const Rig& rig, const Vector3d& eye,
                 const Matrix3d& pixel_from_world_ray) {
   constexpr double kEverywhere = std::numeric_limits<double>::infinity();
   cell.first_row = -kEverywhere;
   cell.last_row = kEverywhere;
   if (cell.count != 3) return;
-  double first = kEverywhere, last = -kEverywhere;
+  double first = kEverywhere, last = -kEverywhere, rounding = 0;
+  const double scale = pixel_from_world_ray.row(1).norm();
   int in_front = 0;
-  for (const int camera : cell.camera) {
-    const Vector3d to_camera = rig.cameras[static_cast<std::size_t>(camera)].pose.position - eye;
-    const Vector3d pixel = pixel_from_world_ray * to_camera;
-    if (std::abs(pixel.z()) <= 1e-9 * to_camera.norm() || to_camera.norm() == 0) return;
+  std::array<Vector3d, 3> corners;
+  for (std::size_t i = 0; i < 3; ++i) {
+    corners[i] = rig.cameras[static_cast<std::size_t>(cell.camera[i])].pose.position;
+  }
+  const Vector3d middle = corners[0] + ((corners[1] - corners[0]) + (corners[2] - corners[0])) / 3;
+  for (const Vector3d& corner : corners) {
+    // Weights down to -tolerance: the triangle 3 tolerances larger.
+    const Vector3d to_corner = (corner - eye) + 4 * cell.edge_tolerance * (corner - middle);
+    const Vector3d pixel = pixel_from_world_ray * to_corner;
+    if (std::abs(pixel.z()) <= 1e-9 * to_corner.norm()) return;
     in_front += pixel.z() > 0 ? 1 : 0;
-    first = std::min(first, pixel.y() / pixel.z());
-    last = std::max(last, pixel.y() / pixel.z());
+    const double row = pixel.y() / pixel.z();
+    first = std::min(first, row);
+    last = std::max(last, row);
+    rounding = std::max(
+        rounding, 8 * kEpsilon * (scale + std::abs(row)) * to_corner.norm() / std::abs(pixel.z()));
   }
   if (in_front != 0 && in_front != 3) return;
-  cell.first_row = first - 2;
-  cell.last_row = last + 1;
+  const double margin = 2 + rounding;
+  cell.first_row = first - margin;
+  cell.last_row = last + margin;
 }
 
 double at(const Vector3d& function, double x, double y) {
@@ -82,10 +115,13 @@ bool passes_through(const RayCells::Cell& cell, double x, double y) {
   const double total = at(cell.total, x, y);
   if (!(std::abs(total) > 0)) return false;
   const double sign = total > 0 ? 1 : -1;
+  double sum = 0;
   for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-    if (sign * at(cell.share[i], x, y) < -kEdgeTolerance * std::abs(total)) return false;
+    const double share = sign * at(cell.share[i], x, y);
+    if (share < -cell.edge_tolerance * std::abs(total)) return false;
+    sum += std::max(0.0, share);
   }
-  return true;
+  return sum > 0;
 }
 
 /// Of the edges from the cell's first camera to its others; a camera that is not there lies far
@@ -112,15 +148,16 @@ void keep_non_negative(double slope, double constant, double& low, double& high)
   }
 }
 
-/// Paints the cell's pixels of a row, on the side of the array's plane where `sign` * total > 0.
-void paint(const RayCells::Cell& cell, int index, double sign, int y, int width,
+/// Paints the cell's pixels of a row, on the side of the array's plane where `sign` * total > 0,
+/// with `mark`.
+void paint(const RayCells::Cell& cell, int mark, double sign, int y, int width,
            std::vector<int>& row) {
   const double centre_y = y + 0.5;
   double low = 0.5, high = width - 0.5;
   keep_non_negative(sign * cell.total.x(), sign * (cell.total.y() * centre_y + cell.total.z()), low,
                     high);
   for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-    const Vector3d edge = sign * (cell.share[i] + kEdgeTolerance * cell.total);
+    const Vector3d edge = sign * (cell.share[i] + cell.edge_tolerance * cell.total);
     keep_non_negative(edge.x(), edge.y() * centre_y + edge.z(), low, high);
   }
   if (!(low <= high + 2)) return;
@@ -132,7 +169,7 @@ void paint(const RayCells::Cell& cell, int index, double sign, int y, int width,
   };
   while (begin < end && !inside(begin)) ++begin;
   while (begin < end && !inside(end - 1)) --end;
-  std::fill(row.begin() + begin, row.begin() + std::max(begin, end), index);
+  std::fill(row.begin() + begin, row.begin() + std::max(begin, end), mark);
 }
 
 }  // namespace
@@ -153,6 +190,7 @@ RayCells::RayCells(const VirtualCamera& view, const Rig& rig, const Topology& to
   for (const Topology::Cell& indices : topology.cells) {
     cells_.push_back(make_cell(indices, topology, rig, view.pose.position, ray_from_pixel));
     cells_.back().corner_products = corner_products(cells_.back(), rig);
+    cells_.back().edge_tolerance = edge_tolerance(cells_.back(), rig, view.pose.position);
     bound_rows(cells_.back(), rig, view.pose.position, pixel_from_ray);
   }
 }
@@ -196,18 +234,19 @@ void RayCells::spans_of_row(int y, int width, std::vector<int>& scratch,
   for (std::size_t i = cells_.size(); i-- > 0;) {  // the lowest index paints last
     const Cell& cell = cells_[i];
     if (y < cell.first_row || y > cell.last_row) continue;
-    paint(cell, static_cast<int>(i), 1, y, width, scratch);
-    paint(cell, static_cast<int>(i), -1, y, width, scratch);
+    paint(cell, static_cast<int>(2 * i), 1, y, width, scratch);
+    paint(cell, static_cast<int>(2 * i + 1), -1, y, width, scratch);
   }
   spans.clear();
+  int before = -1;
   for (int x = 0; x < width; ++x) {
-    const int cell = scratch[static_cast<std::size_t>(x)];
-    if (cell < 0) continue;
-    if (!spans.empty() && spans.back().cell == cell && spans.back().end == x) {
+    const int mark = scratch[static_cast<std::size_t>(x)];
+    if (mark >= 0 && mark == before) {
       ++spans.back().end;
-    } else {
-      spans.push_back({x, x + 1, cell});
+    } else if (mark >= 0) {
+      spans.push_back({x, x + 1, mark / 2});
     }
+    before = mark;
   }
 }
 

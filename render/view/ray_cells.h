@@ -30,13 +30,16 @@ class RayCells {
     /// e2.e2, e2.e3, e3.e3 of the edges from its first camera to its second and third, m^2: with
     /// the weights they tell which camera is nearest.
     std::array<double, 3> corner_products{};
+    /// How far outside, in units of the weight, a ray still counts as in the cell.
+    double edge_tolerance = 0;
     double first_row = 0, last_row = 0;  ///< pixel rows outside of which no ray passes
   };
   struct Crossing {
     int cell = 0;
     std::array<double, 3> weight{};  ///< in [0, 1], sum 1; the unused ones are 0
   };
-  /// Pixels [begin, end) of a row whose centres pass through one cell.
+  /// Pixels [begin, end) of a row whose centres pass through one cell, from one side of it: total
+  /// has one sign.
   struct Span {
     int begin = 0, end = 0, cell = 0;
   };

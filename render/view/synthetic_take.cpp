@@ -48,9 +48,13 @@ RgbImage photograph(const CameraGeometry& geometry, const SyntheticTake& setting
       std::array<double, 3> linear{};
       if (const auto ray = model.unproject({x + 0.5, y + 0.5})) {
         const Eigen::Vector3d direction = pose.world_from_camera_rotation * *ray;
-        const double t = (-settings.plane_depth - pose.position.z()) / direction.z();
-        const Eigen::Vector3d hit = pose.position + t * direction;
-        linear = painted_plane(hit.x(), hit.y());
+        if (settings.painting) {
+          linear = settings.painting(pose.position, direction);
+        } else {
+          const double t = (-settings.plane_depth - pose.position.z()) / direction.z();
+          const Eigen::Vector3d hit = pose.position + t * direction;
+          linear = painted_plane(hit.x(), hit.y());
+        }
       }
       for (std::size_t c = 0; c < 3; ++c) {
         const PhotometricResponse& response = settings.photometric;
@@ -73,12 +77,18 @@ void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::
   take.color_space = "srgb_texture";
   take.clock = "simulated";
   take.time_marks = "exposure_middle";
-  take.depth_range = DepthRange{settings.plane_depth, settings.plane_depth * 1.001};
+  if (settings.knows_depth_range) {
+    take.depth_range = settings.depth_range.value_or(
+        DepthRange{settings.plane_depth, settings.plane_depth * 1.001});
+  }
   RigDocument rig;
   rig.name = "synthetic";
   for (const CameraGeometry& camera : settings.cameras) {
     take.cameras.push_back({camera.id, "", "", ""});
     rig.cameras.push_back({camera, settings.photometric});
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      rig.cameras.back().geometry.world_from_camera[4 * axis + 3] += settings.origin[axis];
+    }
   }
   TakeWriter writer(folder, take, rig);
   for (std::size_t i = 0; i < settings.cameras.size(); ++i) {

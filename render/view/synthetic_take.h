@@ -19,9 +19,18 @@ namespace raystage::testing {
 /// Linear RGB of a painted plane z = -depth at (x, y) in the world, metres; smooth.
 std::array<double, 3> painted_plane(double x, double y);
 
+/// Linear RGB of what a ray sees (origin and direction in the world, metres; direction not unit).
+using Painting =
+    std::function<std::array<double, 3>(const Eigen::Vector3d&, const Eigen::Vector3d&)>;
+
 struct SyntheticTake {
   std::vector<CameraGeometry> cameras;
+  /// Where the take puts the origin of all that stands here, in its world.
+  std::array<double, 3> origin{};
   double plane_depth = 4;                   ///< the painted plane is z = -plane_depth
+  Painting painting;                        ///< what there is to see instead, if given
+  bool knows_depth_range = true;            ///< whether take.json says one
+  std::optional<DepthRange> depth_range;    ///< as take.json says it; unless given, the plane's
   int frames = 1;                           ///< at 15 fps
   std::vector<std::pair<int, int>> absent;  ///< (camera, frame) that were dropped
   PhotometricResponse photometric;          ///< of every camera, as calibrated

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "rig/camera_model.h"
@@ -33,6 +34,9 @@ struct RenderStatistics {
   std::int64_t pixels_needed =
       0;                 ///< distinct source pixels with a weight; only counted on request
   int cameras_used = 0;  ///< that contribute to some pixel
+  /// Pixels of the cameras, along one axis, that a pixel of the view covers; 0 where none is seen.
+  double source_pixels_per_pixel = 0;
+  int supersampling = 1;  ///< samples of the view's pixels along each axis, averaged
 };
 
 /// A reconstructed view, row-major from the top left.
@@ -54,6 +58,9 @@ struct RenderedView {
   /// centre of a camera that contributes; +infinity where none does.
   std::vector<float> nearest_ray;
   RenderStatistics statistics;
+  /// What people should know about how it was made, a line each, the same for every frame of a
+  /// shot.
+  std::vector<std::string> notes;
 };
 
 /// An image of the view's size in which no camera saw a ray.

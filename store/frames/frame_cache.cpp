@@ -7,6 +7,7 @@
 #include <list>
 #include <map>
 #include <mutex>
+#include <set>
 #include <utility>
 
 #include "schemas/error.h"
@@ -80,6 +81,7 @@ struct FrameCache::State {
   std::map<Key, std::shared_ptr<Entry>> entries;
   std::list<Key> by_use;  // most recent first
   std::size_t bytes = 0;
+  std::set<int> fetched;  // cameras of which some frame has been
   /// Memory of frames thrown out, by size: fresh pages cost more than decoding into old ones.
   std::multimap<std::size_t, std::unique_ptr<std::uint16_t[]>> spare;
   std::size_t spare_bytes = 0;
@@ -207,6 +209,7 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   std::shared_ptr<const DecodedFrame> held;
   {
     const std::scoped_lock lock(state_->mutex);
+    state_->fetched.insert(camera);
     held = entry->frame;
   }
   if (held && holds(*held, wanted)) return held;
@@ -228,6 +231,16 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   held.reset();
   state_->make_room();
   return fresh;
+}
+
+void FrameCache::read_ahead(int camera, int frame) {
+  {
+    const std::scoped_lock lock(state_->mutex);
+    if (!state_->fetched.empty() && state_->fetched.count(camera) == 0) return;
+    const auto found = state_->entries.find({camera, frame});
+    if (found != state_->entries.end() && found->second->frame) return;
+  }
+  state_->take.archive(camera).read_ahead(frame);
 }
 
 bool FrameCache::holds_whole(int camera, int frame) {

@@ -44,6 +44,11 @@ class FrameCache {
   /// Whether all of a frame is in memory, so that any part of it costs nothing.
   bool holds_whole(int camera, int frame);
 
+  /// Asks for a frame's bytes to be read from the disk while the caller goes on, unless the frame is
+  /// held or no frame of its camera has been fetched yet although some of others have: cameras that a
+  /// shot does not need cost it nothing.
+  void read_ahead(int camera, int frame);
+
   BlendSpace blend_space() const;
   /// Linear light that code 65535 stands for: at least 1, more where a camera's photometric
   /// correction raises its white above 1.

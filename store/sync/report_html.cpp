@@ -5,7 +5,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "store/sync/svg_chart.h"
+#include "charts/html_page.h"
+#include "charts/svg_chart.h"
 #include "store/sync/verdict.h"
 
 namespace raystage {
@@ -15,58 +16,19 @@ constexpr double kNsPerMs = 1e6, kNsPerS = 1e9;
 constexpr std::size_t kMostPoints = 600;  // of one line: a chart is 1000 pixels wide
 
 constexpr std::string_view kStyle = R"(
-:root { --ink:#10141b; --panel:#171d27; --rule:#2a3340; --text:#e9e6dd; --soft:#98a2b1;
-  --amber:#f0b64a; --teal:#58b6b0; --red:#ee7563; }
-* { box-sizing:border-box }
-body { margin:0; background:var(--ink); color:var(--text); line-height:1.5;
-  font:16px/1.5 "Inter","Source Sans 3","Noto Sans","DejaVu Sans",system-ui,sans-serif; }
-main { max-width:1120px; margin:0 auto; padding:48px 40px 72px }
-h1 { font-size:30px; line-height:1.2; margin:0 0 4px; font-weight:600; letter-spacing:-.01em }
-h2 { font-size:17px; margin:0 0 2px; font-weight:600 }
-.sub { color:var(--soft); margin:0 0 28px }
-.facts { display:flex; flex-wrap:wrap; gap:12px 44px; margin:0 0 28px; padding:18px 0;
-  border-top:1px solid var(--rule); border-bottom:1px solid var(--rule) }
-.facts div { font-size:13px; color:var(--soft) }
-.facts b { display:block; font-size:22px; line-height:1.3; font-weight:600; color:var(--text);
-  font-variant-numeric:tabular-nums }
 .verdict { margin:0 0 40px; padding:0; list-style:none; max-width:100ch }
 .verdict li { padding:5px 0 5px 18px; border-left:2px solid var(--rule) }
 .verdict li:first-child { font-size:19px; border-color:var(--amber) }
-section { background:var(--panel); border-radius:6px; padding:20px 24px 10px; margin:0 0 22px }
-section p { color:var(--soft); margin:0 0 12px; font-size:14px; max-width:90ch }
-svg { display:block; width:100%; height:auto; font-family:inherit }
-svg text { fill:var(--soft); font-size:12px; font-variant-numeric:tabular-nums }
-svg .small { font-size:10px }
-svg .label { fill:var(--text) }
-svg .note { fill:var(--amber) }
-svg .grid { stroke:var(--rule); stroke-width:1 }
-svg .axis { stroke:var(--soft); stroke-width:1 }
-svg .limit { stroke:var(--amber); stroke-width:1; stroke-dasharray:5 4 }
-svg polyline { fill:none; stroke-linejoin:round }
 svg .many { stroke:var(--teal); stroke-width:1; stroke-opacity:.42 }
 svg .odd { stroke:var(--red); stroke-width:1.6 }
 svg .one { stroke:var(--teal); stroke-width:1.4 }
 svg .fill { fill:var(--teal) }
-svg .startup { fill:#4a5668 }
+svg .startup { fill:var(--grey) }
 svg .dropped { fill:var(--amber) }
 svg .unrecorded { fill:var(--red) }
-.key i { display:inline-block; width:11px; height:11px; border-radius:2px; margin:0 6px 0 16px }
-.key i:first-child { margin-left:0 }
-table { border-collapse:collapse; width:100%; font-size:13px; font-variant-numeric:tabular-nums }
-th { text-align:right; font-weight:600; color:var(--soft); padding:6px 0 6px 14px;
-  border-bottom:1px solid var(--rule); vertical-align:bottom }
-td { text-align:right; padding:2.5px 0 2.5px 14px; border-bottom:1px solid #1f2733 }
-th:first-child,td:first-child { text-align:left; padding-left:0 }
-th:nth-child(2),td:nth-child(2) { text-align:left }
-td.some { color:var(--amber) }
-@media print { body { background:#fff; --ink:#fff; --panel:#fff; --text:#111; --soft:#555; --rule:#ccc } }
 )";
 
 double seconds(Nanoseconds time) { return static_cast<double>(time) / kNsPerS; }
-
-std::string section(std::string_view title, std::string_view text, const std::string& content) {
-  return fmt::format("<section>\n<h2>{}</h2>\n<p>{}</p>\n{}</section>\n", title, text, content);
-}
 
 bool is_odd(const CameraSync& camera) {
   return !camera.jumps.empty() || camera.early_end || camera.late_start || !camera.regular;
@@ -249,42 +211,39 @@ std::string facts(const Resync& resync) {
 
 std::string report_html(const Resync& resync, const std::optional<FlashOffsets>& flash,
                         std::string_view title) {
-  std::string page = fmt::format(
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-      "<meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\n"
-      "<title>{0}: resynchronisation</title>\n<style>{1}</style>\n</head>\n<body>\n<main>\n"
-      "<h1>{0}</h1>\n<p class=\"sub\">Resynchronisation of the take's cameras</p>\n",
-      escape_html(title), kStyle);
-  page += "<ul class=\"verdict\">\n";
+  std::string body;
+  body += "<ul class=\"verdict\">\n";
   for (const std::string& sentence : verdict_of(resync, flash)) {
-    page += fmt::format("<li>{}</li>\n", escape_html(sentence));
+    body += fmt::format("<li>{}</li>\n", escape_html(sentence));
   }
-  page += "</ul>\n" + facts(resync);
-  page += section(
+  body += "</ul>\n" + facts(resync);
+  body += html_section(
       "When frames came",
       "Time since the first frame of the take against the index of each stored frame, a line per "
       "camera. Equal slopes are equal rates; a line that rises above the others has lost "
       "frames. Red: cameras that stopped, came late or jumped.",
       arrival_chart(resync));
-  page += section("How far apart the frames of a tick lie",
-                  "Latest minus earliest frame of each tick. Free-running cameras lie anywhere "
-                  "within one frame "
-                  "time; more is never used.",
-                  spread_chart(resync.timeline));
-  page += section(
+  body +=
+      html_section("How far apart the frames of a tick lie",
+                   "Latest minus earliest frame of each tick. Free-running cameras lie anywhere "
+                   "within one frame "
+                   "time; more is never used.",
+                   spread_chart(resync.timeline));
+  body += html_section(
       "Frames lost, per camera",
       "<span class=\"key\"><i style=\"background:var(--amber)\"></i>on record in the journal"
       "<i style=\"background:var(--red)\"></i>not on record: found by the camera's rhythm"
-      "<i style=\"background:#4a5668\"></i>during start-up</span>",
+      "<i style=\"background:var(--grey)\"></i>during start-up</span>",
       losses_chart(resync));
-  page += section("Frame time minus tick time", "Over all frames that a tick uses.",
-                  histogram(resync.timeline));
-  page += section(
+  body += html_section("Frame time minus tick time", "Over all frames that a tick uses.",
+                       histogram(resync.timeline));
+  body += html_section(
       "Every camera",
       "Rate and drift of its own clock against the array's; phase of its frames against the ticks, "
       "in the middle of the take; jitter of its stamps, one sigma; offset taken off.",
       table(resync));
-  return page + "</main>\n</body>\n</html>\n";
+  return html_page(fmt::format("{}: resynchronisation", title),
+                   "Resynchronisation of the take's cameras", body, kStyle);
 }
 
 }  // namespace raystage

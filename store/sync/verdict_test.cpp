@@ -9,7 +9,6 @@
 #include "schemas/error.h"
 #include "store/sync/node_offsets.h"
 #include "store/sync/simulated_stamps.h"
-#include "store/sync/svg_chart.h"
 
 namespace raystage {
 namespace {
@@ -63,7 +62,7 @@ TEST_F(Verdict, PageStandsAlone) {
   const std::string page = report_html(resync, flash, "a & b");
   EXPECT_THAT(page, HasSubstr("<title>a &amp; b"));
   EXPECT_THAT(page, Not(HasSubstr("<script")));
-  EXPECT_THAT(page, Not(HasSubstr("http")));
+  EXPECT_THAT(page, Not(HasSubstr("://")));
   EXPECT_THAT(page, HasSubstr("node1 +12.3 ms (+-4.0)"));
   std::size_t charts = 0, lines = 0;
   for (std::size_t at = page.find("<svg"); at != std::string::npos;
@@ -98,16 +97,6 @@ TEST(NodeOffsets, OfNodesAndCameras) {
   for (const char* text : {"[]", R"({"n2": 1})", R"({"n0": "1"})", R"({"n0": 1e12})", "{"}) {
     EXPECT_THROW(parse_node_offsets(text, "x", cameras), Error) << text;
   }
-}
-
-TEST(SvgChart, MarksWhatItIsGiven) {
-  SvgChart chart("a \"chart\"", {0, 10, "x", true}, {0, 0.2, "y", true});
-  chart.bar(1, 2, 0, 0.1, "fill", "one");
-  const std::string svg = chart.str();
-  EXPECT_THAT(svg, HasSubstr("a &quot;chart&quot;"));
-  EXPECT_THAT(svg, HasSubstr("<title>one</title>"));
-  EXPECT_THAT(svg, HasSubstr(">0.05<"));
-  EXPECT_THAT(svg, HasSubstr(">10<"));
 }
 
 TEST(VerdictOf, NamesCamerasThatNoTickHolds) {

@@ -8,9 +8,6 @@
 
 namespace raystage {
 
-/// Text as it must stand in HTML.
-std::string escape_html(std::string_view text);
-
 /// One chart as inline SVG; colours and type come from the page's style sheet by class.
 class SvgChart {
  public:
@@ -18,6 +15,7 @@ class SvgChart {
     double low = 0, high = 1;
     std::string label;
     bool ticks = true;
+    bool logarithmic = false;  ///< of x alone; `low` above 0
   };
   SvgChart(std::string description, Axis x, Axis y);
 
@@ -25,6 +23,14 @@ class SvgChart {
     double x, y;
   };
   void line(std::span<const Point> points, std::string_view css_class);
+  /// A dot with a name beside it: always where `named`, else where there is room. `title` is shown
+  /// under the pointer.
+  struct Dot {
+    double x = 0, y = 0;
+    std::string css_class, name, title;
+    bool named = false;
+  };
+  void dot(Dot dot);
   /// From (x0, y0) to (x1, y1) in the axes' units.
   void bar(double x0, double x1, double y0, double y1, std::string_view css_class,
            std::string_view title = "");
@@ -38,8 +44,11 @@ class SvgChart {
  private:
   double at_x(double x) const;
   double at_y(double y) const;
+  std::string dots() const;
+  std::string x_ticks() const;
 
   std::string description_, body_, labels_;
+  std::vector<Dot> dots_;
   Axis x_, y_;
   int below_ = 46;  ///< pixels below the axis
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/image_quality.h"
+#include "render/quality/image_quality.h"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "render/view/method.h"
+
+namespace raystage {
+
+/// A way that `auto` may choose: a method with settings, and what it costs.
+struct Candidate {
+  std::string label;  ///< for people
+  Method method;
+  OptionValues options = {};
+  /// What a pixel of a view costs on one thread, nanoseconds, and what an instant costs beside
+  /// that, seconds a camera: as measured on the machine of docs/benchmarks.md. Constants, so that
+  /// every node of a farm chooses alike.
+  double pixel_ns = 0, instant_seconds_per_camera = 0;
+  bool needs_depth_range = false;
+};
+
+/// What is asked of `auto`.
+struct Target {
+  double psnr_db = 0;            ///< at least; 0: as near to the truth as can be
+  double seconds_per_frame = 0;  ///< at most, on two threads; 0: however long it takes
+};
+
+struct Choice {
+  std::size_t candidate = 0;
+  std::string why;  ///< a line for people
+};
+
+/// Chooses among `candidates`, which stand from the least to the most accurate. A single plane (the
+/// first) wherever eq. 2.1 says that it is free of ghosts. Else, of those within the time, the
+/// cheapest whose error, measured at cameras that are left out for it, meets the target; or the
+/// most accurate where none does, or none is asked for. The measured error is an upper bound: with
+/// its camera left out a view's nearest neighbours are twice as far away as they will be. Depends
+/// on the take, the options and the size of the view alone: every frame of a shot and every node of
+/// a farm gets the same answer. Costs up to three views of each candidate but the last.
+Choice choose(std::span<const Candidate> candidates, const Target& target,
+              const ViewRequest& request);
+
+/// `auto` over these.
+Method automatic_method();
+
+}  // namespace raystage

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <array>
+
+#include "render/automatic/automatic.h"
+#include "render/planar/focal_plane.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::array kOptions{
+    number_option("target_error", 0, 0, 100,
+                  "PSNR in dB that must be met, measured at cameras left out; 0: as near to the "
+                  "truth as can be"),
+    number_option("target_time", 0, 0, 1e6,
+                  "seconds that a frame may take on two threads of the machine of "
+                  "docs/benchmarks.md; 0: however long it takes")};
+
+/// From the least to the most accurate; what they cost is measured in docs/benchmarks.md.
+std::vector<Candidate> candidates() {
+  return {{.label = "focal_plane", .method = focal_plane_method(), .pixel_ns = 30}};
+}
+
+RenderedView render_with(const ViewRequest& request, bool reference) {
+  const Target target{request.options.number("target_error"),
+                      request.options.number("target_time")};
+  const std::vector<Candidate> all = candidates();
+  // Within a renderer take and cameras are the same throughout.
+  const std::string key = fmt::format("auto {} {} {}x{}", target.psnr_db, target.seconds_per_frame,
+                                      request.view.width, request.view.height);
+  const auto choice = request.kept.get<Choice>(key, [&](std::size_t& bytes) {
+    bytes = sizeof(Choice);
+    return std::make_shared<const Choice>(choose(all, target, request));
+  });
+  const Candidate& chosen = all[choice->candidate];
+  const MethodOptions options(chosen.method.options, chosen.options, "auto");
+  const ViewRequest inner{request.view, request.instant,       request.focal_plane,        options,
+                          request.kept, request.working_bytes, request.count_needed_pixels};
+  RenderedView view =
+      reference ? chosen.method.render_reference(inner) : chosen.method.render(inner);
+  view.notes.push_back("auto: " + choice->why);
+  return view;
+}
+
+}  // namespace
+
+Method automatic_method() {
+  return {"auto", "chooses among the others the cheapest that meets a target", kOptions,
+          [](const ViewRequest& request) { return render_with(request, false); },
+          [](const ViewRequest& request) { return render_with(request, true); }};
+}
+
+}  // namespace raystage

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+// Views with less and with more resolution than the light field.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "render/methods.h"
+#include "render/renderer.h"
+#include "render/view/synthetic_take.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kMean = 0.4, kAmplitude = 0.3;
+const Eigen::Vector4d kPlane(0, 0, 1, 4);
+
+/// Cameras of 160x120 that see stripes on the plane, four of their pixels wide each.
+class Filtering : public ::testing::Test {
+ protected:
+  Filtering() {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(3, 3, 0.06, 160, 120);
+    settings.jpeg.quality = 98;
+    const double pixel = 4 * 2 * std::tan(31 * kDegree) / 160;  // metres on the plane
+    settings.painting = [pixel](const Eigen::Vector3d& origin, const Eigen::Vector3d& direction) {
+      const double x = origin.x() + direction.x() * (-4 - origin.z()) / direction.z();
+      const double stripes = kMean + kAmplitude * std::sin(2 * std::numbers::pi * x / (4 * pixel));
+      return std::array{stripes, stripes, stripes};
+    };
+    write_synthetic_take(settings, folder_.path() / "take");
+    take_ = std::make_unique<Take>(folder_.path() / "take");
+  }
+
+  RenderedView render(int width, const std::string& method, RendererSettings settings = {}) const {
+    Pose pose;
+    pose.position = {0.013, 0.01, 0};
+    const VirtualCamera view = virtual_camera_with_fov(width, width * 3 / 4, 50 * kDegree, pose);
+    return LightFieldRenderer(*take_, settings)
+        .render(view, select_frames(*take_, 0, 1), {method, kPlane});
+  }
+
+  /// Root mean square of the difference from the stripes' mean: what is left of them.
+  static double contrast(const RenderedView& image) {
+    double sum = 0;
+    for (std::size_t i = 0; i < image.coverage.size(); ++i) {
+      EXPECT_GT(image.rgba[i * 4 + 3], 0.999F);
+      sum += std::pow(static_cast<double>(image.rgba[i * 4]) - kMean, 2);
+    }
+    return std::sqrt(sum / static_cast<double>(image.coverage.size()));
+  }
+
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+};
+
+TEST_F(Filtering, CoarseViewsAverageInsteadOfAliasing) {
+  RendererSettings never;
+  never.most_supersampling = 1;
+  for (const std::string method : {"focal_plane", "slabs"}) {
+    SCOPED_TRACE(method);
+    // Pixels of six of the cameras', one and a half stripes: a pixel's mean is sin(x) / x of them.
+    const int width =
+        static_cast<int>(std::round(160 * std::tan(25 * kDegree) / std::tan(31 * kDegree) / 6));
+    const RenderedView filtered = render(width, method), aliased = render(width, method, never);
+    const double footprint = filtered.statistics.source_pixels_per_pixel;
+    EXPECT_NEAR(footprint, 6, 0.3);
+    EXPECT_EQ(filtered.statistics.supersampling, 6);
+    EXPECT_EQ(aliased.statistics.supersampling, 1);
+    const double angle = std::numbers::pi * footprint / 4;
+    const double expected = kAmplitude / std::numbers::sqrt2 * std::abs(std::sin(angle) / angle);
+    EXPECT_GT(contrast(aliased), 0.7 * kAmplitude / std::numbers::sqrt2);
+    EXPECT_LT(contrast(filtered), 1.15 * expected);
+    EXPECT_GT(filtered.rgba.size(), 0U);
+    EXPECT_EQ(filtered.width, width);
+    EXPECT_EQ(filtered.z.size(), filtered.coverage.size());
+    EXPECT_NEAR(filtered.z[0], 4, 1e-4);
+    EXPECT_TRUE(filtered.notes.empty());
+  }
+}
+
+TEST_F(Filtering, FineViewsAreLeftAsTheyAreAndSaySo) {
+  RendererSettings never;
+  never.most_supersampling = 1;
+  for (const int width : {124, 160, 400}) {
+    const RenderedView image = render(width, "focal_plane");
+    EXPECT_LE(image.statistics.source_pixels_per_pixel, 1.01);
+    EXPECT_EQ(image.statistics.supersampling, 1);
+    EXPECT_EQ(image.rgba, render(width, "focal_plane", never).rgba);
+    EXPECT_EQ(image.notes.size(), width == 400 ? 1U : 0U);
+    if (width == 400) {  // 3.2 times
+      EXPECT_THAT(image.notes[0], HasSubstr("at least 3 pixels"));
+    }
+  }
+}
+
+TEST_F(Filtering, MemoryBoundsTheFactor) {
+  RendererSettings little;
+  little.working_bytes = 20 * 15 * 24 * 4;  // twice as many pixels along each axis
+  const RenderedView image = render(20, "focal_plane", little);
+  EXPECT_NEAR(image.statistics.source_pixels_per_pixel, 6, 0.5);
+  EXPECT_EQ(image.statistics.supersampling, 2);
+}
+
+}  // namespace
+}  // namespace raystage

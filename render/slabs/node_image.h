@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "render/slabs/node_sources.h"
+#include "render/view/instant.h"
+
+namespace raystage {
+
+/// What a node of a slab sees: its cameras' frames rectified onto the slab's image plane (thesis
+/// 2.3: Levoy and Hanrahan's rectification; per camera a homography and its distortion).
+struct NodeImage {
+  int width = 0, height = 0;
+  /// R, G, B, A per sample, rows without padding: sums of weighted codes on the scale of the blend
+  /// space, A = 65535 where all cameras see. 16 bits as decoded frames have: in 8 the rounding of
+  /// every sample would add to that of the camera, and linear light would show steps in its
+  /// shadows. One row and one sample of padding follow, so that a bilinear tap may read past the
+  /// last.
+  std::unique_ptr<std::uint16_t[]> rgba;
+  std::size_t bytes = 0;            ///< of memory held
+  std::int64_t pixels_decoded = 0;  ///< for it
+  double decode_ms = 0;             ///< wall-clock, for it
+};
+
+/// Memory that an image of the slab's nodes takes.
+std::size_t node_image_bytes(const Slab& slab);
+
+/// Rectifies; where several cameras stand in for the node, they are blended where its rays meet
+/// `focal_plane` (focal plane reconstruction from where the node is). `sources.count` above 0.
+std::shared_ptr<const NodeImage> make_node_image(const Instant& instant, const Slab& slab,
+                                                 int column, int row, const NodeSources& sources,
+                                                 const Eigen::Vector4d& focal_plane);
+
+/// What the image depends on, for KeptResults: frames, weights, node and image plane; the focal
+/// plane only where the node is not a camera itself.
+std::string node_image_key(const Instant& instant, const Slab& slab, int column, int row,
+                           const NodeSources& sources, const Eigen::Vector4d& focal_plane);
+
+}  // namespace raystage

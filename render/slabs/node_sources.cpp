@@ -1,0 +1,132 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/slabs/node_sources.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kSamePlace = 1e-4;  // of the node spacing
+
+double cross(const Vector2d& a, const Vector2d& b) { return a.x() * b.y() - a.y() * b.x(); }
+
+/// Where the node draws from in a topology; `centres` in the slab's frame, by camera of the rig.
+NodeSources sources_in(const Topology& topology, const std::vector<Vector3d>& centres,
+                       const Vector2d& node, double reach) {
+  NodeSources nearest;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Topology::Cell& cell : topology.cells) {
+    // A cell of fewer cameras is a triangle whose last corners coincide.
+    std::size_t last = 0;
+    std::array<Vector2d, 3> corners;
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (cell[i] >= 0) last = i;
+      corners[i] = centres[static_cast<std::size_t>(cell[last])].head<2>();
+    }
+    const NearestInTriangle found = nearest_in_triangle(node, corners);
+    if (!(found.squared_distance < least)) continue;
+    least = found.squared_distance;
+    nearest = {};
+    std::array<double, 3> weight{};
+    for (std::size_t i = 0; i < 3; ++i) {
+      weight[std::min(i, last)] += found.weight[i];
+    }
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (weight[i] <= 0) continue;
+      const auto place = static_cast<std::size_t>(nearest.count++);
+      nearest.camera[place] = cell[i];
+      nearest.weight[place] = weight[i];
+    }
+  }
+  return least <= reach * reach ? nearest : NodeSources{};
+}
+
+}  // namespace
+
+NearestInTriangle nearest_in_triangle(const Vector2d& point,
+                                      const std::array<Vector2d, 3>& corners) {
+  const double area = cross(corners[1] - corners[0], corners[2] - corners[0]);
+  if (area != 0) {
+    NearestInTriangle inside;
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Vector2d& b = corners[(i + 1) % 3];
+      inside.weight[i] = cross(corners[(i + 2) % 3] - b, point - b) / area;
+    }
+    if (std::ranges::min(inside.weight) >= 0) return inside;
+  }
+  NearestInTriangle nearest;
+  nearest.squared_distance = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < 3; ++i) {
+    const std::size_t j = (i + 1) % 3;
+    const Vector2d edge = corners[j] - corners[i];
+    const double squared = edge.squaredNorm();
+    const double along =
+        squared > 0 ? std::clamp((point - corners[i]).dot(edge) / squared, 0.0, 1.0) : 0.0;
+    const double distance = (corners[i] + along * edge - point).squaredNorm();
+    if (!(distance < nearest.squared_distance)) continue;
+    nearest.squared_distance = distance;
+    nearest.weight = {};
+    nearest.weight[i] = 1 - along;
+    nearest.weight[j] = along;
+  }
+  return nearest;
+}
+
+std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const Topology& present,
+                                      const Topology& complete) {
+  std::vector<Vector3d> centres(rig.cameras.size());
+  for (const int camera : slab.cameras) {
+    const auto i = static_cast<std::size_t>(camera);
+    centres[i] = slab.pose.camera_from_world(rig.cameras[i].pose.position);
+  }
+  std::vector<bool> is_present(centres.size());
+  for (const Topology::Cell& cell : present.cells) {
+    for (const int camera : cell) {
+      if (camera >= 0) is_present[static_cast<std::size_t>(camera)] = true;
+    }
+  }
+  const double spacing = std::max(slab.column_spacing, slab.row_spacing);
+  // One distinct centre is everywhere the nearest.
+  const double reach =
+      slab.nodes() == 1 ? std::numeric_limits<double>::infinity() : spacing * (1 + 1e-6);
+  const auto at_node = [&](NodeSources& sources, const Vector3d& node) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(sources.count); ++i) {
+      const double off = (centres[static_cast<std::size_t>(sources.camera[i])] - node).norm();
+      if (off > kSamePlace * spacing && off > 1e-12 * slab.pose.position.norm()) continue;
+      sources.camera[0] = sources.camera[i];
+      sources.weight = {1, 0, 0};
+      sources.count = 1;
+      sources.at_camera = true;
+      return;
+    }
+  };
+
+  std::vector<NodeSources> nodes;
+  nodes.reserve(static_cast<std::size_t>(slab.nodes()));
+  for (int row = 0; row < slab.rows; ++row) {
+    for (int column = 0; column < slab.columns; ++column) {
+      const Vector3d node(column * slab.column_spacing, -row * slab.row_spacing, 0);
+      NodeSources sources = sources_in(present, centres, node.head<2>(), reach);
+      at_node(sources, node);
+      if (&present != &complete) {
+        NodeSources wanted = sources_in(complete, centres, node.head<2>(), reach);
+        at_node(wanted, node);
+        sources.present_share = wanted.count > 0 ? 0 : 1;
+        for (std::size_t i = 0; i < static_cast<std::size_t>(wanted.count); ++i) {
+          if (is_present[static_cast<std::size_t>(wanted.camera[i])]) {
+            sources.present_share += wanted.weight[i];
+          }
+        }
+      }
+      nodes.push_back(sources);
+    }
+  }
+  return nodes;
+}
+
+}  // namespace raystage

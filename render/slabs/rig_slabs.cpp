@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numbers>
+#include <optional>
+
+#include "render/slabs/slabs.h"
+
+namespace raystage {
+namespace {
+
+const OptionSpec kOptions[] = {
+    choice_option("interpolation", "quadrilinear", "quadrilinear|bilinear_st|nearest",
+                  "between which samples: 4 cameras x 4 pixels, 4 x 1, or 1 x 1"),
+    choice_option(
+        "layout", "single", "single|box",
+        "one slab of all cameras, or up to six around a rig that looks outwards: each ray "
+        "is answered by the side of the box it leaves through"),
+    whole_option("columns", 0, 0, 1024,
+                 "nodes (s) along each camera plane; 0: as many as the rig's grid has, or as dense "
+                 "as its cameras"),
+    whole_option("rows", 0, 0, 1024, "nodes (t) across each camera plane; 0: as for columns"),
+    number_option("uv_scale", 1, 0.05, 4,
+                  "samples of the image plane (u,v) per finest source pixel, along each axis; the "
+                  "memory of a slab goes with its square"),
+    number_option("max_fov", 150, 10, 170, "degrees; the widest angle that an image plane holds"),
+};
+
+RigSlabs make_slabs(const Instant& instant, const SlabSettings& settings) {
+  const Rig& rig = *instant.rig;
+  const std::vector<int>& complete = instant.members;
+  RigSlabs made;
+  made.slabs = fit_slabs(rig, complete, instant.complete->normal, settings);
+  for (const Slab& slab : made.slabs) {
+    if (slab.cameras == complete) {
+      made.nodes.push_back(node_sources(slab, rig, *instant.present, *instant.complete));
+      continue;
+    }
+    const Topology all = topology_of(rig, slab.cameras);
+    std::vector<int> there;
+    std::ranges::copy_if(slab.cameras, std::back_inserter(there),
+                         [&](int camera) { return instant.is_present(camera); });
+    std::optional<Topology> some;
+    if (there != slab.cameras) some = there.empty() ? Topology{} : topology_of(rig, there);
+    made.nodes.push_back(node_sources(slab, rig, some ? *some : all, all));
+  }
+  return made;
+}
+
+}  // namespace
+
+SlabInterpolation interpolation_of(const MethodOptions& options) {
+  const std::string& name = options.text("interpolation");
+  if (name == "nearest") return SlabInterpolation::kNearest;
+  return name == "bilinear_st" ? SlabInterpolation::kBilinearNodes
+                               : SlabInterpolation::kQuadrilinear;
+}
+
+std::shared_ptr<const RigSlabs> slabs_of(const ViewRequest& request) {
+  const MethodOptions& options = request.options;
+  SlabSettings settings;
+  settings.layout =
+      options.text("layout") == "box" ? SlabSettings::Layout::kBox : SlabSettings::Layout::kSingle;
+  settings.columns = options.whole("columns");
+  settings.rows = options.whole("rows");
+  settings.uv_scale = options.number("uv_scale");
+  settings.max_fov = options.number("max_fov") * std::numbers::pi / 180;
+  std::string present;
+  for (const int camera : request.instant.members) {
+    present += request.instant.is_present(camera) ? '1' : '0';
+  }
+  const std::string key =
+      fmt::format("slabs of the rig\n{} {} {} {:a} {:a}\n{}\n{}", options.text("layout"),
+                  settings.columns, settings.rows, settings.uv_scale, settings.max_fov,
+                  fmt::join(request.instant.members, " "), present);
+  return request.kept.get<RigSlabs>(key, [&](std::size_t& bytes) {
+    auto made = std::make_shared<const RigSlabs>(make_slabs(request.instant, settings));
+    for (const auto& nodes : made->nodes) bytes += nodes.size() * sizeof(NodeSources);
+    return made;
+  });
+}
+
+Method slabs_method() {
+  return {"slabs",
+          "four cameras a ray, from two-plane slabs into which the frames are rectified once",
+          kOptions, render_slabs, render_slabs_reference};
+}
+
+}  // namespace raystage

@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "render/slabs/slab.h"
+
+namespace raystage {
+
+/// Where the rays of a virtual camera cross a slab's camera plane.
+///
+/// With the eye e and the ray d in the slab's frame (camera plane z = 0), the crossing is
+/// e - d e_z / d_z: in units of nodes column = column_times / across with
+///   across = -d_z,  column_times = (e_x across + e_z d_x) / spacing,
+/// linear in the pixel, and exact with the eye on the plane, where e_z is 0. Rays are whole lines:
+/// a camera plane behind the virtual camera counts too.
+class SlabRays {
+ public:
+  /// Pixels [begin, end) of a row whose centres cross the cell between the nodes at (column, row)
+  /// and (column + 1, row + 1).
+  struct Run {
+    int begin = 0, end = 0, column = 0, row = 0;
+  };
+  struct Crossing {
+    double column = 0, row = 0;  ///< in nodes, within the grid
+  };
+
+  /// `view` without its distortion.
+  SlabRays(const VirtualCamera& view, const Slab& slab);
+
+  /// Each of (x, y, 1), x and y in pixels of the view. 0 along an axis of one node: a line of
+  /// cameras stands for an endless strip, one camera for every ray.
+  const Eigen::Vector3d& column_times() const { return column_times_; }
+  const Eigen::Vector3d& row_times() const { return row_times_; }
+  const Eigen::Vector3d& across() const { return across_; }
+
+  /// The row's pixels by cell, in increasing order on either side of the camera plane; those that
+  /// miss the grid or belong to another slab are left out.
+  void runs_of_row(int y, int width, std::vector<Run>& runs) const;
+
+  /// Whether the ray through (x, y) is the slab's: crosses the grid, on the line's one or other
+  /// side.
+  bool answers(double x, double y) const;
+  /// Of a ray that the slab answers.
+  Crossing crossing(double x, double y) const;
+
+ private:
+  using Conditions = std::vector<Eigen::Vector3d>;
+  void add_runs(const Conditions& conditions, int y, int width, std::vector<Run>& runs) const;
+
+  int columns_, rows_;
+  Eigen::Vector3d column_times_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d row_times_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d across_;
+  /// The ray is the slab's where all functions of one of these are at least 0: seen from either
+  /// side.
+  std::vector<Conditions> sides_;
+};
+
+}  // namespace raystage

@@ -1,0 +1,269 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/slabs/slabs.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+
+#include "render/slabs/node_image.h"
+#include "render/slabs/slab_rays.h"
+#include "render/view/plane_projection.h"
+#include "schemas/error.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Eigen::Vector3d;
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+SlabRun::Function as_function(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+/// One slab's part in a view: plans which nodes each row needs, then works in bands of rows whose
+/// nodes fit in memory.
+class SlabFrame {
+ public:
+  SlabFrame(const ViewRequest& request, const PlaneProjection& projection, const Slab& slab,
+            const std::vector<NodeSources>& nodes)
+      : request_(request),
+        projection_(projection),
+        slab_(slab),
+        nodes_(nodes),
+        interpolation_(interpolation_of(request.options)),
+        rays_(request.view, slab),
+        runs_(static_cast<std::size_t>(request.view.height)),
+        held_(nodes.size()),
+        camera_used_(request.instant.rig->cameras.size()) {
+    const Intrinsics& image = slab.image;
+    for (int column = 0; column < slab.columns; ++column) {
+      const Eigen::Matrix3d ideal = ideal_from_pixel(column, 0);
+      u_.push_back(as_function(image.fx * ideal.row(0) + image.cx * ideal.row(2)));
+    }
+    for (int row = 0; row < slab.rows; ++row) {
+      const Eigen::Matrix3d ideal = ideal_from_pixel(0, row);
+      v_.push_back(as_function(image.fy * ideal.row(1) + image.cy * ideal.row(2)));
+    }
+    ahead_ = as_function(ideal_from_pixel(0, 0).row(2));
+  }
+
+  void render(RenderedView& image) {
+    const auto start = Clock::now();
+    for_each_row(0, request_.view.height, [&](int y) {
+      rays_.runs_of_row(y, request_.view.width, runs_[static_cast<std::size_t>(y)]);
+    });
+    image.statistics.plan_ms += milliseconds(Clock::now() - start);
+    for (int begin = 0; begin < request_.view.height;) {
+      std::vector<bool> needed(nodes_.size());
+      const int end = end_of_band(begin, needed);
+      const auto planned = Clock::now();
+      fetch(needed, image.statistics);
+      const auto fetched = Clock::now();
+      for_each_row(begin, end, [&](int y) { sample_row(y, image); });
+      image.statistics.decode_ms += milliseconds(fetched - planned);
+      image.statistics.render_ms += milliseconds(Clock::now() - fetched);
+      begin = end;
+    }
+    image.statistics.cameras_used += static_cast<int>(std::ranges::count(camera_used_, true));
+  }
+
+ private:
+  Eigen::Matrix3d ideal_from_pixel(int column, int row) const {
+    return projection_.ideal_from_pixel(
+        {slab_.pose.world_from_camera_rotation, slab_.node_position(column, row)});
+  }
+
+  template <class Body>
+  void for_each_row(int begin, int end, const Body& body) const {
+    constexpr int kRowsPerTask = 16;
+    raystage::parallel_for(tbb::blocked_range<int>(begin, end, kRowsPerTask),
+                           [&](const tbb::blocked_range<int>& rows) {
+                             for (int y = rows.begin(); y < rows.end(); ++y) body(y);
+                           });
+  }
+
+  /// The nodes around a run's cell: upper left, upper right, lower left, lower right; -1 for those
+  /// that are not there.
+  std::array<int, 4> nodes_of(const SlabRays::Run& run) const {
+    const int first = run.row * slab_.columns + run.column;
+    const bool wide = slab_.columns > 1, high = slab_.rows > 1;
+    return {first, wide ? first + 1 : -1, high ? first + slab_.columns : -1,
+            wide && high ? first + slab_.columns + 1 : -1};
+  }
+
+  /// Rows from `begin` on whose nodes fit in working memory, at least one; names them in `needed`.
+  int end_of_band(int begin, std::vector<bool>& needed) const {
+    const std::size_t most = request_.working_bytes / node_image_bytes(slab_);
+    std::size_t count = 0;
+    for (int y = begin; y < request_.view.height; ++y) {
+      std::vector<std::size_t> added;
+      for (const SlabRays::Run& run : runs_[static_cast<std::size_t>(y)]) {
+        for (const int node : nodes_of(run)) {
+          const auto i = static_cast<std::size_t>(std::max(node, 0));
+          if (node < 0 || needed[i] || nodes_[i].count == 0) continue;
+          needed[i] = true;
+          added.push_back(i);
+        }
+      }
+      count += added.size();
+      if (count <= most) continue;
+      if (y == begin) throw too_large(count);
+      for (const std::size_t node : added) needed[node] = false;
+      return y;
+    }
+    return request_.view.height;
+  }
+
+  Error too_large(std::size_t count) const {
+    return Error::bad_input(
+        fmt::format(
+            "a row of the view needs {} images of {}x{} samples, {:.0f} MB in all; {:.0f} MB "
+            "are allowed",
+            count, slab_.width, slab_.height,
+            static_cast<double>(count * node_image_bytes(slab_)) / 1e6,
+            static_cast<double>(request_.working_bytes) / 1e6),
+        "method slabs", "Lower its option uv_scale or columns, or allow more memory");
+  }
+
+  /// Images of the nodes, from those kept or made; what the band before had is held over.
+  void fetch(const std::vector<bool>& needed, RenderStatistics& statistics) {
+    std::vector<int> missing;
+    for (std::size_t i = 0; i < needed.size(); ++i) {
+      if (!needed[i]) held_[i].reset();
+      if (needed[i] && !held_[i]) missing.push_back(static_cast<int>(i));
+    }
+    std::vector<std::shared_ptr<const NodeImage>> fetched(missing.size());
+    std::vector<std::int64_t> decoded(missing.size());
+    raystage::parallel_for(std::size_t{0}, missing.size(), [&](std::size_t i) {
+      const int column = missing[i] % slab_.columns, row = missing[i] / slab_.columns;
+      const NodeSources& sources = nodes_[static_cast<std::size_t>(missing[i])];
+      const Eigen::Vector4d& plane = request_.focal_plane;
+      fetched[i] = request_.kept.get<NodeImage>(
+          node_image_key(request_.instant, slab_, column, row, sources, plane),
+          [&](std::size_t& bytes) {
+            auto made = make_node_image(request_.instant, slab_, column, row, sources, plane);
+            bytes = made->bytes;
+            decoded[i] = made->pixels_decoded;
+            return made;
+          });
+    });
+    for (std::size_t i = 0; i < missing.size(); ++i) {
+      held_[static_cast<std::size_t>(missing[i])] = fetched[i];
+      statistics.pixels_decoded += decoded[i];
+      const NodeSources& sources = nodes_[static_cast<std::size_t>(missing[i])];
+      for (std::size_t c = 0; c < static_cast<std::size_t>(sources.count); ++c) {
+        const auto camera = static_cast<std::size_t>(sources.camera[c]);
+        const CameraModel& model = request_.instant.rig->cameras[camera].model;
+        // Rectification reads all of a frame.
+        if (request_.count_needed_pixels && !camera_used_[camera]) {
+          statistics.pixels_needed += std::int64_t{model.width()} * model.height();
+        }
+        camera_used_[camera] = true;
+      }
+    }
+  }
+
+  void sample_row(int y, RenderedView& image) const {
+    const auto full_scale = static_cast<float>(request_.instant.cache->full_scale());
+    const std::size_t row_start =
+        static_cast<std::size_t>(y) * static_cast<std::size_t>(request_.view.width);
+    SlabRun run;
+    run.y = y;
+    run.interpolation = interpolation_;
+    run.width = slab_.width;
+    run.height = slab_.height;
+    run.across = as_function(rays_.across());
+    run.ahead = ahead_;
+    run.slope = as_function(projection_.slope());
+    run.distance = projection_.distance();
+    run.at_infinity = projection_.at_infinity();
+    for (const SlabRays::Run& part : runs_[static_cast<std::size_t>(y)]) {
+      run.begin = part.begin;
+      run.end = part.end;
+      run.column = as_function(rays_.column_times() - part.column * rays_.across());
+      run.row = as_function(rays_.row_times() - part.row * rays_.across());
+      // With one node along an axis both sides are the same, and all goes to the first.
+      if (slab_.columns == 1) run.column = {};
+      if (slab_.rows == 1) run.row = {};
+      const auto column = static_cast<std::size_t>(part.column);
+      const auto row = static_cast<std::size_t>(part.row);
+      run.u = {u_[column], u_[std::min(column + 1, u_.size() - 1)]};
+      run.v = {v_[row], v_[std::min(row + 1, v_.size() - 1)]};
+      const std::array<int, 4> nodes = nodes_of(part);
+      run.node = {};
+      for (std::size_t i = 0; i < 4; ++i) {
+        if (nodes[i] < 0) continue;
+        const auto& held = held_[static_cast<std::size_t>(nodes[i])];
+        run.node[i] = held ? held->rgba.get() : nullptr;
+      }
+      const std::size_t at = row_start + static_cast<std::size_t>(part.begin);
+      sample_slab_run(run, request_.instant.cache->blend_space(), full_scale, &image.rgba[at * 4],
+                      &image.z[at]);
+      set_coverage(part, nodes, y, image);
+    }
+  }
+
+  /// Alpha, less the weight of cameras that others stand in for.
+  void set_coverage(const SlabRays::Run& run, const std::array<int, 4>& nodes, int y,
+                    RenderedView& image) const {
+    std::array<double, 4> lacking{};
+    for (std::size_t i = 0; i < 4; ++i) {
+      if (nodes[i] >= 0) {
+        lacking[i] = 1 - nodes_[static_cast<std::size_t>(nodes[i])].present_share;
+      }
+    }
+    const bool any = std::ranges::any_of(lacking, [](double part) { return part > 0; });
+    for (int x = run.begin; x < run.end; ++x) {
+      const std::size_t at =
+          static_cast<std::size_t>(y) * static_cast<std::size_t>(request_.view.width) +
+          static_cast<std::size_t>(x);
+      image.coverage[at] = image.rgba[at * 4 + 3];
+      if (!any) continue;
+      const SlabRays::Crossing crossing = rays_.crossing(x + 0.5, y + 0.5);
+      double right = std::clamp(crossing.column - run.column, 0.0, 1.0);
+      double lower = std::clamp(crossing.row - run.row, 0.0, 1.0);
+      if (interpolation_ == SlabInterpolation::kNearest) {
+        right = std::floor(right + 0.5);
+        lower = std::floor(lower + 0.5);
+      }
+      const double lacks = (1 - lower) * ((1 - right) * lacking[0] + right * lacking[1]) +
+                           lower * ((1 - right) * lacking[2] + right * lacking[3]);
+      image.coverage[at] *= static_cast<float>(1 - lacks);
+    }
+  }
+
+  const ViewRequest& request_;
+  const PlaneProjection& projection_;
+  const Slab& slab_;
+  const std::vector<NodeSources>& nodes_;
+  SlabInterpolation interpolation_;
+  SlabRays rays_;
+  std::vector<SlabRun::Function> u_, v_;  // per column, per row of nodes
+  SlabRun::Function ahead_;
+  std::vector<std::vector<SlabRays::Run>> runs_;        // per row of the view
+  std::vector<std::shared_ptr<const NodeImage>> held_;  // by node, those of the band
+  std::vector<bool> camera_used_;
+};
+
+}  // namespace
+
+RenderedView render_slabs(const ViewRequest& request) {
+  RenderedView image = empty_view(request.view);
+  const auto start = Clock::now();
+  const PlaneProjection projection(request.view, request.focal_plane);
+  if (!projection.at_infinity() && projection.distance() == 0) return image;  // eye on the plane
+  const auto slabs = slabs_of(request);
+  image.statistics.plan_ms = milliseconds(Clock::now() - start);
+  // A ray on the border of two slabs is the first one's: it comes last.
+  for (std::size_t i = slabs->slabs.size(); i-- > 0;) {
+    if (slabs->slabs[i].width == 0) continue;  // its cameras see nothing of its image plane
+    SlabFrame(request, projection, slabs->slabs[i], slabs->nodes[i]).render(image);
+  }
+  return image;
+}
+
+}  // namespace raystage

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "render/slabs/node_sources.h"
+#include "render/slabs/slab.h"
+#include "render/slabs/slab_kernels.h"
+#include "render/view/method.h"
+
+namespace raystage {
+
+/// A rig's slabs at an instant and what each node is made of; the nodes of a slab row by row.
+struct RigSlabs {
+  std::vector<Slab> slabs;
+  std::vector<std::vector<NodeSources>> nodes;  // per slab
+};
+
+/// The slabs that the request's options ask for, worked out once and kept.
+std::shared_ptr<const RigSlabs> slabs_of(const ViewRequest& request);
+SlabInterpolation interpolation_of(const MethodOptions& options);
+
+/// Two-plane light field rendering (thesis 2.3 and appendix A; Levoy and Hanrahan 1996). The
+/// cameras' frames are rectified into slabs, node by node as views need them, and kept; a ray's
+/// crossings with the camera plane and the focal plane are interpolated quadrilinearly. Throws
+/// Error (bad input) where one row of the view needs more nodes than fit in `working_bytes`.
+RenderedView render_slabs(const ViewRequest& request);
+
+/// The same, ray by ray in double, without slabs: each node is looked up in the frames it is made
+/// of. Differs by what rectification costs: one more linear interpolation, except where the image
+/// plane falls on the cameras' own.
+RenderedView render_slabs_reference(const ViewRequest& request);
+
+Method slabs_method();
+
+}  // namespace raystage

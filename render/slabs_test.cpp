@@ -1,0 +1,392 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/slabs/slabs.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+#include <tbb/global_control.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <numbers>
+
+#include "render/renderer.h"
+#include "render/view/synthetic_take.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector4d;
+using testing::SyntheticTake;
+
+constexpr double kDegree = std::numbers::pi / 180;
+const Vector4d kPaintedPlane(0, 0, 1, 4);
+
+Pose looking(const Vector3d& position, double yaw_degrees, double pitch_degrees = 0) {
+  Pose pose;
+  pose.position = position;
+  pose.world_from_camera_rotation = (Eigen::AngleAxisd(yaw_degrees * kDegree, Vector3d::UnitY()) *
+                                     Eigen::AngleAxisd(pitch_degrees * kDegree, Vector3d::UnitX()))
+                                        .toRotationMatrix();
+  return pose;
+}
+
+VirtualCamera view_from(const Vector3d& position, double yaw, double fov, int width = 120,
+                        int height = 90) {
+  return virtual_camera_with_fov(width, height, fov * kDegree, looking(position, yaw));
+}
+
+struct Pair {
+  RenderedView fast, reference;
+};
+
+struct Asked {
+  Vector4d plane = kPaintedPlane;
+  OptionValues options = {};
+  int frame = 0;
+  BlendSpace space = BlendSpace::kPerceptual;
+};
+
+Pair render_both(const Take& take, const VirtualCamera& view, const Asked& asked = {}) {
+  const FrameSelection frames =
+      select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
+  RendererSettings settings;
+  settings.blend_space = asked.space;
+  const Reconstruction how{"slabs", asked.plane, asked.options};
+  Pair pair;
+  pair.fast = LightFieldRenderer(take, settings).render(view, frames, how);
+  settings.reference = true;
+  pair.reference = LightFieldRenderer(take, settings).render(view, frames, how);
+  return pair;
+}
+
+/// `least_alpha`: only pixels that both see at least so much; `tolerance` of the colour.
+void expect_equal(const Pair& pair, double tolerance = 1e-3, double alpha_tolerance = 1e-3) {
+  double worst = 0;
+  for (std::size_t i = 0; i < pair.fast.coverage.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      worst = std::max(worst, std::abs(static_cast<double>(pair.fast.rgba[i * 4 + c]) -
+                                       static_cast<double>(pair.reference.rgba[i * 4 + c])));
+    }
+    ASSERT_NEAR(pair.fast.rgba[i * 4 + 3], pair.reference.rgba[i * 4 + 3], alpha_tolerance) << i;
+    ASSERT_NEAR(pair.fast.coverage[i], pair.reference.coverage[i], alpha_tolerance) << i;
+    if (std::isfinite(pair.fast.z[i]) && std::isfinite(pair.reference.z[i])) {
+      ASSERT_NEAR(pair.fast.z[i] / pair.reference.z[i], 1, 1e-4) << "pixel " << i;
+    }
+  }
+  EXPECT_LT(worst, tolerance);
+}
+
+double mean_alpha(const RenderedView& view) {
+  double sum = 0;
+  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
+  return sum / static_cast<double>(view.coverage.size());
+}
+
+/// Largest difference from what the painted plane looks like, over the pixels seen by all.
+double error_against_truth(const RenderedView& image, const VirtualCamera& view) {
+  double worst = 0;
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      const std::size_t at = static_cast<std::size_t>(y * view.width + x);
+      if (image.rgba[at * 4 + 3] < 0.999F) continue;
+      const auto ray = CameraModel({"v", view.width, view.height, view.intrinsics, {}, {}, {}})
+                           .unproject({x + 0.5, y + 0.5});
+      const Vector3d direction = view.pose.world_from_camera_rotation * *ray;
+      const double t = (-4 - view.pose.position.z()) / direction.z();
+      const Vector3d hit = view.pose.position + t * direction;
+      const auto truth = testing::painted_plane(hit.x(), hit.y());
+      for (std::size_t c = 0; c < 3; ++c) {
+        worst = std::max(worst, std::abs(truth[c] - static_cast<double>(image.rgba[at * 4 + c])));
+      }
+    }
+  }
+  return worst;
+}
+
+SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}) {
+  SyntheticTake take;
+  take.cameras = testing::camera_grid(rows, columns, 0.06, 160, 120, distortion);
+  return take;
+}
+
+void turn(CameraGeometry& camera, double yaw_degrees, double pitch_degrees = 0) {
+  Pose pose = pose_from_matrix(camera.world_from_camera);
+  pose.world_from_camera_rotation =
+      looking({0, 0, 0}, yaw_degrees, pitch_degrees).world_from_camera_rotation;
+  camera.world_from_camera = matrix_from_pose(pose);
+}
+
+class Slabs : public ::testing::Test {
+ protected:
+  Take write(const SyntheticTake& settings, const std::string& name = "take") {
+    write_synthetic_take(settings, folder_.path() / name);
+    return Take(folder_.path() / name);
+  }
+  TestFolder folder_;
+};
+
+TEST_F(Slabs, AWallEyedArrayIsExactFromEverywhere) {
+  const Take take = write(grid_take(4, 5));
+  for (const auto& view : {view_from({0.01, 0.02, 0}, 0, 50),      // on the camera plane
+                           view_from({0.06, 0.03, 0}, 0, 62),      // at a camera
+                           view_from({0.06, 0.03, 1e-12}, 0, 62),  // as good as
+                           view_from({0, 0, 0.25}, 3, 40),         // behind it
+                           view_from({0.02, 0, -0.3}, -4, 30),     // in front of it
+                           view_from({0.25, 0, 0.5}, 20, 60),      // from the side
+                           view_from({0, 0, 40}, 0, 0.5),          // from far behind
+                           view_from({0, 0, 1e6}, 0, 2e-5)}) {
+    SCOPED_TRACE(view.pose.position.transpose());
+    const Pair pair = render_both(take, view);
+    expect_equal(pair);
+    EXPECT_GT(mean_alpha(pair.fast), 0.05);
+    EXPECT_LT(error_against_truth(pair.fast, view), 0.035);  // JPEG's quantisation
+  }
+}
+
+TEST_F(Slabs, AnyFocalPlaneEntersWhenRaysAreLookedUp) {
+  const Take take = write(grid_take(3, 3));
+  const VirtualCamera view = view_from({0.01, 0.01, 0.05}, 2, 45);
+  const FrameSelection frames = select_frames(take, 0, 1);
+  const LightFieldRenderer renderer(take, {});
+  std::int64_t decoded = 0;
+  for (const Vector4d& plane :
+       {Vector4d(0, 0, 0, 1), Vector4d(0, 0, 1, 1e9), Vector4d(0, 0, 1, 0.8),
+        Vector4d(0, 0, 1, 1e-3), Vector4d(0.4, 0.2, 1, 3), Vector4d(0, 1, 0, 0.5),
+        Vector4d(0, 0, 1, -0.05)}) {  // the last through the eye
+    SCOPED_TRACE(plane.transpose());
+    expect_equal(render_both(take, view, {.plane = plane}));
+    decoded += renderer.render(view, frames, {"slabs", plane}).statistics.pixels_decoded;
+  }
+  EXPECT_EQ(decoded, 9 * 160 * 120);  // the slab of a regular array serves all planes
+}
+
+TEST_F(Slabs, DistortedAndToedInCamerasAreRectified) {
+  SyntheticTake distorted = grid_take(3, 4, {-0.2, 0.05, 0.001, -0.002, 0.003});
+  SyntheticTake toed_in = distorted;
+  for (CameraGeometry& camera : toed_in.cameras) {
+    turn(camera, (*camera.column - 1.5) * 6, (*camera.row - 1) * 4);
+  }
+  int number = 0;
+  for (const SyntheticTake& settings : {distorted, toed_in}) {
+    const Take take = write(settings, std::to_string(number++));
+    for (const auto& view : {view_from({0.01, 0.02, 0.02}, 2, 40), view_from({0, 0, 0.3}, 0, 30)}) {
+      const Pair pair = render_both(take, view);
+      // The rectified picture is interpolated once more; its border falls elsewhere.
+      expect_equal(pair, 0.03, 1);
+      EXPECT_NEAR(mean_alpha(pair.fast), mean_alpha(pair.reference), 0.005);
+      EXPECT_GT(mean_alpha(pair.fast), 0.3);
+      EXPECT_LT(error_against_truth(pair.fast, view), 0.03);
+      // ... less so when it is sampled more finely.
+      const Pair fine = render_both(take, view, {.options = {{"uv_scale", 3.0}}});
+      double coarse_error = 0, fine_error = 0;
+      for (std::size_t i = 0; i < pair.fast.rgba.size(); ++i) {
+        if (pair.reference.rgba[i | 3] < 0.999F || pair.fast.rgba[i | 3] < 0.999F) continue;
+        coarse_error += std::abs(pair.fast.rgba[i] - pair.reference.rgba[i]);
+        fine_error += std::abs(fine.fast.rgba[i] - fine.reference.rgba[i]);
+      }
+      EXPECT_LT(fine_error, 0.5 * coarse_error);
+    }
+  }
+}
+
+TEST_F(Slabs, CamerasThatStandAnywhereAreResampled) {
+  SyntheticTake settings = grid_take(4, 4);
+  int i = 0;
+  for (CameraGeometry& camera : settings.cameras) {
+    camera.row.reset();
+    camera.column.reset();
+    camera.world_from_camera[3] += 0.013 * std::sin(5.0 * i);
+    camera.world_from_camera[7] += 0.011 * std::cos(3.0 * i);
+    camera.world_from_camera[11] += 0.006 * std::cos(7.0 * i++);
+  }
+  const Take take = write(settings);
+  const VirtualCamera view = view_from({0.01, 0.02, 0.1}, 2, 30);
+  const Pair pair = render_both(take, view);
+  expect_equal(pair, 0.01, 1);
+  EXPECT_NEAR(mean_alpha(pair.fast), mean_alpha(pair.reference), 0.005);
+  EXPECT_GT(mean_alpha(pair.fast), 0.9);
+  EXPECT_LT(error_against_truth(pair.fast, view), 0.03);
+  const Pair asked = render_both(take, view, {.options = {{"columns", 7.0}, {"rows", 2.0}}});
+  expect_equal(asked, 0.01, 1);
+  EXPECT_NE(asked.fast.rgba, pair.fast.rgba);
+}
+
+TEST_F(Slabs, InterpolationMayBeCoarser) {
+  const Take take = write(grid_take(3, 3));
+  const VirtualCamera view = view_from({0.013, 0.017, 0.1}, 2, 30);
+  std::vector<RenderedView> images;
+  for (const char* interpolation : {"quadrilinear", "bilinear_st", "nearest"}) {
+    const Pair pair = render_both(take, view, {.options = {{"interpolation", interpolation}}});
+    std::size_t differ = 0;
+    for (std::size_t i = 0; i < pair.fast.rgba.size(); ++i) {
+      differ += std::abs(pair.fast.rgba[i] - pair.reference.rgba[i]) > 1e-3F ? 1 : 0;
+    }
+    EXPECT_LT(differ, pair.fast.rgba.size() / 100);  // float and double round at other pixels
+    images.push_back(pair.fast);
+  }
+  EXPECT_LT(error_against_truth(images[0], view), error_against_truth(images[1], view));
+  EXPECT_NE(images[1].rgba, images[2].rgba);
+}
+
+TEST_F(Slabs, ABoxLooksAllAround) {
+  SyntheticTake settings;
+  // A world at infinity: what is seen depends on the direction alone.
+  const auto colour = [](const Vector3d& d) {
+    const Vector3d u = d.normalized();
+    return std::array{0.5 + 0.3 * std::sin(5 * u.x() + u.y()), 0.5 + 0.3 * std::sin(4 * u.y()),
+                      0.5 + 0.3 * std::cos(5 * u.z() - u.x())};
+  };
+  settings.painting = [&](const Vector3d&, const Vector3d& d) { return colour(d); };
+  for (int side = 0; side < 6; ++side) {
+    const Pose out =
+        side < 4 ? looking({0, 0, 0}, side * 90) : looking({0, 0, 0}, 0, side == 4 ? 90 : -90);
+    for (CameraGeometry camera : testing::camera_grid(2, 2, 0.8, 120, 120)) {
+      camera.id = std::to_string(side) + camera.id;
+      camera.intrinsics.fx = camera.intrinsics.fy = 55;  // 95 degrees
+      Pose pose = pose_from_matrix(camera.world_from_camera);
+      pose.position = out.world_from_camera_rotation * (pose.position - Vector3d(0, 0, 0.2));
+      pose.world_from_camera_rotation = out.world_from_camera_rotation;
+      camera.world_from_camera = matrix_from_pose(pose);
+      settings.cameras.push_back(camera);
+    }
+  }
+  const Take take = write(settings);
+  const Asked box{.plane = {0, 0, 0, 1}, .options = {{"layout", "box"}}};
+  for (const auto& [yaw, pitch] : {std::pair{0.0, 0.0},
+                                   {45.0, 0.0},
+                                   {190.0, 20.0},
+                                   {45.0, 40.0},
+                                   {0.0, 90.0},
+                                   {60.0, -70.0}}) {
+    SCOPED_TRACE(yaw);
+    const VirtualCamera view =
+        virtual_camera_with_fov(100, 80, 100 * kDegree, looking({0.03, 0.02, -0.01}, yaw, pitch));
+    const Pair pair = render_both(take, view, box);
+    expect_equal(pair, 2e-3, 2e-3);
+    EXPECT_GT(mean_alpha(pair.fast), 0.999);
+    double worst = 0;
+    for (int y = 0; y < view.height; ++y) {
+      for (int x = 0; x < view.width; ++x) {
+        const Vector3d ray(x + 0.5 - view.intrinsics.cx, view.intrinsics.cy - y - 0.5,
+                           -view.intrinsics.fx);
+        const auto truth = colour(view.pose.world_from_camera_rotation * ray);
+        for (std::size_t c = 0; c < 3; ++c) {
+          const auto at = static_cast<std::size_t>(y * view.width + x) * 4 + c;
+          worst = std::max(worst, std::abs(truth[c] - static_cast<double>(pair.fast.rgba[at])));
+        }
+      }
+    }
+    EXPECT_LT(worst, 0.04);
+  }
+  // A side without cameras is empty, the others go on.
+  settings.cameras.erase(settings.cameras.begin(), settings.cameras.begin() + 4);
+  const Take open = write(settings, "open");
+  const Pair front = render_both(
+      open, virtual_camera_with_fov(90, 60, 60 * kDegree, looking({0.03, 0.02, -0.01}, 0)), box);
+  expect_equal(front);
+  EXPECT_EQ(mean_alpha(front.fast), 0);
+}
+
+TEST_F(Slabs, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
+  SyntheticTake settings = grid_take(3, 3);
+  settings.frames = 2;
+  settings.absent = {{4, 1}};  // the middle camera, second frame
+  const Take take = write(settings);
+  const VirtualCamera view = view_from({0, 0, 0.2}, 0, 20, 90, 90);
+  const Pair whole = render_both(take, view);
+  const Pair lacking = render_both(take, view, {.frame = 1});
+  expect_equal(whole);
+  expect_equal(lacking, 5e-3, 2e-3);
+  const std::size_t middle = 45 * 90 + 45;
+  EXPECT_NEAR(whole.fast.coverage[middle], 1, 1e-5);
+  EXPECT_NEAR(lacking.fast.rgba[middle * 4 + 3], 1, 1e-4);
+  EXPECT_LT(lacking.fast.coverage[middle], 0.1);
+  EXPECT_LT(error_against_truth(lacking.fast, view), 0.03);
+}
+
+TEST_F(Slabs, LinesAndSingleCamerasRender) {
+  for (const auto& [rows, columns] : {std::pair{1, 4}, {4, 1}, {1, 1}, {1, 2}}) {
+    const std::string name = std::to_string(rows) + "x" + std::to_string(columns);
+    SCOPED_TRACE(name);
+    const Take take = write(grid_take(rows, columns), name);
+    const VirtualCamera view = view_from({0.005, 0.002, 0.01}, 0, 40, 80, 60);
+    const Pair pair = render_both(take, view);
+    expect_equal(pair);
+    EXPECT_GT(mean_alpha(pair.fast), 0.2);
+    EXPECT_LT(error_against_truth(pair.fast, view), 0.03);
+  }
+}
+
+TEST_F(Slabs, MissingRaysAreMissing) {
+  const Take take = write(grid_take(3, 3));
+  for (const auto& [view, plane] :
+       {std::pair{view_from({5, 0, 0.1}, 0, 50), kPaintedPlane},      // past the array's edge
+        {view_from({0, 0, 0.1}, 0, 50), Vector4d(0, 0, 1, -2)},       // the plane behind the view
+        {view_from({0, 0, 0}, 90, 0.01, 3, 3), kPaintedPlane},        // along the camera plane
+        {view_from({0, 0, 1}, 90, 20), Vector4d(1, 0, 0, 3)},         // parallel to it, beside it
+        {view_from({0, 0, -8}, 180, 50), kPaintedPlane},              // from behind the scene
+        {view_from({0, 0, 0.1}, 0, 50), Vector4d(0, 0, 1, -0.1)}}) {  // the plane through the eye
+    SCOPED_TRACE(view.pose.position.transpose());
+    const Pair pair = render_both(take, view, {.plane = plane});
+    expect_equal(pair);
+    for (const float value : pair.fast.rgba) ASSERT_TRUE(std::isfinite(value));
+    if (view.pose.position.z() != -8) {
+      EXPECT_EQ(mean_alpha(pair.fast), 0);
+    }
+  }
+}
+
+TEST_F(Slabs, BothBlendSpacesAgreeWithTheReference) {
+  SyntheticTake settings = grid_take(3, 3);
+  settings.photometric.contrast = {1.6, 0.9, 1.2};
+  const Take take = write(settings);
+  const VirtualCamera view = view_from({0.01, 0.02, 0.2}, 1, 30);
+  const Vector4d ghosting(0, 0, 1, 1);
+  const Pair perceptual = render_both(take, view, {.plane = ghosting});
+  const Pair linear = render_both(take, view, {.plane = ghosting, .space = BlendSpace::kLinear});
+  expect_equal(perceptual);
+  expect_equal(linear);
+  EXPECT_NE(perceptual.fast.rgba, linear.fast.rgba);
+}
+
+TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
+  const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
+  const FrameSelection frames = select_frames(take, 0, 1);
+  const VirtualCamera view = view_from({0, 0.01, 0.1}, 2, 46, 160, 120);
+  const auto render = [&](const RendererSettings& settings) {
+    return LightFieldRenderer(take, settings).render(view, frames, {"slabs", kPaintedPlane});
+  };
+  const RenderedView image = render({});
+  for (const std::size_t threads : {1, 5}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    EXPECT_EQ(render({}).rgba, image.rgba);
+  }
+  RendererSettings little;
+  little.kept_bytes = 1;
+  little.cache_bytes = 1;
+  const std::size_t node = 8 * 200 * 160;
+  little.working_bytes = 9 * node;  // not all sixteen at once
+  const RenderedView in_bands = render(little);
+  EXPECT_EQ(in_bands.rgba, image.rgba);
+  EXPECT_EQ(in_bands.coverage, image.coverage);
+  little.working_bytes = node;
+  EXPECT_THROW(render(little), Error);
+}
+
+TEST_F(Slabs, RefusesOptionsThatItDoesNotHave) {
+  const Take take = write(grid_take(1, 2));
+  const FrameSelection frames = select_frames(take, 0, 1);
+  const LightFieldRenderer renderer(take, {});
+  const VirtualCamera view = view_from({0, 0, 0}, 0, 40);
+  for (const OptionValues& wrong : {OptionValues{{"uv_scale", 0.0}},
+                                    {{"layout", "sphere"}},
+                                    {{"columns", 1.5}},
+                                    {{"k", 3.0}}}) {
+    EXPECT_THROW(renderer.render(view, frames, {"slabs", kPaintedPlane, wrong}), Error);
+  }
+}
+
+}  // namespace
+}  // namespace raystage

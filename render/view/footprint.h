@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+
+#include "render/view/instant.h"
+#include "render/view/view.h"
+
+namespace raystage {
+
+/// How many pixels of the cameras, along one axis, a pixel of the view covers where its ray meets
+/// `plane`: the most of any camera between which the ray passes and that sees it, and of any of 5x5
+/// places in the view. Above 1 the view has less resolution than the light field (thesis 5.3: it
+/// must be filtered), below 1 more. 0 where no camera sees anything of the view.
+double source_pixels_per_pixel(const VirtualCamera& view, const Instant& instant,
+                               const Eigen::Vector4d& plane);
+
+/// The view with `factor` times as many pixels along each axis, over the same image.
+VirtualCamera supersampled(const VirtualCamera& view, int factor);
+
+/// The mean of factor x factor pixels each: of premultiplied linear light, alpha and coverage; of
+/// inverse depths where alpha is above 0, by alpha (they are what is linear on a plane). Statistics
+/// and notes are kept. Where there are measures of coverage: the mean of `cameras`, by alpha, and
+/// the least of `nearest_ray`. `image`: of a view made by supersampled() with that factor.
+RenderedView averaged(const RenderedView& image, int factor);
+
+}  // namespace raystage

@@ -131,7 +131,10 @@ TEST_P(MethodExtremes, AWhiteWorldStaysWhite) {
 
 std::vector<std::string> names() {
   std::vector<std::string> names;
-  for (const Method& method : methods()) names.emplace_back(method.name);
+  for (const Method& method : methods()) {
+    // The hull asks for mattes, which these takes do not have.
+    if (method.name != "visual_hull") names.emplace_back(method.name);
+  }
   return names;
 }
 

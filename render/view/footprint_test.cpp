@@ -94,13 +94,6 @@ TEST_F(Footprint, AveragesPremultipliedLightAndInverseDepth) {
   EXPECT_EQ(mean.rgba[7], 0);
   EXPECT_EQ(mean.z[1], std::numeric_limits<float>::infinity());
   EXPECT_EQ(mean.notes, image.notes);
-  EXPECT_TRUE(mean.cameras.empty());
-  image.cameras = {1, 2.5F, 9, 9, 0, 0, 9, 9};
-  image.nearest_ray = {3, 2, 7, 7, 5, 4, 7, 7};
-  image.cameras.resize(image.coverage.size());
-  image.nearest_ray.resize(image.coverage.size(), 7);
-  EXPECT_FLOAT_EQ(averaged(image, 2).cameras[0], (1 + 0.5F * 2.5F) / 1.5F);
-  EXPECT_EQ(averaged(image, 2).nearest_ray[0], 2);
   set(0, 0.4F, 1, std::numeric_limits<float>::infinity());  // a plane at infinity is no hole
   EXPECT_FLOAT_EQ(averaged(image, 2).z[0], 1.5F / (0.5F / 4));
 }

@@ -6,12 +6,14 @@
 
 #include "render/automatic/automatic.h"
 #include "render/planar/focal_plane.h"
+#include "render/sweep/plane_sweep.h"
 #include "schemas/error.h"
 
 namespace raystage {
 
 std::span<const Method> methods() {
-  static const std::vector<Method> all{focal_plane_method(), nearest_method(), automatic_method()};
+  static const std::vector<Method> all{focal_plane_method(), nearest_method(), plane_sweep_method(),
+                                       automatic_method()};
   return all;
 }
 

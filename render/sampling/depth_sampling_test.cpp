@@ -10,6 +10,7 @@
 #include <random>
 #include <set>
 
+#include "render/sampling/depth_planning.h"
 #include "render/view/ray_cells.h"
 #include "schemas/transfer_function.h"
 
@@ -157,6 +158,45 @@ TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
       EXPECT_EQ(before, after);  // what was not marked is not read, or weighs nothing
     }
   }
+}
+
+TEST(DepthSampling, ABlocksPlanHoldsAllThatItsPixelsRead) {
+  const VirtualCamera view = test_view();
+  JpegLayout layout;
+  layout.mcu_width = layout.mcu_height = 8;
+  layout.mcus_per_row = (kWidth + 7) / 8;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> unit(0, 1);
+  const std::vector<float> weight(16, 1.0F);
+  int marked = 0;
+  for (const auto& [camera, name] : cameras()) {
+    SCOPED_TRACE(name);
+    for (int trial = 0; trial < 60; ++trial) {
+      const int x = static_cast<int>(random() % 144), y = static_cast<int>(random() % 92);
+      const float farthest = trial % 5 ? unit(random) : 0.0F;
+      const float nearest = farthest + (trial % 7 ? 2 * unit(random) : 0.0F);
+      std::vector<std::uint8_t> planned(48), read(48);
+      DepthSource source = depth_source(view, camera);
+      plan_into(source.camera, layout, planned.data());
+      const LookUp look_up = trial % 2 ? LookUp::kCubic : LookUp::kLinear;
+      mark_block(source,
+                 {x, x + 16, y, y + 8, static_cast<double>(farthest), static_cast<double>(nearest)},
+                 look_up);
+      plan_into(source.camera, layout, read.data());
+      for (int row = y; row < y + 8; ++row) {
+        for (int depth = 0; depth < 20; ++depth) {
+          std::vector<float> inverse_depth(16);
+          for (float& q : inverse_depth) q = farthest + (nearest - farthest) * unit(random);
+          mark_samples_at_depth(source, x, row, inverse_depth, weight, look_up);
+        }
+      }
+      for (std::size_t i = 0; i < read.size(); ++i) {
+        EXPECT_LE(read[i], planned[i]) << "trial " << trial << ", MCU " << i;
+        marked += read[i];
+      }
+    }
+  }
+  EXPECT_GT(marked, 200);
 }
 
 TEST(DepthSampling, FinishCutsOffWhatOvershootsAndTurnsCodesIntoLight) {

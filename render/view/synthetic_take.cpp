@@ -48,9 +48,13 @@ RgbImage photograph(const CameraGeometry& geometry, const SyntheticTake& setting
       std::array<double, 3> linear{};
       if (const auto ray = model.unproject({x + 0.5, y + 0.5})) {
         const Eigen::Vector3d direction = pose.world_from_camera_rotation * *ray;
-        const double t = (-settings.plane_depth - pose.position.z()) / direction.z();
-        const Eigen::Vector3d hit = pose.position + t * direction;
-        linear = painted_plane(hit.x(), hit.y());
+        if (settings.scene) {
+          linear = settings.scene(pose.position, direction);
+        } else {
+          const double t = (-settings.plane_depth - pose.position.z()) / direction.z();
+          const Eigen::Vector3d hit = pose.position + t * direction;
+          linear = painted_plane(hit.x(), hit.y());
+        }
       }
       for (std::size_t c = 0; c < 3; ++c) {
         const PhotometricResponse& response = settings.photometric;
@@ -76,6 +80,7 @@ void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::
   if (settings.knows_depth_range) {
     take.depth_range = settings.depth_range.value_or(
         DepthRange{settings.plane_depth, settings.plane_depth * 1.001});
+    if (take.depth_range->near == 0) take.depth_range.reset();
   }
   RigDocument rig;
   rig.name = "synthetic";

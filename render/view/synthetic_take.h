@@ -21,9 +21,13 @@ std::array<double, 3> painted_plane(double x, double y);
 
 struct SyntheticTake {
   std::vector<CameraGeometry> cameras;
-  double plane_depth = 4;                   ///< the painted plane is z = -plane_depth
-  bool knows_depth_range = true;            ///< whether take.json says one
-  std::optional<DepthRange> depth_range;    ///< as take.json says it; unless given, the plane's
+  double plane_depth = 4;  ///< the painted plane is z = -plane_depth
+  /// Linear RGB that a ray sees (origin and direction in the world, metres; direction not unit);
+  /// where empty, the painted plane.
+  std::function<std::array<double, 3>(const Eigen::Vector3d&, const Eigen::Vector3d&)> scene;
+  bool knows_depth_range = true;  ///< whether take.json says one
+  /// As the take says; unless given the painted plane's. near = 0: the take does not say.
+  std::optional<DepthRange> depth_range;
   int frames = 1;                           ///< at 15 fps
   std::vector<std::pair<int, int>> absent;  ///< (camera, frame) that were dropped
   PhotometricResponse photometric;          ///< of every camera, as calibrated

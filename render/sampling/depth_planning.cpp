@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/sampling/depth_planning.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace raystage {
+namespace {
+
+/// All numbers from `low` to `high`.
+struct Interval {
+  double low = 0, high = 0;
+};
+Interval operator+(Interval a, Interval b) { return {a.low + b.low, a.high + b.high}; }
+Interval operator*(double s, Interval a) {
+  return s < 0 ? Interval{s * a.high, s * a.low} : Interval{s * a.low, s * a.high};
+}
+Interval operator*(Interval a, Interval b) {
+  const auto [low, high] =
+      std::minmax({a.low * b.low, a.low * b.high, a.high * b.low, a.high * b.high});
+  return {low, high};
+}
+Interval square(Interval a) {
+  const double low = a.low * a.low, high = a.high * a.high;
+  if (a.low <= 0 && a.high >= 0) return {0, std::max(low, high)};
+  return {std::min(low, high), std::max(low, high)};
+}
+Interval joined(Interval a, Interval b) {
+  return {std::min(a.low, b.low), std::max(a.high, b.high)};
+}
+
+/// Where an image region lies after the lens: interval arithmetic, so never too small.
+struct Region {
+  Interval x, y;
+};
+Region through_lens(const SourceView& c, Region ideal) {
+  Region pixels = ideal;
+  if (c.distorted) {
+    const Interval xx = square(ideal.x), yy = square(ideal.y);
+    Interval rr = xx + yy;
+    // Nothing is seen beyond the fold.
+    rr.high = std::min(rr.high, static_cast<double>(c.fold_radius_squared));
+    rr.low = std::min(rr.low, rr.high);
+    Interval radial = rr * Interval{c.k3, c.k3} + Interval{c.k2, c.k2};
+    radial = rr * radial + Interval{c.k1, c.k1};
+    radial = rr * radial + Interval{1, 1};
+    const Interval xy = ideal.x * ideal.y;
+    pixels.x = ideal.x * radial + (2.0 * c.p1) * xy + static_cast<double>(c.p2) * (rr + 2 * xx);
+    pixels.y = ideal.y * radial + (2.0 * c.p2) * xy + static_cast<double>(c.p1) * (rr + 2 * yy);
+  }
+  return {c.fx * pixels.x + Interval{c.cx, c.cx}, c.fy * pixels.y + Interval{c.cy, c.cy}};
+}
+
+/// Marks the MCUs that hold pixels [left, right] x [top, bottom], clipped to the frame.
+void mark_pixels(const SourceView& c, double left, double right, double top, double bottom) {
+  if (!(right >= 0 && bottom >= 0 && left <= c.width - 1 && top <= c.height - 1)) return;
+  const auto clipped = [](double at, int size) {
+    return static_cast<int>(std::clamp(at, 0.0, size - 1.0));
+  };
+  const int first_column = clipped(left, c.width) >> c.mcu_width_log2;
+  const int last_column = clipped(right, c.width) >> c.mcu_width_log2;
+  const int first_row = clipped(top, c.height) >> c.mcu_height_log2;
+  const int last_row = clipped(bottom, c.height) >> c.mcu_height_log2;
+  for (int row = first_row; row <= last_row; ++row) {
+    std::fill_n(c.wanted_mcus + static_cast<std::ptrdiff_t>(row) * c.mcus_per_row + first_column,
+                last_column - first_column + 1, std::uint8_t{1});
+  }
+}
+
+/// The ideal image points of the block's four corners at one depth.
+struct Corners {
+  std::array<double, 4> x{}, y{};
+  int in_front = 0;
+};
+Corners corners_at(const DepthSource& source, const ViewBlock& block, double inverse_depth) {
+  Corners corners;
+  const auto& m = source.camera.ideal_from_pixel;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const double x = (i & 1) ? block.right - 0.5 : block.left + 0.5;
+    const double y = (i & 2) ? block.bottom - 0.5 : block.top + 0.5;
+    const auto row = [&](std::size_t r) {
+      return m[3 * r] * x + m[3 * r + 1] * y + m[3 * r + 2] +
+             inverse_depth * source.per_inverse_depth[r];
+    };
+    const double w = row(2);
+    if (!(w > 0)) continue;
+    ++corners.in_front;
+    corners.x[i] = row(0) / w;
+    corners.y[i] = row(1) / w;
+  }
+  return corners;
+}
+
+}  // namespace
+
+void mark_block(const DepthSource& source, const ViewBlock& block, LookUp look_up) {
+  const SourceView& c = source.camera;
+  const Corners far = corners_at(source, block, block.farthest);
+  const Corners near = corners_at(source, block, block.nearest);
+  if (far.in_front + near.in_front == 0) return;  // W is linear: nor is anything in between
+  if (far.in_front + near.in_front < 8) {
+    mark_pixels(c, 0, c.width - 1, 0, c.height - 1);
+    return;
+  }
+  // Each corner runs along a line of the image, from far to near; cut in pieces, so that a slanting
+  // run is not covered by one large rectangle.
+  double longest = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    longest = std::max(
+        {longest, c.fx * std::abs(near.x[i] - far.x[i]), c.fy * std::abs(near.y[i] - far.y[i])});
+  }
+  constexpr double kPieceLength = 16;  // pixels
+  constexpr int kMostPieces = 256;
+  const int pieces =
+      1 + static_cast<int>(std::min<double>(kMostPieces - 1, longest / kPieceLength));
+  // The kernels work in float: a good part of a pixel is more than they can be off.
+  const double slack = 0.25;
+  const double before = (look_up == LookUp::kCubic ? 1.5 : 0.5) + c.chroma_reach + slack;
+  const double behind = (look_up == LookUp::kCubic ? 2 : 1) + c.chroma_reach + slack;
+  Corners from = far;
+  for (int piece = 1; piece <= pieces; ++piece) {
+    const double part = static_cast<double>(piece) / pieces;
+    const Corners to =
+        piece == pieces
+            ? near
+            : corners_at(source, block, (1 - part) * block.farthest + part * block.nearest);
+    const auto range = [](const std::array<double, 4>& values) {
+      const auto [low, high] = std::minmax_element(values.begin(), values.end());
+      return Interval{*low, *high};
+    };
+    // The hull of the corners holds the piece: projection keeps lines straight.
+    const Region pixels =
+        through_lens(c, {joined(range(from.x), range(to.x)), joined(range(from.y), range(to.y))});
+    if (pixels.x.high >= -slack && pixels.x.low <= c.width + slack && pixels.y.high >= -slack &&
+        pixels.y.low <= c.height + slack) {
+      // Positions at the border are read at the outermost centres.
+      const double left = std::clamp(pixels.x.low, 0.5, c.width - 0.5);
+      const double right = std::clamp(pixels.x.high, 0.5, c.width - 0.5);
+      const double top = std::clamp(pixels.y.low, 0.5, c.height - 0.5);
+      const double bottom = std::clamp(pixels.y.high, 0.5, c.height - 0.5);
+      mark_pixels(c, left - 0.5 - before, right - 0.5 + behind, top - 0.5 - before,
+                  bottom - 0.5 + behind);
+    }
+    from = to;
+  }
+}
+
+}  // namespace raystage

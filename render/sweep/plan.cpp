@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <array>
+#include <set>
+
+#include "render/sweep/cost_kernels.h"
+#include "render/sweep/plane_sweep.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace plane_sweep {
+namespace {
+
+constexpr std::array kOptions{
+    whole_option("cameras", 4, 1, kMostMatched, "matched and blended per ray"),
+    whole_option("planes", 0, 0, 512, "tried between near and far; 0: as many as step_px asks for"),
+    number_option("step_px", 0.5, 0.05, 16,
+                  "disparity between neighbouring cameras from plane to plane, pixels"),
+    number_option("near", 0, 0, 1e9, "nearest thing, metres in front of the array; 0: the take's"),
+    number_option("far", 0, 0, 1e12, "farthest thing, metres in front of the array; 0: the take's"),
+    choice_option("aggregation", "semi_global", "semi_global|box|none",
+                  "how neighbouring pixels help each other to a plane"),
+    whole_option("p1", 40, 0, 4000,
+                 "semi_global: penalty for one plane's change, of a cost of 255"),
+    whole_option("p2", 200, 0, 4000, "semi_global: penalty for a larger change, at least p1"),
+    whole_option("box_radius", 2, 1, 7, "box: pixels to each side that are summed over"),
+    number_option("truncation", 40, 1, 255, "difference of 8-bit codes beyond which all are alike"),
+    flag_option("sub_plane", true, "depths between planes, by a parabola through the costs"),
+    choice_option("look_up", "cubic", "cubic|linear", "how frames are read between their pixels")};
+
+constexpr int kMostPlanes = 512;
+
+DepthRange scene_of(const ViewRequest& request) {
+  DepthRange scene = request.instant.take->document().depth_range.value_or(DepthRange{});
+  if (const double near = request.options.number("near"); near > 0) scene.near = near;
+  if (const double far = request.options.number("far"); far > 0) scene.far = far;
+  const std::string take = request.instant.take->folder().string();
+  if (!(scene.near > 0 && scene.far > 0)) {
+    throw Error::bad_input("plane_sweep does not know how deep the scene is", take,
+                           "Give the options near and far, in metres in front of the array");
+  }
+  if (scene.far < scene.near) {
+    throw Error::bad_input("plane_sweep: far is nearer than near", take,
+                           "Give near and far in metres, near first");
+  }
+  return scene;
+}
+
+Settings settings_of(const MethodOptions& options) {
+  Settings s;
+  s.cameras = options.whole("cameras");
+  const std::string& aggregation = options.text("aggregation");
+  s.aggregation = aggregation == "semi_global" ? Aggregation::kSemiGlobal
+                  : aggregation == "box"       ? Aggregation::kBox
+                                               : Aggregation::kNone;
+  s.look_up = options.text("look_up") == "cubic" ? LookUp::kCubic : LookUp::kLinear;
+  s.sub_plane = options.flag("sub_plane");
+  s.p1 = options.whole("p1");
+  s.p2 = options.whole("p2");
+  s.box_radius = options.whole("box_radius");
+  s.truncation = options.number("truncation");
+  if (s.p2 < s.p1) {
+    throw Error::bad_input("plane_sweep: p2 is less than p1", "method plane_sweep",
+                           "Give p2 at least p1");
+  }
+  return s;
+}
+
+std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
+  std::set<int> cameras;
+  for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
+    if (instant.frame_of_camera[i] >= 0) cameras.insert(static_cast<int>(i));
+  }
+  if (absent_too) {
+    for (const Topology::Cell& cell : instant.complete->cells) {
+      for (const int camera : cell) {
+        if (camera >= 0) cameras.insert(camera);
+      }
+    }
+  }
+  return {cameras.begin(), cameras.end()};
+}
+
+}  // namespace
+
+std::optional<Plan> plan(const ViewRequest& request) {
+  const Settings settings = settings_of(request.options);
+  const Rig& rig = *request.instant.rig;
+  const InverseDepthRange range = inverse_depths_in_view(request.view, rig, scene_of(request));
+  if (range.empty()) return std::nullopt;
+  Plan result{
+      settings,
+      CameraField(request.view, rig, cameras_of(request.instant, false), range, settings.cameras),
+      std::nullopt,
+      {}};
+  const int wanted = request.options.whole("planes");
+  result.planes = wanted > 0 ? planes_across(range, wanted)
+                             : planes_across(range, request.view, rig, result.field,
+                                             request.options.number("step_px"), kMostPlanes);
+  if (request.instant.present != request.instant.complete) {
+    result.complete.emplace(request.view, rig, cameras_of(request.instant, true), range,
+                            settings.cameras);
+  }
+  return result;
+}
+
+float absent_share(const Plan& plan, const Instant& instant, int x, int y) {
+  if (!plan.complete) return 0;
+  const CameraField::Tile& tile =
+      plan.complete->tile(x / CameraField::kTile, y / CameraField::kTile);
+  float absent = 0;
+  for (const CameraField::TileCamera& camera : tile.cameras) {
+    if (!instant.is_present(camera.camera)) absent += CameraField::share(tile, camera, x, y);
+  }
+  return std::min(absent, 1.0F);
+}
+
+}  // namespace plane_sweep
+
+Method plane_sweep_method() {
+  return {"plane_sweep", "the nearest cameras, where they agree best: depth found view by view",
+          plane_sweep::kOptions, plane_sweep::render, plane_sweep::render_reference};
+}
+
+}  // namespace raystage

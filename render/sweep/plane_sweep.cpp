@@ -1,0 +1,271 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/sweep/plane_sweep.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <limits>
+
+#include "render/matching/matching.h"
+#include "render/sampling/depth_planning.h"
+#include "render/sweep/cost_kernels.h"
+#include "schemas/parallel.h"
+
+namespace raystage::plane_sweep {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Tile = CameraField::Tile;
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+/// One view's rendering, stage by stage: plan (which source pixels), decode, match, blend.
+class Frame {
+ public:
+  Frame(const ViewRequest& request, const Plan& plan)
+      : request_(request),
+        view_(request.view),
+        plan_(plan),
+        sources_(request.instant.rig->cameras.size()) {}
+
+  RenderedView render(Clock::time_point start) {
+    RenderedView image = empty_view(view_);
+    find_sources();
+    const auto planned = Clock::now();
+    decode(image.statistics);
+    const auto decoded = Clock::now();
+    const PlaneMap map = match();
+    blend(map, image);
+    image.statistics.plan_ms = milliseconds(planned - start);
+    image.statistics.decode_ms = milliseconds(decoded - planned);
+    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
+    if (request_.count_needed_pixels) count_needed(map, image.statistics);
+    return image;
+  }
+
+ private:
+  struct Source {
+    DepthSource look_up;  // its rgbx stays null where nothing of the camera is seen
+    McuMask wanted;
+    std::shared_ptr<const DecodedFrame> frame;
+    MatchingFrame matching_frame;
+    MatchingCamera matching;
+    bool used = false;
+  };
+
+  Source& source(int camera) { return sources_[static_cast<std::size_t>(camera)]; }
+
+  template <class Body>
+  void for_each_tile(const Body& body) const {
+    for (int row = 0; row < plan_.field.rows(); ++row) {
+      for (int column = 0; column < plan_.field.columns(); ++column) {
+        body(plan_.field.tile(column, row));
+      }
+    }
+  }
+
+  static bool has_camera(const Tile& tile, int camera) {
+    return std::ranges::binary_search(tile.cameras, camera, {}, &CameraField::TileCamera::camera);
+  }
+
+  /// Which cameras take part, and which of their pixels.
+  void find_sources() {
+    for_each_tile([&](const Tile& tile) {
+      for (const auto& camera : tile.cameras) source(camera.camera).used = true;
+    });
+    const Instant& instant = request_.instant;
+    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+      Source& opened = sources_[i];
+      if (!opened.used) return;
+      const int camera = static_cast<int>(i);
+      opened.look_up = depth_source(view_, instant.rig->cameras[i]);
+      const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
+      opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
+      plan_into(opened.look_up.camera, *layout, opened.wanted.data());
+      for_each_tile([&](const Tile& tile) {
+        if (!has_camera(tile, camera)) return;
+        const ViewBlock block{tile.left,
+                              tile.right,
+                              tile.top,
+                              tile.bottom,
+                              plan_.planes.farthest,
+                              plan_.planes.nearest()};
+        mark_block(opened.look_up, block, plan_.settings.look_up);
+      });
+    });
+  }
+
+  void decode(RenderStatistics& statistics) {
+    std::atomic<std::int64_t> pixels = 0;
+    std::atomic<int> cameras = 0;
+    FrameCache& cache = *request_.instant.cache;
+    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+      Source& s = sources_[i];
+      if (!s.used || std::ranges::find(s.wanted, 1) == s.wanted.end()) return;
+      std::int64_t decoded = 0;
+      s.frame =
+          cache.fetch(static_cast<int>(i), request_.instant.frame_of_camera[i], s.wanted, decoded);
+      s.look_up.camera.rgbx = s.frame->rgbx.get();
+      if (plan_.planes.count > 1) s.matching_frame = MatchingFrame(*s.frame, cache.blend_space());
+      s.matching = {s.look_up, s.matching_frame.pixels(), s.matching_frame.pitch()};
+      pixels += decoded;
+      ++cameras;
+    });
+    statistics.pixels_decoded = pixels;
+    statistics.cameras_used = cameras;
+  }
+
+  void fill_row(int y, std::uint8_t* costs) {
+    CostScratch scratch(plan_.planes.count);
+    CostRun run;
+    run.y = y;
+    run.planes = plan_.planes;
+    run.truncation = plan_.settings.truncation;
+    const std::ptrdiff_t stride = plane_stride(plan_.planes.count);
+    std::vector<const MatchingCamera*> cameras;
+    for (int column = 0; column < plan_.field.columns(); ++column) {
+      const Tile& tile = plan_.field.tile(column, y / CameraField::kTile);
+      cameras.clear();
+      for (const int camera : tile.best) {
+        if (source(camera).frame) cameras.push_back(&source(camera).matching);
+      }
+      run.begin = tile.left;
+      run.end = tile.right;
+      run.cameras = cameras;
+      run.costs = costs + tile.left * stride;
+      fill_costs(run, scratch);
+    }
+  }
+
+  PlaneMap match() {
+    const CostVolume volume{view_.width, view_.height, plan_.planes.count};
+    const Settings& s = plan_.settings;
+    if (volume.planes == 1) {
+      PlaneMap map{view_.width, view_.height, {}, {}};
+      map.plane.resize(static_cast<std::size_t>(view_.width) *
+                       static_cast<std::size_t>(view_.height));
+      return map;
+    }
+    const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs.data()); };
+    if (s.aggregation != Aggregation::kSemiGlobal) {
+      return box_match(volume, fill, s.aggregation == Aggregation::kBox ? s.box_radius : 0,
+                       s.sub_plane);
+    }
+    SemiGlobalSettings settings;
+    settings.p1 = s.p1;
+    settings.p2 = s.p2;
+    settings.sub_plane = s.sub_plane;
+    std::size_t held = 0;
+    for (const Source& opened : sources_) {
+      if (opened.frame) held += MatchingFrame::bytes(opened.frame->width, opened.frame->height);
+    }
+    settings.working_bytes = request_.working_bytes - std::min(request_.working_bytes, held);
+    return semi_global_match(volume, fill, settings);
+  }
+
+  void find_depths(const PlaneMap& map, const Tile& tile, int y, float* inverse_depth) const {
+    const float* plane =
+        &map.plane[static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
+                   static_cast<std::size_t>(tile.left)];
+    for (int i = 0; i < tile.right - tile.left; ++i) {
+      inverse_depth[i] =
+          static_cast<float>(plan_.planes.inverse_depth(static_cast<double>(plane[i])));
+    }
+  }
+
+  void blend(const PlaneMap& map, RenderedView& image) {
+    raystage::parallel_for(0, view_.height, [&](int y) {
+      std::array<float, CameraField::kTile> inverse_depth, share;
+      for (int column = 0; column < plan_.field.columns(); ++column) {
+        const Tile& tile = plan_.field.tile(column, y / CameraField::kTile);
+        const auto n = static_cast<std::size_t>(tile.right - tile.left);
+        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
+                               static_cast<std::size_t>(tile.left);
+        find_depths(map, tile, y, inverse_depth.data());
+        const std::span<float> rgba(&image.rgba[at * 4], n * 4);
+        for (const CameraField::TileCamera& camera : tile.cameras) {
+          const Source& from = source(camera.camera);
+          if (!from.frame) continue;
+          for (std::size_t i = 0; i < n; ++i) {
+            share[i] = CameraField::share(tile, camera, tile.left + static_cast<int>(i), y);
+          }
+          add_samples_at_depth(from.look_up, tile.left, y, {inverse_depth.data(), n},
+                               {share.data(), n}, plan_.settings.look_up, rgba);
+        }
+        finish(rgba, {inverse_depth.data(), n}, tile.left, y, at, image);
+      }
+    });
+  }
+
+  void finish(std::span<float> rgba, std::span<const float> inverse_depth, int x, int y,
+              std::size_t at, RenderedView& image) const {
+    const FrameCache& cache = *request_.instant.cache;
+    finish_samples(rgba, cache.blend_space(), static_cast<float>(cache.full_scale()), rgba);
+    for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
+      const float alpha = rgba[4 * i + 3];
+      const float absent = absent_share(plan_, request_.instant, x + static_cast<int>(i), y);
+      image.coverage[at + i] = alpha * (1 - absent);
+      image.z[at + i] = alpha > 0 && inverse_depth[i] > 0 ? 1 / inverse_depth[i]
+                                                          : std::numeric_limits<float>::infinity();
+    }
+  }
+
+  /// Distinct pixels that the matching looked at, or the blending.
+  void count_needed(const PlaneMap& map, RenderStatistics& statistics) {
+    std::atomic<std::int64_t> needed = 0;
+    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+      Source& s = sources_[i];
+      if (!s.frame) return;
+      std::vector<std::uint8_t> read(static_cast<std::size_t>(s.frame->width) *
+                                     static_cast<std::size_t>(s.frame->height));
+      DepthSource marking = s.look_up;
+      marking.camera.wanted_mcus = nullptr;
+      marking.camera.read_pixels = read.data();
+      std::array<float, CameraField::kTile> inverse_depth, share;
+      const auto mark = [&](const Tile& tile, int y, LookUp look_up) {
+        const auto n = static_cast<std::size_t>(tile.right - tile.left);
+        mark_samples_at_depth(marking, tile.left, y, {inverse_depth.data(), n}, {share.data(), n},
+                              look_up);
+      };
+      for_each_tile([&](const Tile& tile) {
+        const auto found = std::ranges::lower_bound(tile.cameras, static_cast<int>(i), {},
+                                                    &CameraField::TileCamera::camera);
+        if (found == tile.cameras.end() || found->camera != static_cast<int>(i)) return;
+        const bool matched =
+            plan_.planes.count > 1 && std::ranges::binary_search(tile.best, static_cast<int>(i));
+        for (int y = tile.top; y < tile.bottom; ++y) {
+          find_depths(map, tile, y, inverse_depth.data());
+          for (int x = tile.left; x < tile.right; ++x) {
+            share[static_cast<std::size_t>(x - tile.left)] = CameraField::share(tile, *found, x, y);
+          }
+          mark(tile, y, plan_.settings.look_up);
+          share.fill(1);
+          for (int plane = 0; matched && plane < plan_.planes.count; ++plane) {
+            inverse_depth.fill(static_cast<float>(plan_.planes.inverse_depth(plane)));
+            mark(tile, y, LookUp::kLinear);
+          }
+        }
+      });
+      needed += std::count(read.begin(), read.end(), 1);
+    });
+    statistics.pixels_needed = needed;
+  }
+
+  const ViewRequest& request_;
+  const VirtualCamera& view_;
+  const Plan& plan_;
+  std::vector<Source> sources_;  // per camera of the rig
+};
+
+}  // namespace
+
+RenderedView render(const ViewRequest& request) {
+  const auto start = Clock::now();
+  const std::optional<Plan> made = plan(request);
+  if (!made) return empty_view(request.view);
+  return Frame(request, *made).render(start);
+}
+
+}  // namespace raystage::plane_sweep

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+
+#include "render/sampling/depth_sampling.h"
+#include "render/sweep/camera_field.h"
+#include "render/view/method.h"
+
+namespace raystage {
+
+/// Method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis, Reconstruction): planes
+/// across the view, evenly spaced in inverse depth; at each pixel the one on which the cameras
+/// agree best, smoothed by semi-global matching; then the cameras blended where they see that
+/// point, with lumigraph weights.
+///
+/// A = the shares of the chosen cameras that saw the pixel's point. Coverage is lower than that by
+/// the shares of cameras that would have been chosen had they a frame at this instant. z: planar
+/// depth of the point found. Throws Error (bad input) where neither the take nor the options say
+/// how deep the scene is.
+Method plane_sweep_method();
+
+namespace plane_sweep {
+
+enum class Aggregation { kSemiGlobal, kBox, kNone };
+
+struct Settings {
+  int cameras = 4;
+  Aggregation aggregation = Aggregation::kSemiGlobal;
+  LookUp look_up = LookUp::kCubic;
+  bool sub_plane = true;
+  int p1 = 40, p2 = 200, box_radius = 2;
+  double truncation = 40;
+};
+
+/// What is to be done for a view: shared by the fast and the slow way.
+struct Plan {
+  Settings settings;
+  CameraField field;
+  std::optional<CameraField> complete;  ///< as if no camera were absent; only where one is
+  SweepPlanes planes;
+};
+/// nullopt where the view sees nothing of the scene.
+std::optional<Plan> plan(const ViewRequest& request);
+
+/// What share of a pixel cameras have that are absent, 0 to 1.
+float absent_share(const Plan& plan, const Instant& instant, int x, int y);
+
+RenderedView render(const ViewRequest& request);
+RenderedView render_reference(const ViewRequest& request);
+
+}  // namespace plane_sweep
+}  // namespace raystage

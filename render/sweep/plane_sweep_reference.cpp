@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "render/matching/matching.h"
+#include "render/sweep/cost_kernels.h"
+#include "render/sweep/plane_sweep.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage::plane_sweep {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Everything pixel by pixel, in double.
+class Reference {
+ public:
+  Reference(const ViewRequest& request, const Plan& plan)
+      : request_(request), plan_(plan), rays_(request.view), frames_(cameras().size()) {}
+
+  RenderedView render() {
+    RenderedView image = empty_view(request_.view);
+    const auto start = std::chrono::steady_clock::now();
+    decode(image.statistics);
+    const auto decoded = std::chrono::steady_clock::now();
+    const PlaneMap map = match();
+    for (int y = 0; y < image.height; ++y) {
+      for (int x = 0; x < image.width; ++x) {
+        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
+                               static_cast<std::size_t>(x);
+        blend(x, y, plan_.planes.inverse_depth(static_cast<double>(map.plane[at])),
+              &image.rgba[at * 4], image.coverage[at], image.z[at]);
+      }
+    }
+    const auto end = std::chrono::steady_clock::now();
+    image.statistics.decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
+    image.statistics.render_ms = std::chrono::duration<double, std::milli>(end - decoded).count();
+    return image;
+  }
+
+ private:
+  const std::vector<Rig::Camera>& cameras() const { return request_.instant.rig->cameras; }
+
+  void decode(RenderStatistics& statistics) {
+    FrameCache& cache = *request_.instant.cache;
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      const int camera = static_cast<int>(i), frame = request_.instant.frame_of_camera[i];
+      if (frame < 0) continue;
+      const auto layout = cache.layout(camera, frame);
+      frames_[i] =
+          cache.fetch(camera, frame, McuMask(static_cast<std::size_t>(layout->mcu_count()), 1),
+                      statistics.pixels_decoded);
+      ++statistics.cameras_used;
+    }
+  }
+
+  double cost(const CameraField::Tile& tile, const Vector3d& ray, double inverse_depth) const {
+    std::vector<ReferenceCamera> matched;
+    for (const int camera : tile.best) {
+      const auto i = static_cast<std::size_t>(camera);
+      matched.push_back({&cameras()[i], frames_[i].get()});
+    }
+    return cost_reference(matched, request_.instant.cache->blend_space(),
+                          request_.view.pose.position, ray, inverse_depth,
+                          plan_.settings.truncation);
+  }
+
+  void fill_row(int y, std::span<std::uint8_t> costs) const {
+    const auto stride = static_cast<std::size_t>(plane_stride(plan_.planes.count));
+    for (int x = 0; x < request_.view.width; ++x) {
+      const auto ray = rays_.through(x + 0.5, y + 0.5);
+      const CameraField::Tile& tile =
+          plan_.field.tile(x / CameraField::kTile, y / CameraField::kTile);
+      for (int plane = 0; plane < plan_.planes.count; ++plane) {
+        const double value =
+            ray ? cost(tile, *ray, plan_.planes.inverse_depth(plane)) : kUnknownCost;
+        costs[static_cast<std::size_t>(x) * stride + static_cast<std::size_t>(plane)] =
+            static_cast<std::uint8_t>(std::lround(value));
+      }
+    }
+  }
+
+  PlaneMap match() const {
+    const CostVolume volume{request_.view.width, request_.view.height, plan_.planes.count};
+    const Settings& s = plan_.settings;
+    const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs); };
+    if (s.aggregation != Aggregation::kSemiGlobal) {
+      return box_match_reference(
+          volume, fill, s.aggregation == Aggregation::kBox ? s.box_radius : 0, s.sub_plane);
+    }
+    SemiGlobalSettings settings;
+    settings.p1 = s.p1;
+    settings.p2 = s.p2;
+    settings.sub_plane = s.sub_plane;
+    return semi_global_match_reference(volume, fill, settings);
+  }
+
+  void blend(int x, int y, double inverse_depth, float* rgba, float& coverage, float& z) const {
+    const auto ray = rays_.through(x + 0.5, y + 0.5);
+    if (!ray) return;
+    const CameraField::Tile& tile =
+        plan_.field.tile(x / CameraField::kTile, y / CameraField::kTile);
+    std::array<double, 3> sum{};
+    double weight = 0;
+    for (const CameraField::TileCamera& camera : tile.cameras) {
+      const auto i = static_cast<std::size_t>(camera.camera);
+      const DepthSample sample =
+          sample_at_depth_reference(request_.view.pose.position, *ray, inverse_depth, cameras()[i],
+                                    *frames_[i], plan_.settings.look_up);
+      const double share =
+          sample.seen * static_cast<double>(CameraField::share(tile, camera, x, y));
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += share * sample.code[c];
+      weight += share;
+    }
+    if (weight <= 0) return;
+    const FrameCache& cache = *request_.instant.cache;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double mean = std::clamp(sum[c] / weight, 0.0, 1.0);
+      const double light =
+          cache.blend_space() == BlendSpace::kPerceptual ? linear_from_srgb(mean) : mean;
+      rgba[c] = static_cast<float>(light * cache.full_scale() * weight);
+    }
+    rgba[3] = static_cast<float>(weight);
+    coverage = rgba[3] * (1 - absent_share(plan_, request_.instant, x, y));
+    if (inverse_depth > 0) z = static_cast<float>(1 / inverse_depth);
+  }
+
+  const ViewRequest& request_;
+  const Plan& plan_;
+  ViewRays rays_;
+  std::vector<std::shared_ptr<const DecodedFrame>> frames_;
+};
+
+}  // namespace
+
+RenderedView render_reference(const ViewRequest& request) {
+  const std::optional<Plan> made = plan(request);
+  if (!made) return empty_view(request.view);
+  return Reference(request, *made).render();
+}
+
+}  // namespace raystage::plane_sweep

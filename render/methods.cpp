@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "render/automatic/automatic.h"
+#include "render/depth/depth.h"
 #include "render/planar/focal_plane.h"
 #include "render/sweep/plane_sweep.h"
 #include "schemas/error.h"
@@ -13,7 +14,7 @@ namespace raystage {
 
 std::span<const Method> methods() {
   static const std::vector<Method> all{focal_plane_method(), nearest_method(), plane_sweep_method(),
-                                       automatic_method()};
+                                       depth_method(), automatic_method()};
   return all;
 }
 

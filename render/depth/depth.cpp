@@ -77,7 +77,7 @@ class Frame {
 
   /// Which cameras take part, and which of their pixels.
   void find_sources() {
-    const EvenShares& field = plan_.field;
+    const CameraField& field = plan_.field;
     std::vector<Range> ranges(static_cast<std::size_t>(field.columns() * field.rows()));
     raystage::parallel_for(0, field.rows(), [&](int row) {
       for (int column = 0; column < field.columns(); ++column) {

@@ -33,31 +33,13 @@ struct Settings {
   bool keep = true;  ///< in the take's folder
 };
 
-/// A field's tiles with shares of more even size: raised to `power`, 0 to 1, and brought to the sum
-/// of 1 again at every corner. Many cameras of like weight average out what each adds of its own,
-/// noise and the traces of its compression, now that depths are known well enough for them to
-/// agree.
-class EvenShares {
- public:
-  EvenShares(const CameraField& field, double power);
-  int columns() const { return columns_; }
-  int rows() const { return static_cast<int>(tiles_.size()) / columns_; }
-  const CameraField::Tile& tile(int column, int row) const {
-    return tiles_[static_cast<std::size_t>(row * columns_ + column)];
-  }
-
- private:
-  int columns_ = 0;
-  std::vector<CameraField::Tile> tiles_;
-};
-
 /// What is to be done for a view: shared by the fast and the slow way.
 struct Plan {
   Settings settings;
   VirtualCamera pinhole;    ///< the view, without its lens distortion
   InverseDepthRange range;  ///< of what it sees
-  EvenShares field;
-  std::optional<EvenShares> complete;  ///< as if no camera were absent; only where one is
+  CameraField field;
+  std::optional<CameraField> complete;  ///< as if no camera were absent; only where one is
   std::shared_ptr<const CameraDepths> depths;
   InverseDepthMap view_depths;     ///< of the pinhole's pixels; all known
   std::vector<std::string> notes;  ///< see RenderedView::notes

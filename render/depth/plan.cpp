@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
 #include <set>
 
@@ -132,13 +131,13 @@ std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepth
   return reports;
 }
 
-InverseDepthMap depths_of_view(const Plan& plan, const CameraField& field) {
+InverseDepthMap depths_of_view(const Plan& plan) {
   const VirtualCamera& view = plan.pinhole;
   // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
   // alike and any tolerance will do.
   const double pixel = plan.depths->pixel > 0 ? plan.depths->pixel : 1;
   constexpr float kLeastShare = 0.2F;
-  InverseDepthMap map = fuse_depths(view, reports_for(field, *plan.depths),
+  InverseDepthMap map = fuse_depths(view, reports_for(plan.field, *plan.depths),
                                     {static_cast<float>(pixel / 2), kLeastShare});
   const auto behind = static_cast<float>(plan.range.farthest);
   for (float& depth : map.values) {
@@ -147,28 +146,7 @@ InverseDepthMap depths_of_view(const Plan& plan, const CameraField& field) {
   return map;
 }
 
-constexpr double kEvenness = 0.7;  ///< see EvenShares
-
 }  // namespace
-
-EvenShares::EvenShares(const CameraField& field, double power) : columns_(field.columns()) {
-  for (int row = 0; row < field.rows(); ++row) {
-    for (int column = 0; column < field.columns(); ++column) {
-      CameraField::Tile tile = field.tile(column, row);
-      std::array<float, 4> sum{};
-      for (auto& camera : tile.cameras) {
-        for (std::size_t i = 0; i < 4; ++i) {
-          camera.share[i] = std::pow(camera.share[i], static_cast<float>(power));
-          sum[i] += camera.share[i];
-        }
-      }
-      for (auto& camera : tile.cameras) {
-        for (std::size_t i = 0; i < 4; ++i) camera.share[i] /= sum[i] > 0 ? sum[i] : 1;
-      }
-      tiles_.push_back(std::move(tile));
-    }
-  }
-}
 
 std::optional<Plan> plan(const ViewRequest& request) {
   const Settings settings = settings_of(request);
@@ -184,16 +162,15 @@ std::optional<Plan> plan(const ViewRequest& request) {
     return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,
                        settings.cameras);
   };
-  const CameraField field = field_of(false);
   Plan result{settings,     pinhole,
-              range,        EvenShares(field, kEvenness),
+              range,        field_of(false),
               std::nullopt, std::shared_ptr<const CameraDepths>(kept, &kept->depths),
               {},           {}};
   if (request.instant.present != request.instant.complete) {
-    result.complete.emplace(field_of(true), kEvenness);
+    result.complete.emplace(field_of(true));
   }
   if (!kept->note.empty()) result.notes.push_back(kept->note);
-  result.view_depths = depths_of_view(result, field);
+  result.view_depths = depths_of_view(result);
   return result;
 }
 

@@ -152,8 +152,8 @@ std::vector<std::byte> encode_exr(const RenderedView& view, const ExrMetadata& m
   const std::size_t pixels = pixel_count(view.width, view.height);
   std::vector<half> rgba(pixels * 4);
   std::transform(view.rgba.begin(), view.rgba.end(), rgba.begin(), finite_half);
-  std::vector<float> z(view.z), coverage(view.coverage);
-  const auto replace_nan = [](std::vector<float>& values, float by) {
+  PixelValues z(view.z), coverage(view.coverage);
+  const auto replace_nan = [](PixelValues& values, float by) {
     std::replace_if(
         values.begin(), values.end(), [](float v) { return std::isnan(v); }, by);
   };
@@ -168,7 +168,7 @@ std::vector<std::byte> encode_exr(const RenderedView& view, const ExrMetadata& m
   frame_buffer.insert("Z", slice(Imf::FLOAT, z.data(), view.width, 1, 0, 0, 0.0));
   frame_buffer.insert("lf.coverage", slice(Imf::FLOAT, coverage.data(), view.width, 1, 0, 0, 0.0));
 
-  std::vector<float> cameras(view.cameras), nearest(view.nearest_ray);
+  PixelValues cameras(view.cameras), nearest(view.nearest_ray);
   if (metadata.coverage_measures) {
     cameras.resize(pixels, 0.0F);
     nearest.resize(pixels, std::numeric_limits<float>::infinity());

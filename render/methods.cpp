@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "render/automatic/automatic.h"
+#include "render/depth/depth.h"
 #include "render/hull/visual_hull.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/planar/aperture.h"
@@ -17,8 +18,9 @@ namespace raystage {
 
 std::span<const Method> methods() {
   static const std::vector<Method> all{
-      focal_plane_method(), nearest_method(),     aperture_method(),    lumigraph_method(),
-      slabs_method(),       plane_sweep_method(), visual_hull_method(), automatic_method()};
+      focal_plane_method(), nearest_method(),     aperture_method(),
+      lumigraph_method(),   slabs_method(),       plane_sweep_method(),
+      depth_method(),       visual_hull_method(), automatic_method()};
   return all;
 }
 

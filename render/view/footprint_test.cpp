@@ -83,8 +83,8 @@ TEST_F(Footprint, AveragesPremultipliedLightAndInverseDepth) {
   image.cameras = {2, 1, 3, 3, 0, 1, 3, 3};
   image.nearest_ray = {0.3F, 0.2F, 1, 1, 0.5F, 0.6F, 1, 1};
   const RenderedView mean = averaged(image, 2);
-  EXPECT_EQ(mean.cameras, (std::vector<float>{1, 3}));
-  EXPECT_EQ(mean.nearest_ray, (std::vector<float>{0.2F, 1}));
+  EXPECT_EQ(mean.cameras, (PixelValues{1, 3}));
+  EXPECT_EQ(mean.nearest_ray, (PixelValues{0.2F, 1}));
   ASSERT_EQ(mean.width, 2);
   ASSERT_EQ(mean.height, 1);
   EXPECT_FLOAT_EQ(mean.rgba[0], 0.15F);

@@ -80,6 +80,7 @@ void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::
   if (settings.knows_depth_range) {
     take.depth_range = settings.depth_range.value_or(
         DepthRange{settings.plane_depth, settings.plane_depth * 1.001});
+    if (take.depth_range->near == 0) take.depth_range.reset();
   }
   RigDocument rig;
   rig.name = "synthetic";

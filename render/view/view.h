@@ -74,10 +74,10 @@ struct RenderedView {
   PixelValues z;
   /// On request, else empty: how many cameras of equal weight would be as many as those behind a
   /// pixel, (sum w)^2 / sum w^2; 0 where there are none.
-  std::vector<float> cameras;
+  PixelValues cameras;
   /// On request, else empty: metres, least distance from the pixel's ray (a whole line) to the
   /// centre of a camera that contributes; +infinity where none does.
-  std::vector<float> nearest_ray;
+  PixelValues nearest_ray;
   RenderStatistics statistics;
   /// What people should know about how it was made, a line each, the same for every frame of a
   /// shot.

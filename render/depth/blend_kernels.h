@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "render/depth/pinhole.h"
+
+namespace raystage {
+
+inline constexpr int kMostRun = 64;  ///< pixels worked on at once
+
+/// Whether a camera sees the points of a run of a view's pixels, by its own depths: 1 up to
+/// `tolerance` (1/m) behind them, falling to 0 at kHiddenBehind times that; bilinear between the
+/// camera's pixels, so soft at edges. 1 outside its image, and where it knows no depth.
+struct VisibilityRun {
+  int x = 0, y = 0;                         ///< first pixel of the view
+  PixelTransfer transfer;                   ///< from the view to the camera
+  const InverseDepthMap* depths = nullptr;  ///< the camera's
+  std::span<const float> inverse_depth;     ///< of the view's pixels, kMostRun at most
+  float tolerance = 0;
+  std::span<float> visible;
+};
+inline constexpr float kHiddenBehind = 1.5F;
+void find_visibility(const VisibilityRun& run);
+
+/// Cameras' samples of a run of pixels, to be made one.
+struct BlendRun {
+  std::span<const float* const> samples;  ///< per camera: R, G, B, seen a pixel; see DepthSource
+  std::span<const float* const> shares;   ///< per camera: of each pixel, 0 to 1
+  std::span<const float* const> visible;  ///< per camera: of each pixel, 0 to 1
+  int count = 0;                          ///< pixels, kMostRun at most
+  float agreement = 0;                    ///< codes of 65535
+};
+/// The mean by share and visibility; then, twice, by that and 1 / (1 + d^2 / agreement^2), d = root
+/// mean square distance of a sample's colour from the mean. Cameras that do not see a point count
+/// where none does. `sums`: mean times A, and A = the shares of cameras in whose frame the point
+/// is.
+inline constexpr float kHiddenShare = 1e-4F;
+void blend_agreeing(const BlendRun& run, std::span<float> sums);
+
+}  // namespace raystage

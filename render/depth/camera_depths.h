@@ -1,0 +1,56 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "render/depth/pinhole.h"
+#include "render/sweep/camera_field.h"
+#include "render/view/instant.h"
+#include "schemas/geometry.h"
+
+namespace raystage {
+
+/// How depths are found. The same for all takes: lengths are in pixels of disparity between
+/// neighbouring cameras, differences in 8-bit codes.
+struct DepthSettings {
+  DepthRange scene;         ///< metres in front of the array; far may be infinite
+  double plane_px = 0.5;    ///< from plane to plane of the first guess; planes: 256 at most
+  int neighbours = 8;       ///< cameras that a guess is matched with, 1 to kMostMatched
+  int witnesses = 12;       ///< cameras that a depth is refined with
+  double refine_px = 0.2;   ///< from one of the kOffsets depths to the next
+  double tolerance_px = 1;  ///< by how much two cameras' depths of a point may differ
+};
+
+/// A depth for every pixel of every camera that has a frame at an instant.
+struct CameraDepths {
+  std::vector<VirtualCamera> pinholes;  ///< by camera of the rig; see undistorted()
+  std::vector<InverseDepthMap> maps;    ///< empty where there is no frame
+  /// The inverse depth, 1/m, that moves a point by one pixel between neighbouring cameras (median
+  /// over the rig); 0 where no two cameras see the same from different places.
+  double pixel = 0;
+
+  std::size_t bytes() const;
+};
+
+/// Finds them in three passes over all cameras: each is matched with its neighbours (smaller half
+/// of the differences, semi-global matching); then each takes the depth that most of its neighbours
+/// report for the pixel, its own among them; then depths are shifted, in fractions of a pixel, to
+/// where all cameras that see the point agree best, with edges of the picture and of the depth
+/// holding apart what does not belong together.
+///
+/// The result does not depend on the number of threads. Memory beside the result: for each camera
+/// a matching image (4 bytes a pixel) and a second map; and what cameras in flight need, as many
+/// as fit `working_bytes` (one at least). Throws Error (bad input) for frames that cannot be read.
+CameraDepths solve_camera_depths(const Instant& instant, const DepthSettings& settings,
+                                 std::size_t working_bytes);
+
+/// The pinholes and the pixel of CameraDepths, without maps: what stored maps are completed with.
+CameraDepths depth_cameras(const Instant& instant, const DepthSettings& settings);
+
+/// Other cameras of the rig that have a frame and see a part of what `camera` does in the scene,
+/// from another place: nearest first, `count` at most.
+std::vector<int> depth_neighbours(const CameraDepths& depths, const Instant& instant, int camera,
+                                  const InverseDepthRange& range, int count);
+
+}  // namespace raystage

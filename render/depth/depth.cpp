@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/depth.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <limits>
+
+#include "render/depth/blend_kernels.h"
+#include "render/sampling/depth_planning.h"
+#include "schemas/parallel.h"
+
+namespace raystage::depth {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Tile = CameraField::Tile;
+static_assert(CameraField::kTile <= kMostRun);
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+/// One view's rendering, when its depths are known: find source pixels, decode, blend.
+class Frame {
+ public:
+  Frame(const ViewRequest& request, const Plan& plan)
+      : request_(request),
+        view_(request.view),
+        plan_(plan),
+        sources_(request.instant.rig->cameras.size()) {}
+
+  RenderedView render(Clock::time_point start) {
+    RenderedView image = empty_view(view_);
+    find_sources();
+    const auto planned = Clock::now();
+    decode(image.statistics);
+    const auto decoded = Clock::now();
+    blend(image);
+    image.notes = plan_.notes;
+    image.statistics.plan_ms = milliseconds(planned - start);
+    image.statistics.decode_ms = milliseconds(decoded - planned);
+    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
+    if (request_.count_needed_pixels) count_needed(image.statistics);
+    return image;
+  }
+
+ private:
+  struct Source {
+    DepthSource look_up;
+    PixelTransfer transfer;  // from the view to where its depths are kept
+    McuMask wanted;
+    std::shared_ptr<const DecodedFrame> frame;
+    bool used = false;
+  };
+  struct Range {
+    float farthest = 0, nearest = 0;
+  };
+
+  Source& source(int camera) { return sources_[static_cast<std::size_t>(camera)]; }
+
+  const float* depths_at(int x, int y) const {
+    return plan_.view_depths.values.data() + static_cast<std::ptrdiff_t>(y) * view_.width + x;
+  }
+
+  Range range_of(const Tile& tile) const {
+    Range range{std::numeric_limits<float>::infinity(), 0};
+    for (int y = tile.top; y < tile.bottom; ++y) {
+      const auto [least, most] =
+          std::minmax_element(depths_at(tile.left, y), depths_at(tile.right, y));
+      range.farthest = std::min(range.farthest, *least);
+      range.nearest = std::max(range.nearest, *most);
+    }
+    return range;
+  }
+
+  /// Which cameras take part, and which of their pixels.
+  void find_sources() {
+    const CameraField& field = plan_.field;
+    std::vector<Range> ranges(static_cast<std::size_t>(field.columns() * field.rows()));
+    raystage::parallel_for(0, field.rows(), [&](int row) {
+      for (int column = 0; column < field.columns(); ++column) {
+        ranges[static_cast<std::size_t>(row * field.columns() + column)] =
+            range_of(field.tile(column, row));
+      }
+    });
+    for (int row = 0; row < field.rows(); ++row) {
+      for (int column = 0; column < field.columns(); ++column) {
+        for (const auto& camera : field.tile(column, row).cameras)
+          source(camera.camera).used = true;
+      }
+    }
+    const Instant& instant = request_.instant;
+    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+      Source& opened = sources_[i];
+      if (!opened.used) return;
+      const int camera = static_cast<int>(i);
+      opened.look_up = depth_source(view_, instant.rig->cameras[i]);
+      opened.transfer = pixel_transfer(plan_.depths->pinholes[i], view_);
+      const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
+      opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
+      plan_into(opened.look_up.camera, *layout, opened.wanted.data());
+      for (int row = 0; row < field.rows(); ++row) {
+        for (int column = 0; column < field.columns(); ++column) {
+          const Tile& tile = field.tile(column, row);
+          if (!std::ranges::binary_search(tile.cameras, camera, {},
+                                          &CameraField::TileCamera::camera)) {
+            continue;
+          }
+          const Range& range = ranges[static_cast<std::size_t>(row * field.columns() + column)];
+          mark_block(opened.look_up,
+                     {tile.left, tile.right, tile.top, tile.bottom, range.farthest, range.nearest},
+                     plan_.settings.look_up);
+        }
+      }
+    });
+  }
+
+  void decode(RenderStatistics& statistics) {
+    std::atomic<std::int64_t> pixels = 0;
+    std::atomic<int> cameras = 0;
+    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+      Source& s = sources_[i];
+      if (!s.used || std::ranges::find(s.wanted, 1) == s.wanted.end()) return;
+      std::int64_t decoded = 0;
+      s.frame = request_.instant.cache->fetch(
+          static_cast<int>(i), request_.instant.frame_of_camera[i], s.wanted, decoded);
+      s.look_up.camera.rgbx = s.frame->rgbx.get();
+      pixels += decoded;
+      ++cameras;
+    });
+    statistics.pixels_decoded = pixels;
+    statistics.cameras_used = cameras;
+  }
+
+  void blend(RenderedView& image) {
+    constexpr int kRows = 8;
+    raystage::parallel_for(
+        tbb::blocked_range<int>(0, view_.height, kRows), [&](const tbb::blocked_range<int>& rows) {
+          Scratch scratch;
+          for (int y = rows.begin(); y < rows.end(); ++y) {
+            for (int column = 0; column < plan_.field.columns(); ++column) {
+              blend_run(plan_.field.tile(column, y / CameraField::kTile), y, scratch, image);
+            }
+          }
+        });
+  }
+
+  /// Samples, shares and visibility of one camera after the other; grows, then stays.
+  struct Scratch {
+    std::vector<std::array<float, 4 * kMostRun>> samples;
+    std::vector<std::array<float, kMostRun>> shares, visible;
+    std::vector<const float*> sample_of, share_of, visible_of;
+  };
+
+  void blend_run(const Tile& tile, int y, Scratch& scratch, RenderedView& image) {
+    const auto n = static_cast<std::size_t>(tile.right - tile.left);
+    const std::span<const float> depths(depths_at(tile.left, y), n);
+    scratch.samples.resize(std::max(scratch.samples.size(), tile.cameras.size()));
+    scratch.shares.resize(scratch.samples.size());
+    scratch.visible.resize(scratch.samples.size());
+    scratch.sample_of.clear();
+    scratch.share_of.clear();
+    scratch.visible_of.clear();
+    constexpr std::array<float, kMostRun> kAll = [] {
+      std::array<float, kMostRun> ones{};
+      ones.fill(1);
+      return ones;
+    }();
+    for (const CameraField::TileCamera& camera : tile.cameras) {
+      const Source& from = source(camera.camera);
+      if (!from.frame) continue;
+      const std::size_t i = scratch.sample_of.size();
+      auto& share = scratch.shares[i];
+      for (std::size_t x = 0; x < n; ++x) {
+        share[x] = CameraField::share(tile, camera, tile.left + static_cast<int>(x), y);
+      }
+      auto& samples = scratch.samples[i];
+      std::fill_n(samples.begin(), 4 * n, 0.0F);
+      add_samples_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
+                           plan_.settings.look_up, {samples.data(), 4 * n});
+      find_visibility({tile.left,
+                       y,
+                       from.transfer,
+                       &plan_.depths->maps[static_cast<std::size_t>(camera.camera)],
+                       depths,
+                       visibility_tolerance(plan_),
+                       {scratch.visible[i].data(), n}});
+      scratch.sample_of.push_back(samples.data());
+      scratch.share_of.push_back(share.data());
+      scratch.visible_of.push_back(scratch.visible[i].data());
+    }
+    const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
+                           static_cast<std::size_t>(tile.left);
+    const std::span<float> rgba(&image.rgba[at * 4], n * 4);
+    blend_agreeing({scratch.sample_of, scratch.share_of, scratch.visible_of, static_cast<int>(n),
+                    static_cast<float>(plan_.settings.agreement * 257)},
+                   rgba);
+    const FrameCache& cache = *request_.instant.cache;
+    finish_samples(rgba, cache.blend_space(), static_cast<float>(cache.full_scale()), rgba);
+    for (std::size_t x = 0; x < n; ++x) {
+      const float alpha = rgba[4 * x + 3];
+      const float absent =
+          absent_share(plan_, request_.instant, tile.left + static_cast<int>(x), y);
+      image.coverage[at + x] = alpha * (1 - absent);
+      image.z[at + x] =
+          alpha > 0 && depths[x] > 0 ? 1 / depths[x] : std::numeric_limits<float>::infinity();
+    }
+  }
+
+  void count_needed(RenderStatistics& statistics) {
+    std::atomic<std::int64_t> needed = 0;
+    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
+      Source& s = sources_[i];
+      if (!s.frame) return;
+      std::vector<std::uint8_t> read(static_cast<std::size_t>(s.frame->width) *
+                                     static_cast<std::size_t>(s.frame->height));
+      DepthSource marking = s.look_up;
+      marking.camera.wanted_mcus = nullptr;
+      marking.camera.read_pixels = read.data();
+      std::array<float, CameraField::kTile> share;
+      share.fill(1);
+      for (int row = 0; row < plan_.field.rows(); ++row) {
+        for (int column = 0; column < plan_.field.columns(); ++column) {
+          const Tile& tile = plan_.field.tile(column, row);
+          if (!std::ranges::binary_search(tile.cameras, static_cast<int>(i), {},
+                                          &CameraField::TileCamera::camera)) {
+            continue;
+          }
+          const auto n = static_cast<std::size_t>(tile.right - tile.left);
+          for (int y = tile.top; y < tile.bottom; ++y) {
+            mark_samples_at_depth(marking, tile.left, y, {depths_at(tile.left, y), n},
+                                  {share.data(), n}, plan_.settings.look_up);
+          }
+        }
+      }
+      needed += std::count(read.begin(), read.end(), 1);
+    });
+    statistics.pixels_needed = needed;
+  }
+
+  const ViewRequest& request_;
+  const VirtualCamera& view_;
+  const Plan& plan_;
+  std::vector<Source> sources_;  // per camera of the rig
+};
+
+}  // namespace
+
+RenderedView render(const ViewRequest& request) {
+  const auto start = Clock::now();
+  const std::optional<Plan> made = plan(request);
+  if (!made) return empty_view(request.view);
+  return Frame(request, *made).render(start);
+}
+
+}  // namespace raystage::depth

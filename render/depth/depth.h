@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "render/depth/camera_depths.h"
+#include "render/sampling/depth_sampling.h"
+#include "render/sweep/camera_field.h"
+#include "render/view/method.h"
+
+namespace raystage {
+
+/// Method "depth": a depth for every pixel of every camera, found once per instant with all
+/// cameras' evidence and kept; a view's depths are what its nearest cameras agree on, and its
+/// pixels the mean of the cameras that see the point, where nothing hides it from them, less of
+/// those that differ from the rest (design, Reconstruction).
+///
+/// A = the shares of the chosen cameras in whose frame the pixel's point lies. Coverage is lower
+/// than that by the shares of cameras that would have been chosen had they a frame at this instant.
+/// z: planar depth of the point found. Throws Error (bad input) where neither the take nor the
+/// options say how deep the scene is.
+Method depth_method();
+
+namespace depth {
+
+struct Settings {
+  DepthSettings solving;
+  int cameras = 16;
+  double agreement = 10;  ///< codes of 255
+  LookUp look_up = LookUp::kCubic;
+  bool keep = true;  ///< in the take's folder
+};
+
+/// What is to be done for a view: shared by the fast and the slow way.
+struct Plan {
+  Settings settings;
+  VirtualCamera pinhole;    ///< the view, without its lens distortion
+  InverseDepthRange range;  ///< of what it sees
+  CameraField field;
+  std::optional<CameraField> complete;  ///< as if no camera were absent; only where one is
+  std::shared_ptr<const CameraDepths> depths;
+  InverseDepthMap view_depths;     ///< of the pinhole's pixels; all known
+  std::vector<std::string> notes;  ///< see RenderedView::notes
+};
+/// nullopt where the view sees nothing of the scene.
+std::optional<Plan> plan(const ViewRequest& request);
+
+/// What share of a pixel cameras have that are absent, 0 to 1.
+float absent_share(const Plan& plan, const Instant& instant, int x, int y);
+
+/// By how much, 1/m along the view's axis, a camera's depth may be nearer than a point that it
+/// sees.
+float visibility_tolerance(const Plan& plan);
+
+RenderedView render(const ViewRequest& request);
+RenderedView render_reference(const ViewRequest& request);
+
+}  // namespace depth
+}  // namespace raystage

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/depth_file.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+std::vector<VirtualCamera> cameras() {
+  std::vector<VirtualCamera> made(3);
+  for (std::size_t i = 0; i < made.size(); ++i) {
+    made[i].width = 17 + static_cast<int>(i);
+    made[i].height = 11;
+  }
+  return made;
+}
+
+std::vector<InverseDepthMap> some_maps() {
+  std::vector<InverseDepthMap> maps;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> depth(0, 0.7F);
+  for (const VirtualCamera& camera : cameras()) {
+    InverseDepthMap map{camera.width, camera.height, {}};
+    for (int i = 0; i < camera.width * camera.height; ++i) {
+      map.values.push_back(random() % 5 == 0 ? kUnknownDepth : depth(random));
+    }
+    maps.push_back(map);
+  }
+  maps[1] = {};  // of an absent camera
+  return maps;
+}
+
+TEST(DepthFile, KeepsQuantisedDepthsToTheBit) {
+  std::vector<InverseDepthMap> maps = some_maps();
+  const std::vector<InverseDepthMap> exact = maps;
+  for (InverseDepthMap& map : maps) quantise(map);
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    for (std::size_t i = 0; i < maps[m].values.size(); ++i) {
+      EXPECT_NEAR(maps[m].values[i], exact[m].values[i], 0.7F / 65534);
+      EXPECT_EQ(maps[m].values[i] < 0, exact[m].values[i] < 0);
+    }
+  }
+  const auto file = encode_depth_maps(maps, 42);
+  const auto read = decode_depth_maps(file, 42, cameras(), "test");
+  ASSERT_EQ(read.size(), maps.size());
+  for (std::size_t m = 0; m < maps.size(); ++m) EXPECT_EQ(read[m].values, maps[m].values);
+  // Twice quantised is once quantised, whatever the greatest: powers of two among them.
+  for (const float greatest : {1.0F, 65534.0F / 131072, 0.3F, 1e-9F, 4e6F}) {
+    InverseDepthMap map{3, 1, {greatest, greatest / 3, 0}};
+    quantise(map);
+    InverseDepthMap again = map;
+    quantise(again);
+    EXPECT_EQ(again.values, map.values);
+    EXPECT_NEAR(map.values[0], greatest, greatest / 60000);
+  }
+}
+
+TEST(DepthFile, RefusesWhatIsDamagedOrOfOtherInput) {
+  std::vector<InverseDepthMap> maps = some_maps();
+  const auto file = encode_depth_maps(maps, 42);
+  EXPECT_THROW(decode_depth_maps(file, 43, cameras(), "test"), Error);
+  auto others = cameras();
+  others[2].height = 12;
+  EXPECT_THROW(decode_depth_maps(file, 42, others, "test"), Error);
+  others.pop_back();
+  EXPECT_THROW(decode_depth_maps(file, 42, others, "test"), Error);
+  EXPECT_THROW(decode_depth_maps({}, 42, cameras(), "test"), Error);
+  for (std::size_t cut = 1; cut < file.size(); cut += 7) {
+    EXPECT_THROW(decode_depth_maps(std::span(file).first(cut), 42, cameras(), "test"), Error);
+  }
+  for (std::size_t at = 0; at < file.size(); at += 5) {
+    auto flipped = file;
+    flipped[at] ^= std::byte{0x10};
+    try {
+      const auto read = decode_depth_maps(flipped, 42, cameras(), "test");
+      ADD_FAILURE() << "byte " << at << " may change unnoticed";
+    } catch (const Error&) {
+    }
+  }
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: Apache-2.0
+// The same, ray by ray in double; views with lens distortion too.
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "render/depth/blend_kernels.h"
+#include "render/depth/depth.h"
+#include "schemas/parallel.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage::depth {
+namespace {
+
+/// By a camera's own depths: see VisibilityRun.
+double visibility(const InverseDepthMap& map, const VirtualCamera& pinhole,
+                  const Eigen::Vector3d& towards_in_world, double inverse_depth, double tolerance) {
+  const Eigen::Vector3d towards =
+      pinhole.pose.world_from_camera_rotation.transpose() * towards_in_world;
+  if (!(towards.z() < 0)) return 1;
+  const Intrinsics& k = pinhole.intrinsics;
+  const double u = k.fx * towards.x() / -towards.z() + k.cx;
+  const double v = k.fy * towards.y() / towards.z() + k.cy;
+  if (!(u >= 0 && v >= 0 && u <= map.width && v <= map.height)) return 1;
+  const double there = inverse_depth / -towards.z();
+  const double left = std::clamp(u - 0.5, 0.0, map.width - 1.0);
+  const double top = std::clamp(v - 0.5, 0.0, map.height - 1.0);
+  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
+  double seen = 0;
+  for (int y = y0; y <= y0 + 1; ++y) {
+    for (int x = x0; x <= x0 + 1; ++x) {
+      const double weight = (1 - std::abs(left - x)) * (1 - std::abs(top - y));
+      const double nearer = map.at(std::min(x, map.width - 1), std::min(y, map.height - 1)) - there;
+      seen +=
+          weight * std::clamp((kHiddenBehind - nearer / tolerance) / (kHiddenBehind - 1), 0.0, 1.0);
+    }
+  }
+  return seen;
+}
+
+struct Sample {
+  DepthSample at;
+  double share = 0, weight = 0;
+};
+
+/// See BlendRun: colour (codes, full scale 1) and A.
+std::array<double, 4> agreed(const std::vector<Sample>& samples, double agreement) {
+  std::array<double, 4> result{};
+  const auto mean = [&](const auto& trust) {
+    std::array<double, 3> sum{};
+    double weights = 0;
+    for (const Sample& s : samples) {
+      const double weight = s.weight * s.at.seen * trust(s);
+      weights += weight;
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * s.at.code[c];
+    }
+    for (double& value : sum) value = weights > 0 ? value / weights : 0;
+    return sum;
+  };
+  std::array<double, 3> colour = mean([](const Sample&) { return 1.0; });
+  for (int round = 0; round < 2; ++round) {
+    colour = mean([&](const Sample& s) {
+      double square = 0;
+      for (std::size_t c = 0; c < 3; ++c) square += std::pow(s.at.code[c] - colour[c], 2) / 3;
+      return 1 / (1 + square / (agreement * agreement));
+    });
+  }
+  std::copy(colour.begin(), colour.end(), result.begin());
+  for (const Sample& s : samples) result[3] += s.share * s.at.seen;
+  return result;
+}
+
+class Reference {
+ public:
+  Reference(const ViewRequest& request, const Plan& plan)
+      : request_(request), plan_(plan), frames_(request.instant.rig->cameras.size()) {}
+
+  RenderedView render() {
+    RenderedView image = empty_view(request_.view);
+    fetch(image.statistics);
+    raystage::parallel_for(0, request_.view.height, [&](int y) {
+      for (int x = 0; x < request_.view.width; ++x) render_pixel(x, y, image);
+    });
+    image.notes = plan_.notes;
+    return image;
+  }
+
+ private:
+  void fetch(RenderStatistics& statistics) {
+    for (std::size_t i = 0; i < frames_.size(); ++i) {
+      if (!request_.instant.is_present(static_cast<int>(i))) continue;
+      frames_[i] = request_.instant.cache->fetch(
+          static_cast<int>(i), request_.instant.frame_of_camera[i], {}, statistics.pixels_decoded);
+      ++statistics.cameras_used;
+    }
+  }
+
+  /// Of the nearest pixel of the view without distortion.
+  double inverse_depth(const Eigen::Vector3d& ray) const {
+    const Eigen::Vector3d in_camera =
+        plan_.pinhole.pose.world_from_camera_rotation.transpose() * ray;
+    const Intrinsics& k = plan_.pinhole.intrinsics;
+    const InverseDepthMap& map = plan_.view_depths;
+    const double u = k.fx * in_camera.x() / -in_camera.z() + k.cx;
+    const double v = k.fy * in_camera.y() / in_camera.z() + k.cy;
+    return map.at(static_cast<int>(std::clamp(u, 0.0, map.width - 1.0)),
+                  static_cast<int>(std::clamp(v, 0.0, map.height - 1.0)));
+  }
+
+  void render_pixel(int x, int y, RenderedView& image) const {
+    const auto ray = ViewRays(request_.view).through(x + 0.5, y + 0.5);
+    if (!ray) return;
+    const Eigen::Vector3d& eye = request_.view.pose.position;
+    const double depth = inverse_depth(*ray);
+    const CameraField::Tile& tile =
+        plan_.field.tile(x / CameraField::kTile, y / CameraField::kTile);
+    std::vector<Sample> samples;
+    for (const CameraField::TileCamera& chosen : tile.cameras) {
+      const auto i = static_cast<std::size_t>(chosen.camera);
+      const Rig::Camera& camera = request_.instant.rig->cameras[i];
+      Sample sample;
+      sample.at =
+          sample_at_depth_reference(eye, *ray, depth, camera, *frames_[i], plan_.settings.look_up);
+      sample.share = CameraField::share(tile, chosen, x, y);
+      const double visible = visibility(plan_.depths->maps[i], plan_.depths->pinholes[i],
+                                        *ray + depth * (eye - camera.pose.position), depth,
+                                        visibility_tolerance(plan_));
+      sample.weight = sample.share * (visible + kHiddenShare);
+      samples.push_back(sample);
+    }
+    const std::array<double, 4> result = agreed(samples, plan_.settings.agreement / 255);
+    const double alpha = result[3];
+    if (!(alpha > 0)) return;
+    const FrameCache& cache = *request_.instant.cache;
+    const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
+                           static_cast<std::size_t>(x);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double code = std::clamp(result[c], 0.0, 1.0);
+      const double linear =
+          cache.blend_space() == BlendSpace::kPerceptual ? linear_from_srgb(code) : code;
+      image.rgba[at * 4 + c] = static_cast<float>(alpha * linear * cache.full_scale());
+    }
+    image.rgba[at * 4 + 3] = static_cast<float>(alpha);
+    image.coverage[at] =
+        static_cast<float>(alpha * (1 - absent_share(plan_, request_.instant, x, y)));
+    image.z[at] =
+        depth > 0 ? static_cast<float>(1 / depth) : std::numeric_limits<float>::infinity();
+  }
+
+  const ViewRequest& request_;
+  const Plan& plan_;
+  std::vector<std::shared_ptr<const DecodedFrame>> frames_;
+};
+
+}  // namespace
+
+RenderedView render_reference(const ViewRequest& request) {
+  const std::optional<Plan> made = plan(request);
+  if (!made) return empty_view(request.view);
+  return Reference(request, *made).render();
+}
+
+}  // namespace raystage::depth

@@ -1,0 +1,339 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/depth.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+#include <tbb/global_control.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+#include <set>
+
+#include "render/depth/solve_kernels.h"
+#include "render/renderer.h"
+#include "render/view/synthetic_take.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::SyntheticTake;
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+/// More texture than the painted plane has, so that depth shows.
+std::array<double, 3> texture(double x, double y) {
+  const auto rgb = testing::painted_plane(1.5 * x, 1.5 * y);
+  const auto fine = testing::painted_plane(4 * x + 1, 4 * y);
+  return {(rgb[0] + fine[1]) / 2, (rgb[1] + fine[2]) / 2, (rgb[2] + fine[0]) / 2};
+}
+
+/// The plane n.X = c.
+struct Plane {
+  Eigen::Vector3d normal;
+  double c;
+  double distance(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) const {
+    return (c - normal.dot(from)) / normal.dot(direction);
+  }
+};
+const Plane kSlanted{{0.35, 0.1, 1}, -4};
+const Plane kBack{{0, 0, 1}, -5}, kFront{{0, 0, 1}, -2.5};
+
+/// Everything left of x = 0.1 on the front plane is a wall; behind it the back plane.
+bool hits_wall(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+  return (from + kFront.distance(from, direction) * direction).x() < 0.1;
+}
+std::array<double, 3> step_scene(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+  const Plane& plane = hits_wall(from, direction) ? kFront : kBack;
+  const Eigen::Vector3d hit = from + plane.distance(from, direction) * direction;
+  return texture(hit.x(), hit.y() + plane.c);
+}
+std::array<double, 3> slanted_scene(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+  const Eigen::Vector3d hit = from + kSlanted.distance(from, direction) * direction;
+  return texture(hit.x(), hit.y());
+}
+
+Pose looking(const Eigen::Vector3d& position, double yaw_degrees) {
+  Pose pose;
+  pose.position = position;
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(yaw_degrees * kDegree, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return pose;
+}
+
+class Depth : public ::testing::Test {
+ protected:
+  static SyntheticTake slanted(int rows, int columns, const Distortion& distortion = {}) {
+    SyntheticTake take;
+    take.cameras = testing::camera_grid(rows, columns, 0.1, 96, 72, distortion);
+    take.depth_range = DepthRange{2.5, 7};
+    take.painting = slanted_scene;
+    return take;
+  }
+  static SyntheticTake step_edge(int rows, int columns) {
+    SyntheticTake take = slanted(rows, columns);
+    take.painting = step_scene;
+    return take;
+  }
+  fs::path take_folder() const { return folder_.path() / "take"; }
+  Take write(const SyntheticTake& settings) {
+    write_synthetic_take(settings, take_folder());
+    return Take(take_folder());
+  }
+  static RenderedView render(const Take& take, const VirtualCamera& view, OptionValues options = {},
+                             const RendererSettings& settings = {}, int frame = 0) {
+    const FrameSelection frames =
+        select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
+    return LightFieldRenderer(take, settings)
+        .render(view, frames, {"depth", {0, 0, 0, 1}, std::move(options)});
+  }
+  std::vector<fs::path> kept_files() const {
+    std::vector<fs::path> files;
+    std::error_code none;
+    for (const auto& entry : fs::directory_iterator(take_folder() / "depth", none)) {
+      files.push_back(entry.path());
+    }
+    return files;
+  }
+  TestFolder folder_;
+};
+
+VirtualCamera a_view() {
+  return virtual_camera_with_fov(90, 64, 40 * kDegree, looking({0.02, 0.013, 0.03}, 2));
+}
+
+double mean_alpha(const RenderedView& view) {
+  double sum = 0;
+  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
+  return sum / static_cast<double>(view.coverage.size());
+}
+
+/// Both blend on the same depths, so nothing may differ by more than floats do.
+void expect_equal(const RenderedView& fast, const RenderedView& slow) {
+  for (std::size_t i = 0; i < fast.coverage.size(); ++i) {
+    ASSERT_NEAR(fast.coverage[i], slow.coverage[i], 2e-3) << "pixel " << i;
+    for (std::size_t c = 0; c < 4; ++c) {
+      ASSERT_NEAR(fast.rgba[4 * i + c], slow.rgba[4 * i + c], 3e-3) << "pixel " << i;
+    }
+    if (std::isfinite(slow.z[i])) {
+      ASSERT_NEAR(fast.z[i], slow.z[i], 1e-4 * static_cast<double>(slow.z[i]));
+    }
+  }
+}
+
+TEST_F(Depth, AgreesWithTheReference) {
+  const Take take = write(slanted(3, 3, {-0.15, 0.04, 0.001, -0.002, 0}));
+  RendererSettings slow;
+  slow.reference = true;
+  for (const OptionValues& options :
+       {OptionValues{}, OptionValues{{"cameras", 5.0}, {"agreement", 40.0}}}) {
+    expect_equal(render(take, a_view(), options), render(take, a_view(), options, slow));
+  }
+  for (const VirtualCamera& view :
+       {virtual_camera_with_fov(70, 50, 1.2, looking({0.3, 0.1, 0.4}, 15)),     // from the side
+        virtual_camera_with_fov(70, 50, 0.5, looking({0, 0.05, -1.5}, -5))}) {  // in front
+    expect_equal(render(take, view), render(take, view, {}, slow));
+  }
+  RendererSettings linear;
+  linear.blend_space = BlendSpace::kLinear;
+  slow.blend_space = BlendSpace::kLinear;
+  expect_equal(render(take, a_view(), {}, linear), render(take, a_view(), {}, slow));
+}
+
+TEST_F(Depth, EveryInstructionSetSeesTheSame) {
+  const Take take = write(step_edge(3, 3));
+  const OptionValues anew{{"keep", false}};
+  const RenderedView expected = render(take, a_view(), anew);
+  std::set<std::string> seen;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(depth_solve_target());
+    seen.insert(depth_solve_target());
+    const RenderedView image = render(take, a_view(), anew);
+    // Rounded differently, a choice between equals may fall differently; hardly anywhere.
+    std::size_t differ = 0;
+    for (std::size_t i = 0; i < image.rgba.size(); ++i) {
+      differ += std::abs(image.rgba[i] - expected.rgba[i]) > 5e-3F ? 1 : 0;
+    }
+    EXPECT_LT(differ, image.rgba.size() / 100);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  EXPECT_FALSE(seen.empty());
+}
+
+TEST_F(Depth, FindsASlantedPlane) {
+  const Take take = write(slanted(3, 3));
+  const VirtualCamera view = a_view();
+  const RenderedView image = render(take, view);
+  const ViewRays rays(view);
+  const double pixel_metres = 80 * 0.1;  // focal length times the cameras' spacing
+  double disparity_error = 0, colour_error = 0;
+  int count = 0;
+  for (int y = 8; y < view.height - 8; ++y) {
+    for (int x = 8; x < view.width - 8; ++x) {
+      const auto at = static_cast<std::size_t>(y * view.width + x);
+      const Eigen::Vector3d ray = *rays.through(x + 0.5, y + 0.5);
+      const double depth = kSlanted.distance(view.pose.position, ray);
+      const auto truth = slanted_scene(view.pose.position, ray);
+      disparity_error += std::abs(1 / static_cast<double>(image.z[at]) - 1 / depth) * pixel_metres;
+      for (std::size_t c = 0; c < 3; ++c) {
+        colour_error += std::abs(static_cast<double>(image.rgba[4 * at + c]) - truth[c]) / 3;
+      }
+      ++count;
+      EXPECT_NEAR(image.rgba[4 * at + 3], 1, 1e-3);
+      EXPECT_EQ(image.coverage[at], image.rgba[4 * at + 3]);
+    }
+  }
+  EXPECT_LT(disparity_error / count, 0.05);  // pixels
+  EXPECT_LT(colour_error / count, 0.012);
+}
+
+TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {
+  const Take take = write(step_edge(3, 3));
+  const VirtualCamera view = a_view();
+  const RenderedView image = render(take, view);
+  const ViewRays rays(view);
+  int wrong = 0, count = 0;
+  for (int y = 4; y < view.height - 4; ++y) {
+    for (int x = 4; x < view.width - 4; ++x) {
+      const auto side = [&](double at) {
+        return hits_wall(view.pose.position, *rays.through(at, y + 0.5));
+      };
+      if (side(x - 2) != side(x + 3)) continue;
+      const Plane& plane = side(x + 0.5) ? kFront : kBack;
+      const double depth = plane.distance(view.pose.position, *rays.through(x + 0.5, y + 0.5));
+      const auto found = static_cast<double>(image.z[static_cast<std::size_t>(y * view.width + x)]);
+      wrong += std::abs(found / depth - 1) > 0.05;
+      ++count;
+    }
+  }
+  EXPECT_LT(wrong, count / 50);
+}
+
+TEST_F(Depth, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
+  const Take take = write(slanted(3, 3));
+  std::vector<RenderedView> images;
+  for (const std::size_t threads : {1, 2, 5}) {
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+    RendererSettings settings;
+    if (threads == 5) settings.working_bytes = 0;  // the least that it can do with
+    images.push_back(render(take, a_view(), {{"keep", false}}, settings));
+  }
+  EXPECT_EQ(images[0].rgba, images[1].rgba);
+  EXPECT_EQ(images[0].rgba, images[2].rgba);
+  EXPECT_EQ(images[0].z, images[2].z);
+  EXPECT_TRUE(kept_files().empty());
+}
+
+TEST_F(Depth, KeepsDepthsInTheTakeAndUsesThem) {
+  const Take take = write(slanted(2, 3));
+  const RenderedView first = render(take, a_view());
+  ASSERT_EQ(kept_files().size(), 1U);
+  const fs::path file = kept_files()[0];
+  const auto written = fs::last_write_time(file);
+  EXPECT_EQ(render(take, a_view()).rgba, first.rgba);
+  EXPECT_EQ(fs::last_write_time(file), written);
+  EXPECT_EQ(render(take, a_view(), {{"keep", false}}).rgba, first.rgba);  // found or read: the same
+  // Other settings have another file; damage is mended.
+  render(take, a_view(), {{"far", 9.0}});
+  EXPECT_EQ(kept_files().size(), 2U);
+  const std::string whole = read_file(file);
+  write_file_atomically(file, std::string_view(whole).substr(0, whole.size() / 2));
+  EXPECT_EQ(render(take, a_view()).rgba, first.rgba);
+  EXPECT_EQ(read_file(file), whole);
+}
+
+TEST_F(Depth, RendersATakeThatItMayNotWriteTo) {
+  const Take take = write(slanted(2, 2));
+  write_file_atomically(take_folder() / "depth", std::string_view("in the way"));
+  const RenderedView image = render(take, a_view());
+  EXPECT_GT(mean_alpha(image), 0.9);
+  ASSERT_EQ(image.notes.size(), 1U);
+  EXPECT_NE(image.notes[0].find("cannot be kept"), std::string::npos);
+}
+
+TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
+  SyntheticTake settings = slanted(3, 3);
+  settings.frames = 2;
+  settings.absent = {{4, 1}};  // the middle camera, second frame
+  const Take take = write(settings);
+  const OptionValues four{{"cameras", 4.0}};
+  const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.5, looking({0, 0, 0.01}, 0));
+  const std::size_t middle = 20 * 60 + 30;
+  EXPECT_NEAR(render(take, view, four).coverage[middle], 1, 1e-3);
+  const RenderedView lacking = render(take, view, four, {}, 1);
+  EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still a picture
+  EXPECT_LT(lacking.coverage[middle], 0.1);            // that owns up
+  EXPECT_EQ(kept_files().size(), 2U);
+  RendererSettings slow;
+  slow.reference = true;
+  expect_equal(lacking, render(take, view, four, slow, 1));
+}
+
+TEST_F(Depth, OneCameraIsAllThatItNeeds) {
+  const Take take = write(slanted(1, 1));
+  const RenderedView image = render(take, a_view());
+  EXPECT_GT(mean_alpha(image), 0.9);
+  const float z = image.z[32 * 90 + 45];  // mid-way in disparity: there is nothing to compare
+  EXPECT_GT(z, 2.5F);
+  EXPECT_LT(z, 7.0F);
+}
+
+TEST_F(Depth, StaysFiniteWhereDepthsEnd) {
+  const Take take = write(slanted(2, 2));
+  for (const OptionValues& options :
+       {OptionValues{{"near", 4.0}, {"far", 4.0}}, OptionValues{{"far", 1e12}},
+        OptionValues{{"near", 0.01}, {"plane_px", 4.0}},
+        OptionValues{{"near", 1e9}, {"far", 1e9}}}) {
+    for (const VirtualCamera& view :
+         {virtual_camera_with_fov(40, 30, 1, looking({0, 0, 0}, 0)),
+          virtual_camera_with_fov(40, 30, 1, looking({0, 0, -4.5}, 0)),      // inside the scene
+          virtual_camera_with_fov(40, 30, 1, looking({0.3, 0, -4}, 170)),    // looking back
+          virtual_camera_with_fov(40, 30, 3, looking({0, 0, 0}, 90)),        // along the array
+          virtual_camera_with_fov(1, 1, 0.001, looking({0, 0, 1e6}, 0))}) {  // far behind
+      const RenderedView image = render(take, view, options);
+      for (std::size_t i = 0; i < image.coverage.size(); ++i) {
+        for (std::size_t c = 0; c < 4; ++c) ASSERT_TRUE(std::isfinite(image.rgba[4 * i + c]));
+        ASSERT_GE(image.coverage[i], 0);
+        ASSERT_LE(image.coverage[i], 1 + 1e-6F);
+        ASSERT_GT(image.z[i], 0);
+      }
+    }
+  }
+}
+
+TEST_F(Depth, RendersDistortedViews) {
+  const Take take = write(slanted(2, 2));
+  VirtualCamera bent = a_view();
+  bent.intrinsics.distortion.k1 = -0.1;
+  const RenderedView image = render(take, bent);
+  EXPECT_GT(mean_alpha(image), 0.9);
+  const ViewRays rays(bent);
+  double error = 0;
+  for (int y = 8; y < 56; ++y) {
+    for (int x = 8; x < 82; ++x) {
+      const auto truth = slanted_scene(bent.pose.position, *rays.through(x + 0.5, y + 0.5));
+      error += std::abs(static_cast<double>(image.rgba[4 * static_cast<std::size_t>(y * 90 + x)]) -
+                        truth[0]);
+    }
+  }
+  EXPECT_LT(error / (48 * 74), 0.03);
+}
+
+TEST_F(Depth, SaysWhatItLacks) {
+  SyntheticTake settings = slanted(2, 2);
+  settings.depth_range = DepthRange{};
+  const Take take = write(settings);
+  EXPECT_THROW(render(take, a_view()), Error);
+  EXPECT_THROW(render(take, a_view(), {{"near", 7.0}, {"far", 3.0}}), Error);
+  EXPECT_GT(mean_alpha(render(take, a_view(), {{"near", 3.0}, {"far", 7.0}})), 0.9);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "render/depth/pinhole.h"
+
+namespace raystage {
+
+/// A camera's depths as seen from `view`: each of its pixels put down where the view sees its
+/// point, over as many pixels as it covers there (kMostFootprint a side at most), the nearest of
+/// several. kUnknownDepth where none comes down.
+InverseDepthMap warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
+                            const VirtualCamera& view);
+inline constexpr int kMostFootprint = 8;
+
+struct DepthReport {
+  const InverseDepthMap* map = nullptr;
+  const VirtualCamera* camera = nullptr;
+  float weight = 1;
+};
+struct FusionSettings {
+  float tolerance = 0;    ///< 1/m, above 0: see VoteRow
+  float least_share = 0;  ///< of the weights that must agree on a depth, 0 to 1
+};
+/// What several cameras say of a view's depths (kMostReports at most): the depth that most agree on
+/// (vote_row). Where too few do, the farthest of the depths next in the row and column, as it is
+/// what lies behind that cameras fail to see; then a 3x3 median. kUnknownDepth where nothing is
+/// near.
+InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
+                            const FusionSettings& settings);
+
+/// How alike neighbouring pixels are, 0 to 1: of each pixel and the one left of it, and above it.
+struct PixelLinks {
+  std::vector<float> left, above;
+};
+/// A recursive edge-aware filter (Gastal and Oliveira 2011): along rows, then along columns, forth
+/// and back, each value is drawn towards its neighbour's as far as they are linked. In place;
+/// `channels` values a pixel.
+void smooth_along_links(std::vector<float>& values, int channels, int width, int height,
+                        const PixelLinks& links);
+
+}  // namespace raystage

@@ -1,0 +1,322 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <random>
+#include <set>
+#include <string>
+
+#include "render/depth/blend_kernels.h"
+#include "render/depth/solve_kernels.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kWidth = 53, kHeight = 31;
+
+VirtualCamera camera_at(const Eigen::Vector3d& position, double yaw) {
+  Pose pose;
+  pose.position = position;
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  return virtual_camera_with_fov(kWidth, kHeight, 0.8, pose);
+}
+
+MatchingImage random_image(unsigned seed, const VirtualCamera& pinhole) {
+  DecodedFrame frame;
+  frame.width = pinhole.width;
+  frame.height = pinhole.height;
+  const auto pixels = static_cast<std::size_t>(frame.width * frame.height);
+  frame.rgbx = std::make_unique<std::uint16_t[]>(4 * pixels);
+  std::mt19937 random(seed);
+  for (std::size_t i = 0; i < 4 * pixels; ++i) {
+    frame.rgbx[i] = static_cast<std::uint16_t>(random());
+  }
+  CameraGeometry geometry;
+  geometry.id = "c";
+  geometry.width = pinhole.width;
+  geometry.height = pinhole.height;
+  geometry.intrinsics = pinhole.intrinsics;
+  return {frame,
+          BlendSpace::kPerceptual,
+          {"c", CameraModel(geometry), pinhole.pose, {}, {}, {}},
+          pinhole};
+}
+
+InverseDepthMap random_depths(unsigned seed, float least, float most) {
+  InverseDepthMap map{kWidth, kHeight, {}};
+  std::mt19937 random(seed);
+  std::uniform_real_distribution<float> depth(least, most);
+  for (int i = 0; i < kWidth * kHeight; ++i) {
+    map.values.push_back(random() % 9 == 0 ? kUnknownDepth : depth(random));
+  }
+  return map;
+}
+
+struct Place {
+  double u = 0, v = 0, inverse_depth = 0;
+  bool inside = false;
+};
+Place place_of(const PixelTransfer& t, double x, double y, double q) {
+  const auto part = [&](std::size_t r) {
+    return t.direction[3 * r] * x + t.direction[3 * r + 1] * y + t.direction[3 * r + 2] +
+           q * t.parallax[r];
+  };
+  const double w = part(2);
+  Place place{part(0) / w, part(1) / w, q / w, false};
+  place.inside = w > 0 && place.u >= 0 && place.v >= 0 && place.u <= kWidth && place.v <= kHeight;
+  return place;
+}
+
+double bilinear(double u, double v, const std::function<double(int, int)>& at) {
+  const double x = std::clamp(u - 0.5, 0.0, kWidth - 1.0);
+  const double y = std::clamp(v - 0.5, 0.0, kHeight - 1.0);
+  const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+  const int x1 = std::min(x0 + 1, kWidth - 1), y1 = std::min(y0 + 1, kHeight - 1);
+  const double right = x - x0, down = y - y0;
+  return (1 - down) * ((1 - right) * at(x0, y0) + right * at(x1, y0)) +
+         down * ((1 - right) * at(x0, y1) + right * at(x1, y1));
+}
+double luma_at(const MatchingImage& image, double u, double v) {
+  return bilinear(u, v, [&](int x, int y) { return image.luma(x, y); });
+}
+
+class DepthKernels : public ::testing::Test {
+ protected:
+  DepthKernels() {
+    for (std::size_t i = 0; i < kPartners; ++i) {
+      const auto n = static_cast<double>(i);
+      others_.push_back(camera_at({0.1 * n - 0.25, 0.03 * n - 0.1, 0.01 * n}, 0.02 * n - 0.05));
+      images_.push_back(random_image(static_cast<unsigned>(i) + 1, others_.back()));
+      depths_.push_back(random_depths(static_cast<unsigned>(i) + 20, 0.1F, 0.5F));
+    }
+    for (std::size_t i = 0; i < kPartners; ++i) {
+      partners_.push_back({pixel_transfer(others_[i], own_), &images_[i], &depths_[i]});
+    }
+  }
+  static void on_every_instruction_set(const std::function<void()>& check) {
+    std::set<std::string> seen;
+    for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+      hwy::SetSupportedTargetsForTest(target);
+      hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+      SCOPED_TRACE(depth_solve_target());
+      seen.insert(depth_solve_target());
+      check();
+    }
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().DeInit();
+    EXPECT_FALSE(seen.empty());
+  }
+
+  static constexpr std::size_t kPartners = 6;
+  VirtualCamera own_ = camera_at({0, 0, 0}, 0);
+  MatchingImage image_ = random_image(0, own_);
+  std::vector<VirtualCamera> others_;
+  std::vector<MatchingImage> images_;
+  std::vector<InverseDepthMap> depths_;
+  std::vector<Partner> partners_;
+};
+
+TEST_F(DepthKernels, MatchesAsTheReference) {
+  constexpr int kPlanes = 5, kStride = 32;
+  std::vector<std::uint8_t> costs(kWidth * kStride);
+  on_every_instruction_set([&] {
+    int unknown = 0, told = 0;
+    for (const int y : {0, 14, kHeight - 1}) {
+      match_row({y, &image_, partners_, 0.1, 0.5, kPlanes, kStride, 40, costs.data()});
+      for (int x = 0; x < kWidth; ++x) {
+        for (int plane = 0; plane < kPlanes; ++plane) {
+          std::vector<double> off;
+          for (const Partner& partner : partners_) {
+            const Place p = place_of(partner.transfer, x + 0.5, y + 0.5, 0.1 + 0.5 * plane);
+            if (!p.inside) continue;
+            off.push_back(
+                std::min(40.0, std::abs(luma_at(*partner.image, p.u, p.v) - image_.luma(x, y))));
+          }
+          std::ranges::sort(off);
+          off.resize((off.size() + 1) / 2);
+          double expected = kUnknownCost;
+          if (!off.empty()) {
+            expected = 0;
+            for (const double value : off)
+              expected += value * 255 / 40 / static_cast<double>(off.size());
+          }
+          ASSERT_NEAR(costs[static_cast<std::size_t>(x * kStride + plane)], expected, 0.7)
+              << x << ", " << y << " plane " << plane;
+          off.empty() ? ++unknown : ++told;
+        }
+      }
+    }
+    EXPECT_GT(told, unknown);
+  });
+}
+
+TEST_F(DepthKernels, RefinesAsTheReference) {
+  const InverseDepthMap present = random_depths(7, 0.15F, 0.45F);
+  std::vector<float> costs(kWidth * kOffsetStride, -1.0F);
+  on_every_instruction_set([&] {
+    int seen_by_some = 0, hidden = 0;
+    for (const int y : {0, 14, kHeight - 1}) {
+      const float* row = present.values.data() + y * kWidth;
+      refine_row({y, &image_, partners_, row, 0.01, 0.05F, 15, costs.data()});
+      for (int x = 0; x < kWidth; ++x) {
+        std::array<double, kOffsetStride> sums{};
+        int count = 0;
+        for (std::size_t i = 0; i < kPartners; ++i) {
+          const Place p = place_of(partners_[i].transfer, x + 0.5, y + 0.5, row[x]);
+          if (!p.inside) continue;
+          const float its = depths_[i].at(std::min(static_cast<int>(p.u), kWidth - 1),
+                                          std::min(static_cast<int>(p.v), kHeight - 1));
+          if (its > p.inverse_depth + 0.05) {
+            ++hidden;
+            continue;
+          }
+          ++count;
+          for (int c = 0; c < kOffsets; ++c) {
+            const Place moved = place_of(partners_[i].transfer, x + 0.5, y + 0.5,
+                                         static_cast<double>(row[x]) + (c - 3) * 0.01);
+            if (!moved.inside) {
+              sums[0] = std::nan("");  // read at a harmless place: not compared
+              continue;
+            }
+            const double off = luma_at(images_[i], moved.u, moved.v) - image_.luma(x, y);
+            sums[static_cast<std::size_t>(c)] += off * off / (1 + off * off / 225);
+          }
+        }
+        if (std::isnan(sums[0])) continue;
+        seen_by_some += count > 0;
+        for (int c = 0; c < kOffsetStride; ++c) {
+          ASSERT_NEAR(costs[static_cast<std::size_t>(x * kOffsetStride + c)],
+                      sums[static_cast<std::size_t>(c)] / std::max(1, count), 0.2)
+              << x << ", " << y << " offset " << c;
+        }
+      }
+    }
+    EXPECT_GT(seen_by_some, kWidth);
+    EXPECT_GT(hidden, kWidth);
+  });
+}
+
+TEST_F(DepthKernels, VotesAsTheReference) {
+  constexpr int kReports = 7;
+  const std::vector<float> weights{0.1F, 0.3F, 0.2F, 0.15F, 0.4F, 0.05F, 0.25F};
+  std::vector<InverseDepthMap> maps;
+  std::vector<const float*> rows;
+  maps.reserve(kReports);
+  for (unsigned i = 0; i < kReports; ++i) {
+    maps.push_back(random_depths(i, 0, 1));
+    rows.push_back(maps.back().values.data());
+  }
+  std::vector<float> depth(kWidth), share(kWidth);
+  on_every_instruction_set([&] {
+    vote_row({rows, weights, kWidth, 0.2F, depth.data(), share.data()});
+    for (std::size_t x = 0; x < kWidth; ++x) {
+      double all = 0, best = 0, mean = kUnknownDepth;
+      float chosen = kUnknownDepth;
+      for (std::size_t i = 0; i < kReports; ++i) {
+        if (rows[i][x] < 0) continue;
+        all += static_cast<double>(weights[i]);
+        double support = 0, sum = 0;
+        for (std::size_t j = 0; j < kReports; ++j) {
+          if (rows[j][x] < 0) continue;
+          const double off =
+              std::abs(static_cast<double>(rows[j][x]) - static_cast<double>(rows[i][x]));
+          const double weight = static_cast<double>(weights[j]) * std::max(0.0, 1 - off / 0.2);
+          support += weight;
+          sum += weight * static_cast<double>(rows[j][x]);
+        }
+        const bool as_good = support > 0.9999 * best && rows[i][x] > chosen;
+        if (support > 1.0001 * best || as_good) {
+          best = support;
+          chosen = rows[i][x];
+          mean = sum / support;
+        }
+      }
+      ASSERT_NEAR(depth[x], mean, 1e-5) << x;
+      ASSERT_NEAR(share[x], all > 0 ? best / all : 0, 1e-5) << x;
+    }
+  });
+}
+
+TEST_F(DepthKernels, OfEqualReportsTheNearerWins) {
+  const std::vector<float> far(kWidth, 0.2F), near(kWidth, 0.7F), none(kWidth, kUnknownDepth);
+  std::vector<float> depth(kWidth), share(kWidth);
+  const std::vector<float> weights{0.5F, 0.5F, 1};
+  for (const auto& rows : {std::vector{far.data(), near.data(), none.data()},
+                           std::vector{near.data(), far.data(), none.data()}}) {
+    vote_row({rows, weights, kWidth, 0.1F, depth.data(), share.data()});
+    EXPECT_FLOAT_EQ(depth[kWidth / 2], 0.7F);
+    EXPECT_FLOAT_EQ(share[kWidth / 2], 0.5F);
+  }
+  const std::vector<const float*> nobody{none.data()};
+  vote_row({nobody, std::span(weights).first(1), kWidth, 0.1F, depth.data(), share.data()});
+  EXPECT_EQ(depth[0], kUnknownDepth);
+  EXPECT_EQ(share[0], 0);
+}
+
+TEST_F(DepthKernels, SeesAsTheReference) {
+  const InverseDepthMap of_view = random_depths(3, 0.05F, 0.6F);
+  std::vector<float> visible(kWidth);
+  on_every_instruction_set([&] {
+    int part = 0;
+    for (const int y : {0, 14, kHeight - 1}) {
+      const std::span<const float> depths(of_view.values.data() + y * kWidth, kWidth);
+      find_visibility({0, y, partners_[1].transfer, &depths_[1], depths, 0.1F, visible});
+      for (int x = 0; x < kWidth; ++x) {
+        const Place p =
+            place_of(partners_[1].transfer, x + 0.5, y + 0.5, depths[static_cast<std::size_t>(x)]);
+        const double expected = !p.inside ? 1 : bilinear(p.u, p.v, [&](int i, int j) {
+          const double nearer = depths_[1].at(i, j) - p.inverse_depth;
+          return std::clamp((kHiddenBehind - nearer / 0.1) / (kHiddenBehind - 1), 0.0, 1.0);
+        });
+        ASSERT_NEAR(visible[static_cast<std::size_t>(x)], expected, 2e-3) << x << ", " << y;
+        part += expected > 0.01 && expected < 0.99;
+      }
+    }
+    EXPECT_GT(part, kWidth / 2);
+  });
+}
+
+TEST_F(DepthKernels, ACameraThatDiffersCountsLess) {
+  constexpr std::size_t kCameras = 5;
+  std::array<std::array<float, 4>, kCameras> samples{};
+  std::array<float, kCameras> shares{}, visible{};
+  std::vector<const float*> sample_of, share_of, visible_of;
+  for (std::size_t i = 0; i < kCameras; ++i) {
+    const float seen = i == 4 ? 0.5F * 65535 : 65535.0F;
+    const float code = i == 0 ? 0.9F : 0.4F;  // the first sees something else
+    samples[i] = {code * seen, 0.5F * seen, 0.2F * seen, seen};
+    shares[i] = 0.2F;
+    visible[i] = i == 3 ? 0.0F : 1.0F;
+    sample_of.push_back(samples[i].data());
+    share_of.push_back(&shares[i]);
+    visible_of.push_back(&visible[i]);
+  }
+  on_every_instruction_set([&] {
+    std::array<float, 4> sums{};
+    blend_agreeing({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
+    const double alpha = 0.2 * 4.5;
+    EXPECT_NEAR(sums[3] / 65535, alpha, 1e-4);
+    EXPECT_NEAR(sums[1] / 65535 / alpha, 0.5, 1e-4);
+    const double red = sums[0] / 65535 / alpha;  // the plain mean of those who see: 0.543
+    EXPECT_GT(red, 0.4);
+    EXPECT_LT(red, 0.45);
+    visible.fill(0);  // hidden from all: all count again
+    blend_agreeing({sample_of, share_of, visible_of, 1, 100 * 65535}, sums);
+    EXPECT_NEAR(sums[0] / 65535 / alpha, (0.9 + 3.5 * 0.4) / 4.5, 1e-3);
+    visible = {1, 1, 1, 0, 1};
+  });
+  const std::array<float, 4> nothing{};
+  const std::vector<const float*> none{nothing.data()};
+  std::array<float, 4> sums{1, 1, 1, 1};
+  blend_agreeing({none, std::span(share_of).first(1), std::span(visible_of).first(1), 1, 655},
+                 sums);
+  EXPECT_EQ(sums, nothing);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/matching_image.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "schemas/parallel.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage {
+namespace {
+
+/// 8-bit codes of sRGB's curve for the upper 12 bits of a frame's codes.
+std::vector<float> code_table(BlendSpace space) {
+  constexpr int kEntries = 4096;
+  std::vector<float> table(kEntries);
+  for (int i = 0; i < kEntries; ++i) {
+    const double code = i / (kEntries - 1.0);
+    table[static_cast<std::size_t>(i)] =
+        static_cast<float>(255 * (space == BlendSpace::kLinear ? srgb_from_linear(code) : code));
+  }
+  return table;
+}
+
+std::vector<std::uint8_t> luma_of(const DecodedFrame& frame, BlendSpace space) {
+  const std::vector<float> code = code_table(space);
+  std::vector<std::uint8_t> luma(static_cast<std::size_t>(frame.width) *
+                                 static_cast<std::size_t>(frame.height));
+  for (std::size_t i = 0; i < luma.size(); ++i) {
+    const std::uint16_t* p = frame.rgbx.get() + 4 * i;
+    const float y =
+        0.299F * code[p[0] >> 4U] + 0.587F * code[p[1] >> 4U] + 0.114F * code[p[2] >> 4U];
+    luma[i] = static_cast<std::uint8_t>(y + 0.5F);
+  }
+  return luma;
+}
+
+/// The frame's luma at the pinhole's pixels; beyond the frame its border goes on.
+std::vector<std::uint8_t> without_distortion(const std::vector<std::uint8_t>& luma,
+                                             const CameraModel& model,
+                                             const VirtualCamera& pinhole) {
+  std::vector<std::uint8_t> straight(static_cast<std::size_t>(pinhole.width) *
+                                     static_cast<std::size_t>(pinhole.height));
+  const Intrinsics& k = pinhole.intrinsics;
+  raystage::parallel_for(0, pinhole.height, [&](int y) {
+    for (int x = 0; x < pinhole.width; ++x) {
+      const auto pixel = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
+      if (!pixel) continue;
+      const double u = std::clamp(pixel->x() - 0.5, 0.0, model.width() - 1.0);
+      const double v = std::clamp(pixel->y() - 0.5, 0.0, model.height() - 1.0);
+      const int left = static_cast<int>(u), top = static_cast<int>(v);
+      const auto at = [&](int column, int row) {
+        return static_cast<double>(
+            luma[static_cast<std::size_t>(std::min(row, model.height() - 1)) *
+                     static_cast<std::size_t>(model.width()) +
+                 static_cast<std::size_t>(std::min(column, model.width() - 1))]);
+      };
+      const double right = u - left, down = v - top;
+      const double upper = at(left, top) * (1 - right) + at(left + 1, top) * right;
+      const double lower = at(left, top + 1) * (1 - right) + at(left + 1, top + 1) * right;
+      straight[static_cast<std::size_t>(y) * static_cast<std::size_t>(pinhole.width) +
+               static_cast<std::size_t>(x)] =
+          static_cast<std::uint8_t>(upper + down * (lower - upper) + 0.5);
+    }
+  });
+  return straight;
+}
+
+}  // namespace
+
+MatchingImage::MatchingImage(const DecodedFrame& frame, BlendSpace space, const Rig::Camera& camera,
+                             const VirtualCamera& pinhole)
+    : width_(pinhole.width), height_(pinhole.height) {
+  std::vector<std::uint8_t> luma = luma_of(frame, space);
+  if (camera.model.has_distortion()) luma = without_distortion(luma, camera.model, pinhole);
+  words_.resize(luma.size());
+  const auto width = static_cast<std::size_t>(width_);
+  for (std::size_t y = 0; y < static_cast<std::size_t>(height_); ++y) {
+    const std::size_t below = y + 1 < static_cast<std::size_t>(height_) ? width : 0;
+    for (std::size_t x = 0; x < width; ++x) {
+      const std::size_t at = y * width + x, right = x + 1 < width ? 1 : 0;
+      words_[at] = static_cast<std::uint32_t>(luma[at]) |
+                   static_cast<std::uint32_t>(luma[at + right]) << 8U |
+                   static_cast<std::uint32_t>(luma[at + below]) << 16U |
+                   static_cast<std::uint32_t>(luma[at + below + right]) << 24U;
+    }
+  }
+}
+
+std::vector<std::uint8_t> MatchingImage::plane() const {
+  std::vector<std::uint8_t> luma(words_.size());
+  std::ranges::transform(words_, luma.begin(),
+                         [](std::uint32_t word) { return static_cast<std::uint8_t>(word); });
+  return luma;
+}
+
+}  // namespace raystage

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "render/depth/pinhole.h"
+#include "store/frames/frame_cache.h"
+
+namespace raystage {
+
+/// A frame as depths are found in it: luma in 8-bit codes of sRGB's curve, without distortion.
+/// A 32-bit word a pixel holds its luma (lowest byte) and that of its right, lower and lower right
+/// neighbours: a bilinear sample is one word.
+class MatchingImage {
+ public:
+  MatchingImage() = default;
+  /// `pinhole`: undistorted() of the camera.
+  MatchingImage(const DecodedFrame& frame, BlendSpace space, const Rig::Camera& camera,
+                const VirtualCamera& pinhole);
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  const std::uint32_t* words() const { return words_.data(); }
+  std::uint8_t luma(int x, int y) const {
+    return static_cast<std::uint8_t>(
+        words_[static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
+               static_cast<std::size_t>(x)]);
+  }
+  /// All luma, row-major.
+  std::vector<std::uint8_t> plane() const;
+
+ private:
+  int width_ = 0, height_ = 0;
+  std::vector<std::uint32_t> words_;
+};
+
+}  // namespace raystage

@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <array>
+#include <map>
+#include <set>
+
+#include "render/depth/depth.h"
+#include "render/depth/depth_file.h"
+#include "render/depth/fusion.h"
+#include "render/depth/solve_kernels.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace depth {
+namespace {
+
+constexpr int kMostCameras = 64;
+
+constexpr std::array kOptions{
+    whole_option("cameras", 16, 1, kMostCameras, "blended per ray"),
+    number_option("near", 0, 0, 1e9, "nearest thing, metres in front of the array; 0: the take's"),
+    number_option("far", 0, 0, 1e12, "farthest thing, metres in front of the array; 0: the take's"),
+    number_option("plane_px", 0.5, 0.1, 16,
+                  "disparity between neighbouring cameras from plane to plane of the first guess, "
+                  "pixels"),
+    whole_option("neighbours", 8, 1, kMostMatched, "cameras that each is matched with"),
+    whole_option("witnesses", 12, 1, kMostWitnesses, "cameras that depths are refined with"),
+    number_option("agreement", 10, 0.1, 255,
+                  "difference of 8-bit codes at which a camera counts half when blended"),
+    flag_option("keep", true, "depths in the folder depth/ of the take, and use those there")};
+
+DepthRange scene_of(const ViewRequest& request) {
+  DepthRange scene = request.instant.take->document().depth_range.value_or(DepthRange{});
+  if (const double near = request.options.number("near"); near > 0) scene.near = near;
+  if (const double far = request.options.number("far"); far > 0) scene.far = far;
+  const std::string take = request.instant.take->folder().string();
+  if (!(scene.near > 0 && scene.far > 0)) {
+    throw Error::bad_input("depth does not know how deep the scene is", take,
+                           "Give the options near and far, in metres in front of the array");
+  }
+  if (scene.far < scene.near) {
+    throw Error::bad_input("depth: far is nearer than near", take,
+                           "Give near and far in metres, near first");
+  }
+  return scene;
+}
+
+Settings settings_of(const ViewRequest& request) {
+  const MethodOptions& options = request.options;
+  Settings s;
+  s.solving.scene = scene_of(request);
+  s.solving.plane_px = options.number("plane_px");
+  s.solving.neighbours = options.whole("neighbours");
+  s.solving.witnesses = options.whole("witnesses");
+  s.cameras = options.whole("cameras");
+  s.agreement = options.number("agreement");
+  s.keep = options.flag("keep");
+  return s;
+}
+
+std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
+  std::set<int> cameras;
+  for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
+    if (instant.frame_of_camera[i] >= 0) cameras.insert(static_cast<int>(i));
+  }
+  if (absent_too) {
+    for (const Topology::Cell& cell : instant.complete->cells) {
+      for (const int camera : cell) {
+        if (camera >= 0) cameras.insert(camera);
+      }
+    }
+  }
+  return {cameras.begin(), cameras.end()};
+}
+
+/// What the depths depend on besides the take.
+std::string key_of(const Instant& instant, const DepthSettings& s) {
+  std::string key = "camera depths " + std::to_string(s.scene.near) + " " +
+                    std::to_string(s.scene.far) + " " + std::to_string(s.plane_px) + " " +
+                    std::to_string(s.neighbours) + " " + std::to_string(s.witnesses);
+  for (const int frame : instant.frame_of_camera) key += " " + std::to_string(frame);
+  return key;
+}
+
+/// Depths, and what people should know about them.
+struct KeptDepths {
+  CameraDepths depths;
+  std::string note;
+};
+
+std::shared_ptr<const KeptDepths> camera_depths(const ViewRequest& request,
+                                                const Settings& settings) {
+  return request.kept.get<KeptDepths>(
+      key_of(request.instant, settings.solving), [&](std::size_t& bytes) {
+        auto kept = std::make_shared<KeptDepths>();
+        kept->depths = kept_camera_depths(request.instant, settings.solving, request.working_bytes,
+                                          settings.keep, kept->note);
+        bytes = kept->depths.bytes();
+        return kept;
+      });
+}
+
+/// The cameras that a view's depths are taken from: the best few everywhere in it, with their part
+/// of all shares.
+std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepths& depths) {
+  constexpr std::size_t kBest = 6;
+  std::map<int, double> total;  // by camera
+  std::set<int> wanted;
+  for (int row = 0; row <= field.rows(); ++row) {
+    for (int column = 0; column <= field.columns(); ++column) {
+      const std::vector<CameraShare>& chosen = field.corner(column, row);
+      for (std::size_t i = 0; i < chosen.size(); ++i) {
+        total[chosen[i].camera] += chosen[i].share;
+        if (i < kBest) wanted.insert(chosen[i].camera);
+      }
+    }
+  }
+  std::vector<std::pair<double, int>> by_share;
+  double sum = 0;
+  for (const int camera : wanted) {
+    by_share.emplace_back(-total[camera], camera);
+    sum += total[camera];
+  }
+  std::ranges::sort(by_share);
+  by_share.resize(std::min<std::size_t>(by_share.size(), kMostReports));
+  std::vector<DepthReport> reports;
+  for (const auto& [share, camera] : by_share) {
+    const auto i = static_cast<std::size_t>(camera);
+    reports.push_back({&depths.maps[i], &depths.pinholes[i], static_cast<float>(-share / sum)});
+  }
+  return reports;
+}
+
+InverseDepthMap depths_of_view(const Plan& plan) {
+  const VirtualCamera& view = plan.pinhole;
+  // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
+  // alike and any tolerance will do.
+  const double pixel = plan.depths->pixel > 0 ? plan.depths->pixel : 1;
+  constexpr float kLeastShare = 0.2F;
+  InverseDepthMap map = fuse_depths(view, reports_for(plan.field, *plan.depths),
+                                    {static_cast<float>(pixel / 2), kLeastShare});
+  const auto behind = static_cast<float>(plan.range.farthest);
+  for (float& depth : map.values) {
+    if (depth < 0) depth = behind;
+  }
+  return map;
+}
+
+}  // namespace
+
+std::optional<Plan> plan(const ViewRequest& request) {
+  const Settings settings = settings_of(request);
+  const Rig& rig = *request.instant.rig;
+  const VirtualCamera pinhole = undistorted(
+      CameraModel(
+          {"view", request.view.width, request.view.height, request.view.intrinsics, {}, {}, {}}),
+      request.view.pose);
+  const InverseDepthRange range = inverse_depths_in_view(request.view, rig, settings.solving.scene);
+  if (range.empty()) return std::nullopt;
+  const std::shared_ptr<const KeptDepths> kept = camera_depths(request, settings);
+  const auto field_of = [&](bool absent_too) {
+    return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,
+                       settings.cameras);
+  };
+  Plan result{settings,     pinhole,
+              range,        field_of(false),
+              std::nullopt, std::shared_ptr<const CameraDepths>(kept, &kept->depths),
+              {},           {}};
+  if (request.instant.present != request.instant.complete) {
+    result.complete.emplace(field_of(true));
+  }
+  if (!kept->note.empty()) result.notes.push_back(kept->note);
+  result.view_depths = depths_of_view(result);
+  return result;
+}
+
+float absent_share(const Plan& plan, const Instant& instant, int x, int y) {
+  if (!plan.complete) return 0;
+  const CameraField::Tile& tile =
+      plan.complete->tile(x / CameraField::kTile, y / CameraField::kTile);
+  float absent = 0;
+  for (const CameraField::TileCamera& camera : tile.cameras) {
+    if (!instant.is_present(camera.camera)) absent += CameraField::share(tile, camera, x, y);
+  }
+  return std::min(absent, 1.0F);
+}
+
+float visibility_tolerance(const Plan& plan) {
+  const double pixel = plan.depths->pixel > 0 ? plan.depths->pixel : 1;
+  return static_cast<float>(plan.settings.solving.tolerance_px * pixel);
+}
+
+}  // namespace depth
+
+Method depth_method() {
+  return {"depth",
+          "cameras blended where their depths say that they see the same, found once per instant",
+          depth::kOptions, depth::render, depth::render_reference};
+}
+
+}  // namespace raystage

@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/solve_kernels.h"
+
+#include <algorithm>
+#include <array>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "render/depth/solve_kernels.cpp"
+// The order matters.
+// clang-format off
+#include <hwy/foreach_target.h>  // IWYU pragma: keep
+#include <hwy/highway.h>
+#include "render/depth/transfer-inl.h"
+// clang-format on
+
+HWY_BEFORE_NAMESPACE();
+namespace raystage {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+using D = hn::ScalableTag<float>;
+using V = hn::Vec<D>;
+constexpr int kMostLanes = 16;
+
+/// Bilinear luma at pixel positions within the image.
+HWY_INLINE V luma_at(D d, const MatchingImage& image, V u, V v) {
+  const hn::RebindToSigned<D> di;
+  const auto half = hn::Set(d, 0.5F), zero = hn::Zero(d);
+  const auto last = [&](int size) HWY_ATTR { return hn::Set(d, static_cast<float>(size - 1)); };
+  const auto x = hn::Min(hn::Max(hn::Sub(u, half), zero), last(image.width()));
+  const auto y = hn::Min(hn::Max(hn::Sub(v, half), zero), last(image.height()));
+  const auto column = hn::ConvertTo(di, x), row = hn::ConvertTo(di, y);
+  const auto right = hn::Sub(x, hn::ConvertTo(d, column)), down = hn::Sub(y, hn::ConvertTo(d, row));
+  const auto at = hn::Add(hn::Mul(row, hn::Set(di, image.width())), column);
+  const auto word =
+      hn::GatherIndex(di, reinterpret_cast<const std::int32_t*>(image.words()), at);  // NOLINT
+  const auto byte = hn::Set(di, 0xFF);
+  const auto upper_left = hn::ConvertTo(d, hn::And(word, byte));
+  const auto upper_right = hn::ConvertTo(d, hn::And(hn::ShiftRight<8>(word), byte));
+  const auto lower_left = hn::ConvertTo(d, hn::And(hn::ShiftRight<16>(word), byte));
+  const auto lower_right = hn::ConvertTo(d, hn::And(hn::ShiftRight<24>(word), byte));
+  const auto upper = hn::MulAdd(right, hn::Sub(upper_right, upper_left), upper_left);
+  const auto lower = hn::MulAdd(right, hn::Sub(lower_right, lower_left), lower_left);
+  return hn::MulAdd(down, hn::Sub(lower, upper), upper);
+}
+
+/// The camera's own luma at lanes from pixel x on; the row's last pixel again beyond its end.
+HWY_INLINE V own_luma(D d, const MatchingImage& image, int x, int y) {
+  HWY_ALIGN float codes[kMostLanes];
+  for (int i = 0; i < static_cast<int>(hn::Lanes(d)); ++i) {
+    codes[i] = image.luma(std::min(x + i, image.width() - 1), y);
+  }
+  return hn::Load(d, codes);
+}
+
+/// Mean of the smaller half of `count` values, in the four smallest; `unknown` where there is none.
+HWY_INLINE V mean_of_smaller_half(D d, const V* least, V count, V unknown) {
+  const auto half = hn::Floor(hn::Mul(hn::Add(count, hn::Set(d, 1.0F)), hn::Set(d, 0.5F)));
+  auto sum = hn::Zero(d);
+  for (int i = 0; i < kMostMatched / 2; ++i) {
+    const auto counts = hn::Lt(hn::Set(d, static_cast<float>(i)), half);
+    sum = hn::Add(sum, hn::IfThenElseZero(counts, least[i]));
+  }
+  const auto known = hn::Gt(count, hn::Zero(d));
+  return hn::IfThenElse(known, hn::Div(sum, hn::Max(half, hn::Set(d, 1.0F))), unknown);
+}
+
+void match(const MatchRow& row) {
+  const D d;
+  const hn::RebindToSigned<D> di;
+  const int lanes = static_cast<int>(hn::Lanes(d)), width = row.image->width();
+  const auto one = hn::Set(d, 1.0F), zero = hn::Zero(d);
+  const auto truncation = hn::Set(d, row.truncation);
+  const auto scale = hn::Set(d, 255.0F / row.truncation);
+  const auto unknown = hn::Set(d, static_cast<float>(kUnknownCost));
+  std::array<RowTransfer, kMostMatched> transfers;
+  for (std::size_t p = 0; p < row.partners.size(); ++p) {
+    transfers[p] = RowTransfer(row.partners[p].transfer, row.y, row.partners[p].image->width(),
+                               row.partners[p].image->height());
+  }
+  HWY_ALIGN std::int32_t bytes[kMostLanes];
+  for (int x = 0; x < width; x += lanes) {
+    const auto own = own_luma(d, *row.image, x, row.y);
+    const int n = std::min(lanes, width - x);
+    for (int plane = 0; plane < row.planes; ++plane) {
+      const auto q = hn::Set(d, static_cast<float>(row.farthest + plane * row.step));
+      V least[kMostMatched / 2] = {truncation, truncation, truncation, truncation};
+      auto count = zero;
+      for (std::size_t p = 0; p < row.partners.size(); ++p) {
+        const auto seen = transfers[p].at(d, x, q);
+        if (hn::AllFalse(d, seen.inside)) continue;
+        const auto other = luma_at(d, *row.partners[p].image, seen.u, seen.v);
+        auto value = hn::Min(hn::Abs(hn::Sub(other, own)), truncation);
+        value = hn::IfThenElse(seen.inside, value, truncation);
+        count = hn::Add(count, hn::IfThenElseZero(seen.inside, one));
+        for (V& smaller : least) {
+          const auto larger = hn::Max(smaller, value);
+          smaller = hn::Min(smaller, value);
+          value = larger;
+        }
+      }
+      // Cut-off values cost the truncation whether seen or not, so no others can be among the half.
+      const auto cost = mean_of_smaller_half(d, least, count, hn::Div(unknown, scale));
+      hn::Store(hn::NearestInt(hn::Mul(cost, scale)), di, bytes);
+      std::uint8_t* out = row.costs + static_cast<std::ptrdiff_t>(x) * row.stride + plane;
+      for (int i = 0; i < n; ++i)
+        out[static_cast<std::ptrdiff_t>(i) * row.stride] = static_cast<std::uint8_t>(bytes[i]);
+    }
+  }
+}
+
+void refine(const RefineRow& row) {
+  const D d;
+  const hn::RebindToSigned<D> di;
+  const int lanes = static_cast<int>(hn::Lanes(d)), width = row.image->width();
+  const auto one = hn::Set(d, 1.0F), zero = hn::Zero(d);
+  const auto per_truncation = hn::Set(d, 1 / (row.truncation * row.truncation));
+  const auto tolerance = hn::Set(d, row.tolerance);
+  std::array<RowTransfer, kMostWitnesses> transfers;
+  for (std::size_t p = 0; p < row.partners.size(); ++p) {
+    transfers[p] = RowTransfer(row.partners[p].transfer, row.y, row.partners[p].image->width(),
+                               row.partners[p].image->height());
+  }
+  HWY_ALIGN float present[kMostLanes], costs[kOffsets][kMostLanes];
+  for (int x = 0; x < width; x += lanes) {
+    const int n = std::min(lanes, width - x);
+    for (int i = 0; i < lanes; ++i) present[i] = row.present[x + std::min(i, n - 1)];
+    const auto base = hn::Load(d, present);
+    const auto own = own_luma(d, *row.image, x, row.y);
+    V sums[kOffsets] = {zero, zero, zero, zero, zero, zero, zero};
+    auto count = zero;
+    for (std::size_t p = 0; p < row.partners.size(); ++p) {
+      const Partner& partner = row.partners[p];
+      const RowTransfer& transfer = transfers[p];
+      const auto seen = transfer.at(d, x, base);
+      if (hn::AllFalse(d, seen.inside)) continue;
+      const auto column =
+          hn::Min(hn::ConvertTo(di, seen.u), hn::Set(di, partner.depths->width - 1));
+      const auto line = hn::Min(hn::ConvertTo(di, seen.v), hn::Set(di, partner.depths->height - 1));
+      const auto at = hn::Add(hn::Mul(line, hn::Set(di, partner.depths->width)), column);
+      const auto its = hn::GatherIndex(d, partner.depths->values.data(), at);
+      const auto visible =
+          hn::And(seen.inside, hn::Le(its, hn::Add(seen.inverse_depth, tolerance)));
+      count = hn::Add(count, hn::IfThenElseZero(visible, one));
+      for (int i = 0; i < kOffsets; ++i) {
+        const auto step = hn::Set(d, static_cast<float>((i - kOffsets / 2) * row.step));
+        const auto moved = transfer.at(d, x, hn::Add(base, step));
+        const auto off = hn::Sub(luma_at(d, *partner.image, moved.u, moved.v), own);
+        const auto square = hn::Mul(off, off);
+        const auto cost = hn::Div(square, hn::MulAdd(square, per_truncation, one));
+        sums[i] = hn::Add(sums[i], hn::IfThenElseZero(visible, cost));
+      }
+    }
+    const auto per_partner = hn::Div(one, hn::Max(count, one));
+    for (int i = 0; i < kOffsets; ++i) hn::Store(hn::Mul(sums[i], per_partner), d, costs[i]);
+    for (int i = 0; i < n; ++i) {
+      float* out = row.costs + static_cast<std::ptrdiff_t>(x + i) * kOffsetStride;
+      for (int c = 0; c < kOffsets; ++c) out[c] = costs[c][i];
+      out[kOffsets] = 0;
+    }
+  }
+}
+
+void vote(const VoteRow& row) {
+  const D d;
+  const int lanes = static_cast<int>(hn::Lanes(d)), count = static_cast<int>(row.reports.size());
+  const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F), unknown = hn::Set(d, kUnknownDepth);
+  const auto per_tolerance = hn::Set(d, 1 / row.tolerance);
+  const auto almost = hn::Set(d, 0.9999F), clearly = hn::Set(d, 1.0001F);
+  HWY_ALIGN float reports[kMostReports][kMostLanes], out[kMostLanes];
+  for (int x = 0; x < row.width; x += lanes) {
+    const int n = std::min(lanes, row.width - x);
+    auto all = zero;
+    for (int r = 0; r < count; ++r) {
+      for (int i = 0; i < lanes; ++i) {
+        reports[r][i] = row.reports[static_cast<std::size_t>(r)][x + std::min(i, n - 1)];
+      }
+      const auto known = hn::Ge(hn::Load(d, reports[r]), zero);
+      all = hn::Add(
+          all, hn::IfThenElseZero(known, hn::Set(d, row.weights[static_cast<std::size_t>(r)])));
+    }
+    auto best = zero, best_depth = unknown, chosen = unknown;
+    for (int r = 0; r < count; ++r) {
+      const auto candidate = hn::Load(d, reports[r]);
+      auto support = zero, sum = zero;
+      for (int s = 0; s < count; ++s) {
+        const auto other = hn::Load(d, reports[s]);
+        const auto off = hn::Mul(hn::Abs(hn::Sub(other, candidate)), per_tolerance);
+        const auto known = hn::Ge(other, zero);
+        const auto weight =
+            hn::IfThenElseZero(known, hn::Mul(hn::Set(d, row.weights[static_cast<std::size_t>(s)]),
+                                              hn::Max(zero, hn::Sub(one, off))));
+        support = hn::Add(support, weight);
+        sum = hn::MulAdd(weight, other, sum);
+      }
+      const auto better = hn::Gt(support, hn::Mul(best, clearly));
+      const auto equal = hn::And(hn::Gt(support, hn::Mul(best, almost)), hn::Gt(candidate, chosen));
+      const auto wins = hn::And(hn::Ge(candidate, zero), hn::Or(better, equal));
+      best_depth =
+          hn::IfThenElse(wins, hn::Div(sum, hn::Max(support, hn::Set(d, 1e-30F))), best_depth);
+      chosen = hn::IfThenElse(wins, candidate, chosen);
+      best = hn::IfThenElse(wins, support, best);
+    }
+    hn::Store(best_depth, d, out);
+    std::copy_n(out, n, row.depth + x);
+    hn::Store(hn::Div(best, hn::Max(all, hn::Set(d, 1e-30F))), d, out);
+    std::copy_n(out, n, row.share + x);
+  }
+}
+
+const char* target() { return hwy::TargetName(HWY_TARGET); }
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace raystage
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace raystage {
+
+HWY_EXPORT(match);
+HWY_EXPORT(refine);
+HWY_EXPORT(vote);
+HWY_EXPORT(target);
+
+void match_row(const MatchRow& row) { HWY_DYNAMIC_DISPATCH(match)(row); }
+void refine_row(const RefineRow& row) { HWY_DYNAMIC_DISPATCH(refine)(row); }
+void vote_row(const VoteRow& row) { HWY_DYNAMIC_DISPATCH(vote)(row); }
+const char* depth_solve_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
+
+}  // namespace raystage
+#endif

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "render/depth/matching_image.h"
+#include "render/depth/pinhole.h"
+
+namespace raystage {
+
+/// A camera that a point is looked for in.
+struct Partner {
+  PixelTransfer transfer;  ///< to it, from the camera whose depths are sought
+  const MatchingImage* image = nullptr;
+  const InverseDepthMap* depths = nullptr;  ///< its own; only refine_row() asks
+};
+
+inline constexpr int kMostMatched = 8;  ///< partners of match_row()
+/// Where no partner sees a point, nothing can be said.
+inline constexpr std::uint8_t kUnknownCost = 127;
+
+/// One row of a cost volume over planes of inverse depth `farthest` + i * `step`, 1/m.
+struct MatchRow {
+  int y = 0;
+  const MatchingImage* image = nullptr;  ///< of the camera whose depths are sought
+  std::span<const Partner> partners;     ///< kMostMatched at most
+  double farthest = 0, step = 0;
+  int planes = 1, stride = 32;    ///< bytes from a pixel's costs to the next's
+  float truncation = 40;          ///< codes of 255
+  std::uint8_t* costs = nullptr;  ///< of the first pixel
+};
+/// How badly partners agree with the camera's own luma: the mean of the smaller half of the
+/// absolute differences among those that see the point (an occlusion hides it from some, on one
+/// side), each cut off at the truncation, which becomes 255. Bilinear.
+void match_row(const MatchRow& row);
+
+inline constexpr int kMostWitnesses = 64;  ///< partners of refine_row()
+inline constexpr int kOffsets = 7;         ///< depths tried around the present one: -3 to 3 steps
+inline constexpr int kOffsetStride = 8;    ///< floats from a pixel's costs to the next's
+
+/// One row of residuals around present depths.
+struct RefineRow {
+  int y = 0;
+  const MatchingImage* image = nullptr;
+  std::span<const Partner> partners;  ///< kMostWitnesses at most
+  const float* present = nullptr;     ///< inverse depths of the row, 1/m
+  double step = 0;                    ///< 1/m
+  float tolerance = 0;     ///< 1/m: a partner whose own depth is nearer by more is hidden
+  float truncation = 15;   ///< codes of 255
+  float* costs = nullptr;  ///< of the row's first pixel; the eighth of each is 0
+};
+/// The mean over partners that see the point, in their own depths too, of e^2 / (1 + e^2 / t^2),
+/// e = difference of luma, t = truncation (Geman and McClure); 0 where none does.
+void refine_row(const RefineRow& row);
+
+inline constexpr int kMostReports = 32;
+
+/// One row of depths that several cameras report for the same pixels.
+struct VoteRow {
+  std::span<const float* const> reports;  ///< kMostReports rows; kUnknownDepth for none
+  std::span<const float> weights;         ///< of the reports
+  int width = 0;
+  float tolerance = 0;     ///< 1/m, above 0
+  float* depth = nullptr;  ///< kUnknownDepth where there is no report
+  float* share = nullptr;  ///< of the weights that agree, 0 to 1
+};
+/// The report that most others support, by weight and 1 - |difference| / tolerance, the nearer of
+/// equals; then the mean of those that support it.
+void vote_row(const VoteRow& row);
+
+/// The instruction set in use.
+const char* depth_solve_target();
+
+}  // namespace raystage

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// PixelTransfer along a row, in vectors. Included once per instruction set, as Highway's kernels
+// are: no include guard of the common kind.
+
+#if defined(RAYSTAGE_RENDER_DEPTH_TRANSFER_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef RAYSTAGE_RENDER_DEPTH_TRANSFER_INL_H
+#undef RAYSTAGE_RENDER_DEPTH_TRANSFER_INL_H
+#else
+#define RAYSTAGE_RENDER_DEPTH_TRANSFER_INL_H
+#endif
+
+#include <hwy/highway.h>
+
+#include <array>
+
+#include "render/depth/pinhole.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace raystage {
+namespace HWY_NAMESPACE {
+
+/// A transfer along row y, into an image of a size.
+class RowTransfer {
+ public:
+  RowTransfer() = default;
+  RowTransfer(const PixelTransfer& transfer, int y, int width, int height)
+      : width_(static_cast<float>(width)), height_(static_cast<float>(height)) {
+    for (std::size_t r = 0; r < 3; ++r) {
+      const double* m = transfer.direction.data() + 3 * r;
+      base_[r] = 0.5 * m[0] + (m[1] * (y + 0.5) + m[2]);
+      step_[r] = m[0];
+      parallax_[r] = static_cast<float>(transfer.parallax[r]);
+    }
+  }
+
+  template <class V, class M>
+  struct Place {
+    V u, v, inverse_depth;
+    M inside;  ///< in front, and within [0, width] x [0, height]; elsewhere u and v are harmless
+  };
+  template <class D, class V>
+  HWY_INLINE auto at(D d, int x, V q) const {
+    namespace hn = hwy::HWY_NAMESPACE;
+    // The base in double, the short way from there in float.
+    const auto part = [&](std::size_t r) HWY_ATTR {
+      const auto base = hn::Set(d, static_cast<float>(base_[r] + step_[r] * x));
+      const auto along = hn::MulAdd(hn::Iota(d, 0), hn::Set(d, static_cast<float>(step_[r])), base);
+      return hn::MulAdd(q, hn::Set(d, parallax_[r]), along);
+    };
+    const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F), w = part(2);
+    const auto in_front = hn::Gt(w, zero);
+    const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
+    auto u = hn::Mul(part(0), inverse), v = hn::Mul(part(1), inverse);
+    const auto inside =
+        hn::And(hn::And(in_front, hn::And(hn::Ge(u, zero), hn::Le(u, hn::Set(d, width_)))),
+                hn::And(hn::Ge(v, zero), hn::Le(v, hn::Set(d, height_))));
+    u = hn::IfThenElseZero(inside, u);
+    v = hn::IfThenElseZero(inside, v);
+    return Place<V, decltype(inside)>{u, v, hn::Mul(q, inverse), inside};
+  }
+
+ private:
+  std::array<double, 3> base_{}, step_{};
+  std::array<float, 3> parallax_{};
+  float width_ = 0, height_ = 0;
+};
+
+// NOLINTNEXTLINE(google-readability-namespace-comments)
+}  // namespace HWY_NAMESPACE
+}  // namespace raystage
+HWY_AFTER_NAMESPACE();
+
+#endif  // per target

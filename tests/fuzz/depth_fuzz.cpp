@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any bytes as kept depths; if the first byte is odd, as what zstd would unpack, so that mutations
+// get past its checksum.
+#include <zstd.h>
+
+#include <cstdint>
+#include <cstdlib>
+#include <vector>
+
+#include "render/depth/depth_file.h"
+#include "schemas/error.h"
+
+namespace {
+
+constexpr std::uint64_t kFingerprint = 1;
+
+std::vector<std::byte> pack(std::span<const std::byte> payload) {
+  std::vector<std::byte> file(ZSTD_compressBound(payload.size()));
+  file.resize(ZSTD_compress(file.data(), file.size(), payload.data(), payload.size(), 1));
+  return file;
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size == 0) return 0;
+  std::vector<raystage::VirtualCamera> cameras(2);
+  for (raystage::VirtualCamera& camera : cameras) {
+    camera.width = 4;
+    camera.height = 3;
+  }
+  const auto input = std::as_bytes(std::span(data, size)).subspan(1);
+  const auto file = data[0] % 2 == 1 ? pack(input) : std::vector(input.begin(), input.end());
+  std::vector<raystage::InverseDepthMap> maps;
+  try {
+    maps = raystage::decode_depth_maps(file, kFingerprint, cameras, "depths");
+  } catch (const raystage::Error&) {
+    return 0;
+  }
+  // What was read can be written and read again.
+  for (raystage::InverseDepthMap& map : maps) raystage::quantise(map);
+  const auto again = raystage::decode_depth_maps(raystage::encode_depth_maps(maps, kFingerprint),
+                                                 kFingerprint, cameras, "again");
+  if (again.size() != maps.size()) std::abort();
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    if (again[i].values != maps[i].values) std::abort();
+  }
+  return 0;
+}

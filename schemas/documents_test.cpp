@@ -257,7 +257,8 @@ INSTANTIATE_TEST_SUITE_P(
         Damage{"take", "/cameras/1/journal", "a/../../b", "/cameras/1/journal", "inside the take"},
         Damage{"take", "/cameras/1/journal", std::string("a\0b", 3), "/cameras/1/journal",
                "control character"},
-        Damage{"take", "/depth_range_m", {3, 2.5}, "/depth_range_m", "nearest and then the farthest"},
+        Damage{
+            "take", "/depth_range_m", {3, 2.5}, "/depth_range_m", "nearest and then the farthest"},
         Damage{"take", "/depth_range_m", {nullptr, 3}, "/depth_range_m", "nearest"},
         Damage{"take", "/depth_range_m", {0, 3}, "/depth_range_m/0", "greater than 0"}));
 

@@ -8,7 +8,8 @@ namespace raystage {
 
 /// schemas/NAME.schema.json, as it was when the library was built.
 struct EmbeddedSchema {
-  std::string_view name;  ///< "rig", "take", "shot", "import", "views", "record", "recording", "bench"
+  std::string_view
+      name;  ///< "rig", "take", "shot", "import", "views", "record", "recording", "bench"
   std::string_view text;  ///< JSON Schema, draft 2020-12
 };
 

@@ -40,7 +40,7 @@ struct EvaluationSettings {
   /// Every n-th row and column of the grid contributes, counted from the first: fewer cameras.
   int camera_step = 1;
   HoleFill fill = HoleFill::kNone;  ///< when not none, all pixels are measured
-  int view_step = 1;  ///< every n-th view is rendered, from the first
+  int view_step = 1;                ///< every n-th view is rendered, from the first
   /// Renderings of each view that are timed after the first one, with frames decoded and what the
   /// method keeps at hand; at most as many as take 2 s. 0: the first one's times are reported.
   int repeat = 0;

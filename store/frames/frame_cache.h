@@ -44,9 +44,9 @@ class FrameCache {
   /// Whether all of a frame is in memory, so that any part of it costs nothing.
   bool holds_whole(int camera, int frame);
 
-  /// Asks for a frame's bytes to be read from the disk while the caller goes on, unless the frame is
-  /// held or no frame of its camera has been fetched yet although some of others have: cameras that a
-  /// shot does not need cost it nothing.
+  /// Asks for a frame's bytes to be read from the disk while the caller goes on, unless the frame
+  /// is held or no frame of its camera has been fetched yet although some of others have: cameras
+  /// that a shot does not need cost it nothing.
   void read_ahead(int camera, int frame);
 
   BlendSpace blend_space() const;

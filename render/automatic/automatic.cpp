@@ -13,19 +13,34 @@
 namespace raystage {
 namespace {
 
-/// What a frame costs on the two threads that Target::seconds_per_frame speaks of.
-double seconds_per_frame(const Candidate& candidate, const ViewRequest& request) {
-  const double pixels = static_cast<double>(request.view.width) * request.view.height;
-  return candidate.pixel_ns * 1e-9 * pixels / 2 +
-         candidate.instant_seconds_per_camera * request.instant.take->camera_count();
-}
-
 double longest_focal_length(const Rig& rig) {
   double longest = 0;
   for (const Rig::Camera& camera : rig.cameras) {
     longest = std::max({longest, camera.model.intrinsics().fx, camera.model.intrinsics().fy});
   }
   return longest;
+}
+
+/// What tells how dear a view is.
+struct Work {
+  double pixels = 0, source_pixels = 0;  ///< of the view; of all cameras
+  double disparity = 0;                  ///< disparity_range() between neighbours
+};
+
+Work work_of(const ViewRequest& request, double disparity) {
+  Work work{static_cast<double>(request.view.width) * request.view.height, 0, disparity};
+  for (const int camera : request.instant.members) {
+    const CameraModel& model = request.instant.rig->cameras[static_cast<std::size_t>(camera)].model;
+    work.source_pixels += static_cast<double>(model.width()) * model.height();
+  }
+  return work;
+}
+
+/// What a frame costs on the two threads that Target::seconds_per_frame speaks of.
+double seconds_per_frame(const Candidate& c, const Work& work) {
+  return 1e-9 / 2 *
+         (work.pixels * (c.pixel_ns + c.disparity_ns * work.disparity) +
+          work.source_pixels * c.instant_ns);
 }
 
 std::string in_time(double seconds) {
@@ -45,17 +60,19 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
   }
   const double spacing = camera_spacing(*instant.rig, *instant.complete);
   const double focal_length = longest_focal_length(*instant.rig);
-  if (disparity_range(focal_length, spacing, *range) <= kAliasFreeDisparity) {
+  const double disparity = disparity_range(focal_length, spacing, *range);
+  if (disparity <= kAliasFreeDisparity) {
     return {0, fmt::format("{}: cameras {:.3g} mm apart, and up to {:.3g} mm a single plane is "
                            "free of ghosts (eq. 2.1)",
                            candidates[0].label, spacing * 1e3,
                            largest_alias_free_spacing(focal_length, *range) * 1e3)};
   }
 
+  const Work work = work_of(request, disparity);
   std::vector<std::size_t> in_reach;  // from the least to the most accurate
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     if (target.seconds_per_frame > 0 &&
-        seconds_per_frame(candidates[i], request) > target.seconds_per_frame) {
+        seconds_per_frame(candidates[i], work) > target.seconds_per_frame) {
       continue;
     }
     in_reach.push_back(i);
@@ -63,17 +80,16 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
   if (in_reach.empty()) {
     std::size_t cheapest = 0;
     for (std::size_t i = 1; i < candidates.size(); ++i) {
-      if (seconds_per_frame(candidates[i], request) <
-          seconds_per_frame(candidates[cheapest], request)) {
+      if (seconds_per_frame(candidates[i], work) < seconds_per_frame(candidates[cheapest], work)) {
         cheapest = i;
       }
     }
     return {cheapest, fmt::format("{}: nothing takes less than {}, this is the quickest",
                                   candidates[cheapest].label,
-                                  in_time(seconds_per_frame(candidates[cheapest], request)))};
+                                  in_time(seconds_per_frame(candidates[cheapest], work)))};
   }
   const std::size_t best = in_reach.back();
-  const std::string best_takes = in_time(seconds_per_frame(candidates[best], request));
+  const std::string best_takes = in_time(seconds_per_frame(candidates[best], work));
   if (!(target.psnr_db > 0)) {
     return {best,
             target.seconds_per_frame > 0
@@ -82,7 +98,7 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
                 : fmt::format("{}: the most accurate, {}", candidates[best].label, best_takes)};
   }
   std::ranges::sort(in_reach, {},
-                    [&](std::size_t i) { return seconds_per_frame(candidates[i], request); });
+                    [&](std::size_t i) { return seconds_per_frame(candidates[i], work); });
   double most_measured = -std::numeric_limits<double>::infinity();
   for (const std::size_t i : in_reach) {
     if (i == best) break;
@@ -92,7 +108,7 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
     if (psnr >= target.psnr_db) {
       return {i, fmt::format("{}: {:.1f} dB at cameras left out, {:.1f} asked for, {}",
                              candidates[i].label, psnr, target.psnr_db,
-                             in_time(seconds_per_frame(candidates[i], request)))};
+                             in_time(seconds_per_frame(candidates[i], work)))};
     }
   }
   return {best,

@@ -14,11 +14,11 @@ struct Candidate {
   std::string label;  ///< for people
   Method method;
   OptionValues options = {};
-  /// What a pixel of a view costs on one thread, nanoseconds, and what an instant costs beside
-  /// that, seconds a camera: as measured on the machine of docs/benchmarks.md. Constants, so that
-  /// every node of a farm chooses alike.
-  double pixel_ns = 0, instant_seconds_per_camera = 0;
-  bool needs_depth_range = false;
+  /// What it costs on one thread, nanoseconds: a pixel of the view; beside that, a pixel for each
+  /// pixel of disparity_range(); and what an instant costs, for each pixel of its cameras. As
+  /// measured on the machine of docs/benchmarks.md: constants, so that every node of a farm chooses
+  /// alike.
+  double pixel_ns = 0, disparity_ns = 0, instant_ns = 0;
 };
 
 /// What is asked of `auto`.

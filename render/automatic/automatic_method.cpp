@@ -4,7 +4,9 @@
 #include <array>
 
 #include "render/automatic/automatic.h"
+#include "render/depth/depth.h"
 #include "render/planar/focal_plane.h"
+#include "render/sweep/plane_sweep.h"
 
 namespace raystage {
 namespace {
@@ -17,9 +19,19 @@ constexpr std::array kOptions{
                   "seconds that a frame may take on two threads of the machine of "
                   "docs/benchmarks.md; 0: however long it takes")};
 
-/// From the least to the most accurate; what they cost is measured in docs/benchmarks.md.
+/// From the least to the most accurate.
 std::vector<Candidate> candidates() {
-  return {{.label = "focal_plane", .method = focal_plane_method(), .pixel_ns = 30}};
+  return {
+      {.label = "focal_plane", .method = focal_plane_method(), .pixel_ns = 16},
+      {.label = "plane_sweep with few planes",
+       .method = plane_sweep_method(),
+       .options = {{"step_px", 2.0},
+                   {"aggregation", std::string("box")},
+                   {"look_up", std::string("linear")}},
+       .pixel_ns = 150,
+       .disparity_ns = 8},
+      {.label = "plane_sweep", .method = plane_sweep_method(), .pixel_ns = 300, .disparity_ns = 32},
+      {.label = "depth", .method = depth_method(), .pixel_ns = 1200, .instant_ns = 1900}};
 }
 
 RenderedView render_with(const ViewRequest& request, bool reference) {

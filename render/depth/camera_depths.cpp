@@ -32,7 +32,8 @@ bool share_a_view(const VirtualCamera& camera, const VirtualCamera& other,
   const PixelTransfer transfer = pixel_transfer(other, camera);
   const double q = (range.farthest + range.nearest) / 2;
   for (int i = 0; i < 9; ++i) {
-    const double x = camera.width * (1 + i % 3) / 4.0, y = camera.height * (1 + i / 3) / 4.0;
+    const int column = 1 + i % 3, row = 1 + i / 3;
+    const double x = camera.width * column / 4.0, y = camera.height * row / 4.0;
     const auto part = [&](std::size_t r) {
       const double* m = transfer.direction.data() + 3 * r;
       return m[0] * x + m[1] * y + m[2] + q * transfer.parallax[r];
@@ -245,7 +246,8 @@ class Solver {
     for (int i = 0; i < kOffsets; ++i) {
       if (cost[i] < cost[best]) best = i;
     }
-    float offset = static_cast<float>(best - kOffsets / 2);
+    const int steps = best - kOffsets / 2;
+    auto offset = static_cast<float>(steps);
     if (best == 0 || best == kOffsets - 1) return offset;
     const float before = cost[best - 1] - cost[best], after = cost[best + 1] - cost[best];
     if (before + after > 1e-6F) offset += 0.5F * (before - after) / (before + after);

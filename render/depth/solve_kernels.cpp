@@ -144,7 +144,8 @@ void refine(const RefineRow& row) {
           hn::And(seen.inside, hn::Le(its, hn::Add(seen.inverse_depth, tolerance)));
       count = hn::Add(count, hn::IfThenElseZero(visible, one));
       for (int i = 0; i < kOffsets; ++i) {
-        const auto step = hn::Set(d, static_cast<float>((i - kOffsets / 2) * row.step));
+        const int steps = i - kOffsets / 2;
+        const auto step = hn::Set(d, static_cast<float>(steps * row.step));
         const auto moved = transfer.at(d, x, hn::Add(base, step));
         const auto off = hn::Sub(luma_at(d, *partner.image, moved.u, moved.v), own);
         const auto square = hn::Mul(off, off);

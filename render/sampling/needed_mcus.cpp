@@ -82,10 +82,8 @@ Footprint find_footprint(const SourceView& s, const PixelBlock& block) {
     for (Point& p : corner) p = through_lens(s, p);
   }
   for (Point& p : corner) p = {p.x * s.fx + s.cx, p.y * s.fy + s.cy};
-  const auto [left, right] =
-      std::ranges::minmax({corner[0].x, corner[1].x, corner[2].x, corner[3].x});
-  const auto [top, bottom] =
-      std::ranges::minmax({corner[0].y, corner[1].y, corner[2].y, corner[3].y});
+  const auto [left, right] = std::minmax({corner[0].x, corner[1].x, corner[2].x, corner[3].x});
+  const auto [top, bottom] = std::minmax({corner[0].y, corner[1].y, corner[2].y, corner[3].y});
   out.box = {left - margin, right + margin, top - margin, bottom + margin};
   out.area = std::abs((corner[2].x - corner[0].x) * (corner[3].y - corner[1].y) -
                       (corner[3].x - corner[1].x) * (corner[2].y - corner[0].y)) /

@@ -8,7 +8,7 @@
 #include "render/depth/depth_file.h"
 #include "render/depth/fusion.h"
 #include "render/depth/solve_kernels.h"
-#include "schemas/error.h"
+#include "render/view/scene_depths.h"
 
 namespace raystage {
 namespace depth {
@@ -29,26 +29,10 @@ constexpr std::array kOptions{
                   "difference of 8-bit codes at which a camera counts half when blended"),
     flag_option("keep", true, "depths in the folder depth/ of the take, and use those there")};
 
-DepthRange scene_of(const ViewRequest& request) {
-  DepthRange scene = request.instant.take->document().depth_range.value_or(DepthRange{});
-  if (const double near = request.options.number("near"); near > 0) scene.near = near;
-  if (const double far = request.options.number("far"); far > 0) scene.far = far;
-  const std::string take = request.instant.take->folder().string();
-  if (!(scene.near > 0 && scene.far > 0)) {
-    throw Error::bad_input("depth does not know how deep the scene is", take,
-                           "Give the options near and far, in metres in front of the array");
-  }
-  if (scene.far < scene.near) {
-    throw Error::bad_input("depth: far is nearer than near", take,
-                           "Give near and far in metres, near first");
-  }
-  return scene;
-}
-
 Settings settings_of(const ViewRequest& request) {
   const MethodOptions& options = request.options;
   Settings s;
-  s.solving.scene = scene_of(request);
+  s.solving.scene = scene_depths(request, "depth");
   s.solving.plane_px = options.number("plane_px");
   s.solving.neighbours = options.whole("neighbours");
   s.solving.witnesses = options.whole("witnesses");

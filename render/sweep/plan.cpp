@@ -5,6 +5,7 @@
 
 #include "render/sweep/cost_kernels.h"
 #include "render/sweep/plane_sweep.h"
+#include "render/view/scene_depths.h"
 #include "schemas/error.h"
 
 namespace raystage {
@@ -29,22 +30,6 @@ constexpr std::array kOptions{
     choice_option("look_up", "cubic", "cubic|linear", "how frames are read between their pixels")};
 
 constexpr int kMostPlanes = 512;
-
-DepthRange scene_of(const ViewRequest& request) {
-  DepthRange scene = request.instant.take->document().depth_range.value_or(DepthRange{});
-  if (const double near = request.options.number("near"); near > 0) scene.near = near;
-  if (const double far = request.options.number("far"); far > 0) scene.far = far;
-  const std::string take = request.instant.take->folder().string();
-  if (!(scene.near > 0 && scene.far > 0)) {
-    throw Error::bad_input("plane_sweep does not know how deep the scene is", take,
-                           "Give the options near and far, in metres in front of the array");
-  }
-  if (scene.far < scene.near) {
-    throw Error::bad_input("plane_sweep: far is nearer than near", take,
-                           "Give near and far in metres, near first");
-  }
-  return scene;
-}
 
 Settings settings_of(const MethodOptions& options) {
   Settings s;
@@ -86,7 +71,8 @@ std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
 std::optional<Plan> plan(const ViewRequest& request) {
   const Settings settings = settings_of(request.options);
   const Rig& rig = *request.instant.rig;
-  const InverseDepthRange range = inverse_depths_in_view(request.view, rig, scene_of(request));
+  const InverseDepthRange range =
+      inverse_depths_in_view(request.view, rig, scene_depths(request, "plane_sweep"));
   if (range.empty()) return std::nullopt;
   Plan result{
       settings,

@@ -298,6 +298,9 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
       settings.on_picture(
           {evaluation.views.size(), subjects.size(), subject.id, image, truth, covered});
     }
+    for (const std::string& note : view.notes) {
+      if (std::ranges::count(evaluation.notes, note) == 0) evaluation.notes.push_back(note);
+    }
     evaluation.views.push_back(result);
     progress(static_cast<double>(evaluation.views.size()) / static_cast<double>(subjects.size()));
   }

@@ -81,6 +81,7 @@ struct Evaluation {
   ViewEvaluation mean;  ///< over the views that cover anything
   Steadiness steadiness;
   double prepare_ms = 0;  ///< mean over the views that had anything to prepare: once an instant
+  std::vector<std::string> notes;  ///< of the views (RenderedView::notes), each once
 };
 
 Steadiness steadiness_of(std::span<const ViewEvaluation> views);

@@ -101,7 +101,7 @@ TEST_F(EvaluatedTake, EveryNthView) {
   const Take take(folder_.path() / "take");
   settings_.leave_out = {"r2c2", "r1c1", "r3c3"};
   settings_.view_step = 2;
-  const Evaluation evaluation = evaluate(take);
+  Evaluation evaluation = evaluate(take);
   ASSERT_EQ(evaluation.views.size(), 2U);
   EXPECT_EQ(evaluation.views[1].id, "r3c3");
   EXPECT_EQ(evaluation.cameras, 22);
@@ -109,6 +109,9 @@ TEST_F(EvaluatedTake, EveryNthView) {
   EXPECT_EQ(json["steadiness"]["psnr_largest_step_db"],
             std::abs(evaluation.views[0].quality.psnr_db - evaluation.views[1].quality.psnr_db));
   EXPECT_THAT(evaluation_as_text(evaluation), HasSubstr("largest step"));
+  evaluation.notes = {"auto: focal_plane: it is enough"};
+  EXPECT_THAT(evaluation_as_text(evaluation),
+              HasSubstr("\nnote: auto: focal_plane: it is enough\n"));
 }
 
 }  // namespace

@@ -56,6 +56,7 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
         "PSNR from view to view: standard deviation {:.2f} dB, largest step {:.2f} dB\n",
         evaluation.steadiness.deviation_db, evaluation.steadiness.largest_step_db);
   }
+  for (const std::string& note : evaluation.notes) text += "note: " + note + "\n";
   return text;
 }
 

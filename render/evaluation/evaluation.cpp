@@ -277,6 +277,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   if (!settings.image_folder.empty()) create_folder(settings.image_folder);
   read_ahead(take, subjects, tolerance, renderer_settings.left_out);
 
+  ShotErrors shot_errors;
   for (const Subject& subject : subjects) {
     if (stop.stop_requested()) {
       throw Error::failed("stopped", take.folder().string(), "Run the command again");
@@ -294,6 +295,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
     const RgbImage truth = subject.truth();
     const std::vector<std::uint8_t> covered = covered_pixels(view);
     result.quality = compare_images(image, truth, covered);
+    shot_errors.add(subject.id, image, truth, covered);
     if (settings.on_picture) {
       settings.on_picture(
           {evaluation.views.size(), subjects.size(), subject.id, image, truth, covered});
@@ -306,6 +308,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   }
   evaluation.mean = mean_of(evaluation.views);
   evaluation.steadiness = steadiness_of(evaluation.views);
+  evaluation.shots = shot_errors.steadiness();
   evaluation.prepare_ms = prepare_ms_of(evaluation.views);
   return evaluation;
 }

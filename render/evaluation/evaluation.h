@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "render/evaluation/shot_errors.h"
 #include "render/quality/image_quality.h"
 #include "schemas/hole_fill.h"
 #include "schemas/option_values.h"
@@ -80,6 +81,7 @@ struct Evaluation {
   std::vector<ViewEvaluation> views;
   ViewEvaluation mean;  ///< over the views that cover anything
   Steadiness steadiness;
+  std::vector<ShotSteadiness> shots;  ///< of two views and more
   double prepare_ms = 0;  ///< mean over the views that had anything to prepare: once an instant
   std::vector<std::string> notes;  ///< of the views (RenderedView::notes), each once
 };

@@ -33,6 +33,13 @@ std::string evaluation_as_json(const Evaluation& evaluation) {
   document["mean"].erase("id");
   document["steadiness"] = {{"psnr_deviation_db", evaluation.steadiness.deviation_db},
                             {"psnr_largest_step_db", evaluation.steadiness.largest_step_db}};
+  document["shots"] = nlohmann::ordered_json::array();
+  for (const ShotSteadiness& shot : evaluation.shots) {
+    document["shots"].push_back({{"id", shot.id},
+                                 {"views", shot.views},
+                                 {"error_variance", number(shot.error_variance)},
+                                 {"mean_square_error", number(shot.mean_square_error)}});
+  }
   document["views"] = nlohmann::ordered_json::array();
   for (const ViewEvaluation& view : evaluation.views) document["views"].push_back(as_json(view));
   return document.dump(2) + "\n";
@@ -55,6 +62,12 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
     text += fmt::format(
         "PSNR from view to view: standard deviation {:.2f} dB, largest step {:.2f} dB\n",
         evaluation.steadiness.deviation_db, evaluation.steadiness.largest_step_db);
+  }
+  for (const ShotSteadiness& shot : evaluation.shots) {
+    text += fmt::format(
+        "shot {} ({} views): temporal variance of the error {:.2f}, of a mean square error of "
+        "{:.2f} (squared 8-bit codes)\n",
+        shot.id, shot.views, shot.error_variance, shot.mean_square_error);
   }
   for (const std::string& note : evaluation.notes) text += "note: " + note + "\n";
   return text;

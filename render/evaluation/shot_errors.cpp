@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/evaluation/shot_errors.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace raystage {
+
+std::string_view shot_of_view(std::string_view id) {
+  const std::size_t last = id.find_last_not_of("0123456789");
+  const bool numbered = last != std::string_view::npos && last > 0 && last + 1 < id.size() &&
+                        (id[last] == '_' || id[last] == '-');
+  return numbered ? id.substr(0, last) : id;
+}
+
+void ShotErrors::add(std::string_view view_id, const RgbImage& image, const RgbImage& truth,
+                     std::span<const std::uint8_t> covered) {
+  const std::string_view id = shot_of_view(view_id);
+  auto shot = std::ranges::find(shots_, id, &Shot::id);
+  if (shot == shots_.end()) {
+    shots_.push_back({std::string(id), image.width, image.height, 0,
+                      std::vector<std::int32_t>(image.pixels.size()),
+                      std::vector<std::int32_t>(image.pixels.size()),
+                      std::vector<std::uint8_t>(covered.size(), 1)});
+    shot = std::prev(shots_.end());
+  }
+  if (shot->width != image.width || shot->height != image.height) return;
+  ++shot->views;
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const int error = int{image.pixels[i]} - int{truth.pixels[i]};
+    shot->sum[i] += error;
+    shot->square_sum[i] += error * error;
+  }
+  for (std::size_t i = 0; i < covered.size(); ++i) shot->covered[i] &= covered[i];
+}
+
+std::vector<ShotSteadiness> ShotErrors::steadiness() const {
+  std::vector<ShotSteadiness> all;
+  for (const Shot& shot : shots_) {
+    if (shot.views < 2) continue;
+    ShotSteadiness steadiness{shot.id, shot.views};
+    double count = 0;
+    for (std::size_t i = 0; i < shot.sum.size(); ++i) {
+      if (shot.covered[i / 3] == 0) continue;
+      const double mean = static_cast<double>(shot.sum[i]) / shot.views;
+      const double mean_square = static_cast<double>(shot.square_sum[i]) / shot.views;
+      steadiness.error_variance += mean_square - mean * mean;
+      steadiness.mean_square_error += mean_square;
+      ++count;
+    }
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    steadiness.error_variance = count > 0 ? steadiness.error_variance / count : none;
+    steadiness.mean_square_error = count > 0 ? steadiness.mean_square_error / count : none;
+    all.push_back(steadiness);
+  }
+  return all;
+}
+
+}  // namespace raystage

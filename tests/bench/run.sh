@@ -34,6 +34,7 @@ else
   echo "no $data/shop: the benchmark runs on a painted plane" >&2
 fi
 "$build/bin/focal_plane_bench"
+"$build/bin/methods_bench"
 "$build/bin/thesis_bench"
 "$build/bin/plane_sweep_bench"
 "$build/bin/jpeg_bench"

@@ -22,7 +22,8 @@ namespace {
 
 constexpr int kSide = 17, kInstants = 8;
 constexpr double kSpacing = 0.06, kFov = 40 * std::numbers::pi / 180;
-constexpr const char* kMethods[] = {"focal_plane", "slabs"};
+constexpr const char* kMethods[] = {"focal_plane", "slabs",       "aperture",
+                                    "lumigraph",   "plane_sweep", "depth"};
 
 class BenchTake {
  public:
@@ -31,6 +32,7 @@ class BenchTake {
     settings.cameras = testing::camera_grid(kSide, kSide, kSpacing, 320, 240);
     settings.jpeg = {85, JpegEncodeSettings::Chroma::k420, -1};
     settings.frames = kInstants;
+    settings.depth_range = DepthRange{2, 20};
     write_synthetic_take(settings, folder_.path() / "take");
     take_ = std::make_unique<Take>(folder_.path() / "take");
   }
@@ -142,9 +144,9 @@ void BM_FromMemory(benchmark::State& state) {
   state.counters["cameras_used"] = cameras;
 }
 BENCHMARK(BM_FromMemory)  // by cameras, by threads, by resolution
-    ->ArgsProduct({{0, 1}, {2, 4, 8, 12, 17}, {2}, {512}})
-    ->ArgsProduct({{0, 1}, {8}, {1}, {512}})
-    ->ArgsProduct({{0, 1}, {8}, {2}, {256, 1024, 2048}})
+    ->ArgsProduct({{0, 1, 2, 3, 4, 5}, {2, 4, 8, 12, 17}, {2}, {512}})
+    ->ArgsProduct({{0, 1, 2, 3, 4, 5}, {8}, {1}, {512}})
+    ->ArgsProduct({{0, 1, 2, 3, 4, 5}, {8}, {2}, {256, 1024, 2048}})
     ->ArgNames({"method", "per_side", "threads", "size"})
     ->Unit(benchmark::kMillisecond)
     ->MeasureProcessCPUTime()

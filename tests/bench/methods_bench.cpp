@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every method in the same view: what a second thread gains, and what the machine allows. The take:
+// $RAYSTAGE_BENCH_TAKE; by default 8x8 cameras of 960x640 looking at a painted plane.
+#include <benchmark/benchmark.h>
+#include <malloc.h>
+#include <tbb/global_control.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+#include "render/evaluation/trade.h"
+#include "render/methods.h"
+#include "render/renderer.h"
+#include "render/view/synthetic_take.h"
+#include "schemas/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double ms_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+class BenchTake {
+ public:
+  BenchTake() {
+    if (const char* folder = std::getenv("RAYSTAGE_BENCH_TAKE")) {
+      take_ = std::make_unique<Take>(folder);
+      return;
+    }
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(8, 8, 0.0615, 960, 640);
+    settings.plane_depth = 5;
+    settings.depth_range = DepthRange{3, 40};
+    settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
+    write_synthetic_take(settings, folder_.path() / "take");
+    take_ = std::make_unique<Take>(folder_.path() / "take");
+  }
+  const Take& take() const { return *take_; }
+
+ private:
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+};
+
+const Take& take() {
+  static const BenchTake opened;
+  return opened.take();
+}
+
+/// A little behind the array, turned, off the cameras' places: a dozen cameras and more see it.
+VirtualCamera bench_view() {
+  Pose pose;
+  pose.position = take().rig().centre() + Eigen::Vector3d(0.017, -0.011, 0.1);
+  return virtual_camera_with_fov(960, 640, 45 * std::numbers::pi / 180, pose);
+}
+
+/// The shortest of renderings with one and with two threads, in turn, so that whatever else the
+/// machine does troubles both alike.
+void BM_Threads(benchmark::State& state, const TradeSetting& setting) {
+  RendererSettings settings;
+  settings.cache_bytes = settings.kept_bytes = std::size_t{2} << 30;
+  const LightFieldRenderer renderer(take(), settings);
+  const FrameSelection frames = select_frames(take(), 0, kNanosecondsPerSecond);
+  const VirtualCamera view = bench_view();
+  const Reconstruction reconstruction{
+      setting.method,
+      plane_in_front_of(take().rig(), best_focal_depth(*take().document().depth_range)),
+      setting.options};
+  const auto render = [&] {
+    const RenderedView image = renderer.render(view, frames, reconstruction);
+    benchmark::DoNotOptimize(image.rgba.data());
+    return image.statistics;
+  };
+  for (int warm = 0; warm < 2; ++warm) render();
+  double least_ms[2] = {std::numeric_limits<double>::infinity(),
+                        std::numeric_limits<double>::infinity()};
+  RenderStatistics statistics;
+  for (auto _ : state) {
+    for (std::size_t threads : {1, 2}) {
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+      const auto start = Clock::now();
+      statistics = render();
+      least_ms[threads - 1] = std::min(least_ms[threads - 1], ms_since(start));
+    }
+  }
+  state.counters["ms_1"] = least_ms[0];
+  state.counters["ms_2"] = least_ms[1];
+  state.counters["gain"] = least_ms[0] / least_ms[1];
+  state.counters["plan_ms"] = statistics.plan_ms;
+  state.counters["cameras"] = statistics.cameras_used;
+}
+
+constexpr std::size_t kProbeBytes = std::size_t{256} << 20;  // far beyond the caches
+constexpr std::size_t kProbePiece = std::size_t{1} << 20;
+
+/// What memory can deliver to so many threads: the limit of every method whose frames do not fit
+/// the caches.
+template <class Piece>
+void probe_memory(benchmark::State& state, const Piece& on_piece) {
+  const auto threads = static_cast<std::size_t>(state.range(0));
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+  double least_ms = std::numeric_limits<double>::infinity();
+  for (auto _ : state) {
+    const auto start = Clock::now();
+    tbb::parallel_for(std::size_t{0}, kProbeBytes / kProbePiece, on_piece);
+    least_ms = std::min(least_ms, ms_since(start));
+  }
+  state.counters["GB_per_s"] = static_cast<double>(kProbeBytes) / 1e6 / least_ms;
+}
+
+void BM_MemoryRead(benchmark::State& state) {
+  const std::vector<std::uint64_t> data(kProbeBytes / 8, 1);
+  probe_memory(state, [&](std::size_t piece) {
+    const auto begin = data.begin() + static_cast<std::ptrdiff_t>(piece * kProbePiece / 8);
+    benchmark::DoNotOptimize(
+        std::accumulate(begin, begin + std::ptrdiff_t{kProbePiece / 8}, std::uint64_t{0}));
+  });
+}
+void BM_MemoryWrite(benchmark::State& state) {
+  std::vector<char> data(kProbeBytes, 1);
+  probe_memory(state, [&](std::size_t piece) {
+    std::memset(data.data() + piece * kProbePiece, 2, kProbePiece);
+    benchmark::ClobberMemory();
+  });
+}
+BENCHMARK(BM_MemoryRead)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(BM_MemoryWrite)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) {
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);  // as every raystage command does
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+  benchmark::Initialize(&argc, argv);
+  for (const raystage::TradeSetting& setting : raystage::default_trade_settings()) {
+    // Needs mattes; chooses among the others.
+    if (setting.method == "visual_hull" || setting.method == "auto") continue;
+    benchmark::RegisterBenchmark(
+        ("BM_Threads/" + setting.label).c_str(),
+        [setting](benchmark::State& state) { raystage::BM_Threads(state, setting); })
+        ->Unit(benchmark::kMillisecond)
+        ->MinTime(1)
+        ->UseRealTime();
+  }
+  benchmark::RunSpecifiedBenchmarks();
+  return 0;
+}

@@ -3,11 +3,13 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <charconv>
 #include <limits>
-#include <map>
 #include <memory>
+#include <mutex>
 #include <utility>
+#include <vector>
 
 #include "schemas/embedded_schemas.h"
 #include "schemas/validator.h"
@@ -23,31 +25,22 @@ std::string schema_name(std::string_view kind) {
   return fmt::format("raystage/{}/{}", kind, kNewestVersion);
 }
 
-std::unique_ptr<const SchemaValidator> load_validator(std::string_view kind) {
-  for (const EmbeddedSchema& schema : embedded_schemas()) {
-    if (schema.name == kind) {
-      return std::make_unique<const SchemaValidator>(json::parse(schema.text));
-    }
-  }
-  throw std::logic_error("no schema of this name was built in: " + std::string(kind));
-}
-
 /// Each validator is made once, when first asked for: most commands need one or two of them.
-template <int index>
-const SchemaValidator& validator_once(std::string_view kind) {
-  static const std::unique_ptr<const SchemaValidator> validator = load_validator(kind);
-  return *validator;
-}
-
 const SchemaValidator& validator_of(std::string_view kind) {
-  if (kind == "rig") return validator_once<0>(kind);
-  if (kind == "take") return validator_once<1>(kind);
-  if (kind == "shot") return validator_once<2>(kind);
-  if (kind == "import") return validator_once<3>(kind);
-  if (kind == "record") return validator_once<4>(kind);
-  if (kind == "recording") return validator_once<5>(kind);
-  if (kind == "bench") return validator_once<6>(kind);
-  return validator_once<7>("views");
+  struct Slot {
+    std::once_flag once;
+    std::unique_ptr<const SchemaValidator> validator;
+  };
+  static std::vector<Slot> slots(embedded_schemas().size());
+  const auto schema = std::ranges::find(embedded_schemas(), kind, &EmbeddedSchema::name);
+  if (schema == embedded_schemas().end()) {
+    throw std::logic_error("no schema of this name was built in: " + std::string(kind));
+  }
+  Slot& slot = slots[static_cast<std::size_t>(schema - embedded_schemas().begin())];
+  std::call_once(slot.once, [&] {
+    slot.validator = std::make_unique<const SchemaValidator>(json::parse(schema->text));
+  });
+  return *slot.validator;
 }
 
 void check_version(std::string_view kind, const json& document, std::string_view name) {

@@ -12,6 +12,7 @@
 #include "schemas/bench_document.h"
 #include "schemas/error.h"
 #include "schemas/import_manifest.h"
+#include "schemas/planes_document.h"
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
@@ -60,6 +61,12 @@ json good(const std::string& kind) {
          {"options", {{"planes", 96}, {"aggregation", "box"}, {"sub_plane", true}}}}};
     return document;
   }
+  if (kind == "planes") {
+    document["planes"] = {
+        {{"id", "door"}, {"corners", {{0, 0, -3}, {1, 0, -3}, {1, 2.5, -3}, {0, 2.5, -3}}}},
+        {{"id", "sail"}, {"corners", {{640, 0, -3}, {1, 0.1, -3}, {1, 2, -4}}}}};
+    return document;
+  }
   if (kind == "views") {
     document["color_space"] = "srgb_texture";
     document["views"] = {camera("a", 0), camera("b", 0.1)};
@@ -95,6 +102,7 @@ std::string rewritten(const std::string& kind, const std::string& text) {
   if (kind == "take") return format_take(parse_take(text, "f.json"));
   if (kind == "shot") return format_shot(parse_shot(text, "f.json"));
   if (kind == "bench") return format_bench(parse_bench(text, "f.json"));
+  if (kind == "planes") return format_planes(parse_planes(text, "f.json"));
   if (kind == "views") return format_views(parse_views(text, "f.json"));
   return format_import_manifest(parse_import_manifest(text, "f.json"));
 }
@@ -112,7 +120,8 @@ std::string refusal(const std::string& kind, const json& document) {
 
 class EveryDocument : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryDocument,
-                         ::testing::Values("rig", "take", "shot", "import", "views", "bench"));
+                         ::testing::Values("rig", "take", "shot", "import", "views", "bench",
+                                           "planes"));
 
 TEST_P(EveryDocument, ComesBackTheSame) {
   const std::string once = rewritten(GetParam(), good(GetParam()).dump());

@@ -9,7 +9,7 @@ namespace raystage {
 /// schemas/NAME.schema.json, as it was when the library was built.
 struct EmbeddedSchema {
   std::string_view
-      name;  ///< "rig", "take", "shot", "import", "views", "record", "recording", "bench"
+      name;  ///< "rig", "take", "shot", "import", "views", "record", "recording", "bench", "planes"
   std::string_view text;  ///< JSON Schema, draft 2020-12
 };
 

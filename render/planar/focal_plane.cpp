@@ -32,14 +32,15 @@ class FocalPlaneFrame {
 
  public:
   FocalPlaneFrame(const VirtualCamera& view, const Instant& instant, const Eigen::Vector4d& plane,
-                  CornerWeights weights, bool count_needed)
+                  CornerWeights weights, bool count_needed, const ViewRegion* region)
       : view_(view),
         instant_(instant),
         projection_(view, plane),
         cells_(view, *instant.rig, *instant.present),
         weights_(weights),
         count_needed_(count_needed),
-        rows_(view, cells_),
+        region_(region),
+        rows_(view, cells_, region),
         sources_(instant, projection_, count_needed) {}
 
   RenderedView render() {
@@ -154,7 +155,7 @@ class FocalPlaneFrame {
         if (!instant_.is_present(cell.camera[c])) lacks[i] = true;
       }
     }
-    const ViewRows rows(view_, complete);
+    const ViewRows rows(view_, complete, region_);
     rows.for_each_part([&](int first, int end) {
       for (int y = first; y < end; ++y) {
         for (const RayCells::Span& span : rows.spans(y)) {
@@ -186,6 +187,7 @@ class FocalPlaneFrame {
   RayCells cells_;
   CornerWeights weights_;
   bool count_needed_;
+  const ViewRegion* region_;  // null: the whole view
   ViewRows rows_;
   SourceFrames sources_;
 };
@@ -194,16 +196,55 @@ class FocalPlaneFrame {
 
 RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instant,
                                 const Eigen::Vector4d& plane, CornerWeights weights,
-                                bool count_needed_pixels) {
-  return FocalPlaneFrame(view, instant, plane, weights, count_needed_pixels).render();
+                                bool count_needed_pixels, const ViewRegion* region) {
+  return FocalPlaneFrame(view, instant, plane, weights, count_needed_pixels, region).render();
 }
 
 namespace {
 
+std::filesystem::path objects_file(const MethodOptions& options, const Take& take) {
+  return take.folder() / options.text("objects");
+}
+
+std::shared_ptr<const std::vector<ObjectPlane>> objects_of(const ViewRequest& request) {
+  if (request.options.text("objects").empty()) {
+    return std::make_shared<const std::vector<ObjectPlane>>();
+  }
+  const std::filesystem::path file = objects_file(request.options, *request.instant.take);
+  return request.kept.get<std::vector<ObjectPlane>>(
+      "object planes " + file.string(), [&file](std::size_t& bytes) {
+        auto objects = object_planes_from(read_planes(file), file.string());
+        bytes = objects.size() * (sizeof(ObjectPlane) + 8 * sizeof(Eigen::Vector3d));
+        return std::make_shared<const std::vector<ObjectPlane>>(std::move(objects));
+      });
+}
+
+/// Every region of the view on its own plane.
+RenderedView on_planes(const ViewRequest& r, const std::vector<ObjectPlane>& objects,
+                       CornerWeights weights) {
+  const auto start = Clock::now();
+  const std::vector<ViewRegion> regions = regions_of(r.view, objects);
+  const double regions_ms = milliseconds(Clock::now() - start);
+  RenderedView image = render_focal_plane(r.view, r.instant, r.focal_plane, weights,
+                                          r.count_needed_pixels, &regions.back());
+  image.statistics.plan_ms += regions_ms;
+  for (std::size_t i = 0; i < objects.size(); ++i) {
+    const bool in_view =
+        std::ranges::any_of(regions[i], [](const auto& row) { return !row.empty(); });
+    if (!in_view) continue;
+    add_region(render_focal_plane(r.view, r.instant, objects[i].plane, weights,
+                                  r.count_needed_pixels, &regions[i]),
+               regions[i], image);
+  }
+  return image;
+}
+
 template <CornerWeights kWeights>
 RenderedView on_plane(const ViewRequest& r) {
-  RenderedView image =
-      render_focal_plane(r.view, r.instant, r.focal_plane, kWeights, r.count_needed_pixels);
+  const auto objects = objects_of(r);
+  RenderedView image = objects->empty() ? render_focal_plane(r.view, r.instant, r.focal_plane,
+                                                             kWeights, r.count_needed_pixels)
+                                        : on_planes(r, *objects, kWeights);
   if (r.measure_coverage) measure_planar_coverage(r, kWeights, image);
   return image;
 }
@@ -211,9 +252,23 @@ RenderedView on_plane(const ViewRequest& r) {
 template <CornerWeights kWeights>
 RenderedView on_plane_reference(const ViewRequest& r) {
   RenderedView image = render_focal_plane_reference(r.view, r.instant, r.focal_plane, kWeights,
-                                                    r.count_needed_pixels);
+                                                    r.count_needed_pixels, *objects_of(r));
   if (r.measure_coverage) measure_planar_coverage(r, kWeights, image);
   return image;
+}
+
+std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
+                                              const FrameSelection&) {
+  if (options.text("objects").empty()) return {};
+  return {objects_file(options, take)};
+}
+
+const std::vector<OptionSpec>& plane_options() {
+  static const std::vector<OptionSpec> options{text_option(
+      "objects", "",
+      "planes of objects: a raystage/planes/1 document, relative to the take's folder; rays that "
+      "meet one are looked up there instead of on the focal plane")};
+  return options;
 }
 
 }  // namespace
@@ -221,20 +276,20 @@ RenderedView on_plane_reference(const ViewRequest& r) {
 Method focal_plane_method() {
   return {"focal_plane",
           "three cameras a ray, blended where it meets the focal plane",
-          {},
+          plane_options(),
           on_plane<CornerWeights::kLinear>,
           on_plane_reference<CornerWeights::kLinear>,
-          nullptr,
+          files_read,
           true};
 }
 
 Method nearest_method() {
   return {"nearest",
           "the camera nearest to the ray, alone, where it meets the focal plane",
-          {},
+          plane_options(),
           on_plane<CornerWeights::kNearest>,
           on_plane_reference<CornerWeights::kNearest>,
-          nullptr,
+          files_read,
           true};
 }
 

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 
+#include "render/planar/object_planes.h"
 #include "render/view/method.h"
 
 namespace raystage {
@@ -17,16 +18,18 @@ enum class CornerWeights {
 /// array's topology are projected into the view; every camera's image is projected onto the focal
 /// plane and weighted 1 at its own corner, 0 at the others, linear between; the three are added.
 /// Radial and tangential distortion are corrected on the way. Fast: rows over TBB, SIMD kernels,
-/// only the MCUs that contribute are decoded. `view` must have no distortion.
+/// only the MCUs that contribute are decoded. `view` must have no distortion. `region`: the pixels
+/// to render, the others stay as nobody saw them; null: all.
 RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instant,
                                 const Eigen::Vector4d& plane, CornerWeights weights,
-                                bool count_needed_pixels);
+                                bool count_needed_pixels, const ViewRegion* region = nullptr);
 
 /// The same, ray by ray in double with whole frames and CameraModel: slow and obvious, and good for
-/// views with distortion too.
+/// views with distortion too. Rays that meet `objects` are looked up on the nearest one's plane.
 RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
                                           const Eigen::Vector4d& plane, CornerWeights weights,
-                                          bool count_needed_pixels);
+                                          bool count_needed_pixels,
+                                          std::span<const ObjectPlane> objects = {});
 
 /// Both as methods to choose by name.
 Method focal_plane_method();

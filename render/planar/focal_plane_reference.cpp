@@ -23,7 +23,8 @@ using Eigen::Vector4d;
 
 RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
                                           const Vector4d& plane, CornerWeights weights,
-                                          bool count_needed_pixels) {
+                                          bool count_needed_pixels,
+                                          std::span<const ObjectPlane> objects) {
   RenderedView image = empty_view(view);
   const auto start = std::chrono::steady_clock::now();
   std::vector<std::shared_ptr<const DecodedFrame>> frames(instant.rig->cameras.size());
@@ -53,6 +54,17 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
   const double full_scale = instant.cache->full_scale();
   const bool perceptual = instant.cache->blend_space() == BlendSpace::kPerceptual;
 
+  const auto plane_met = [&](const Vector3d& eye, const Vector3d& ray) -> const Vector4d& {
+    const Vector4d* met = &plane;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const ObjectPlane& object : objects) {
+      const auto along = meeting_with(object, eye, ray);
+      if (!along || *along >= nearest) continue;
+      nearest = *along;
+      met = &object.plane;
+    }
+    return *met;
+  };
   const auto reconstruct = [&](int x, int y, float* rgba, float& coverage, float& z) {
     const auto ray_in_view = view_model.unproject({x + 0.5, y + 0.5});
     if (!ray_in_view) return;
@@ -63,7 +75,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
     if (!crossing) return;
     if (weights == CornerWeights::kNearest) crossing = present.nearest(*crossing);
     const Vector3d ray = view.pose.world_from_camera_rotation * *ray_in_view;
-    const PlaneHit hit(view.pose.position, ray, plane);
+    const PlaneHit hit(view.pose.position, ray, plane_met(view.pose.position, ray));
     if (!hit.ahead()) return;
 
     const RayCells::Cell& cell = present.cells()[static_cast<std::size_t>(crossing->cell)];

@@ -5,6 +5,7 @@
 #include <limits>
 #include <vector>
 
+#include "render/planar/object_planes.h"
 #include "render/view/ray_cells.h"
 #include "render/view/view.h"
 #include "schemas/parallel.h"
@@ -14,12 +15,15 @@ namespace raystage {
 /// A view's rows, cut into spans between the same cameras.
 class ViewRows {
  public:
-  ViewRows(const VirtualCamera& view, const RayCells& cells)
+  /// `region`: the pixels that count; null: all.
+  ViewRows(const VirtualCamera& view, const RayCells& cells, const ViewRegion* region = nullptr)
       : width_(view.width), spans_(static_cast<std::size_t>(view.height)) {
     for_each_part([&](int first, int end) {
       std::vector<int> scratch;
       for (int y = first; y < end; ++y) {
-        cells.spans_of_row(y, width_, scratch, spans_[static_cast<std::size_t>(y)]);
+        std::vector<RayCells::Span>& spans = spans_[static_cast<std::size_t>(y)];
+        cells.spans_of_row(y, width_, scratch, spans);
+        if (region != nullptr) spans = within((*region)[static_cast<std::size_t>(y)], spans);
       }
     });
   }
@@ -80,6 +84,19 @@ class ViewRows {
   }
 
  private:
+  static std::vector<RayCells::Span> within(const std::vector<PixelInterval>& intervals,
+                                            const std::vector<RayCells::Span>& spans) {
+    std::vector<RayCells::Span> parts;
+    for (const PixelInterval& interval : intervals) {
+      for (const RayCells::Span& span : spans) {
+        const int begin = std::max(span.begin, interval.begin);
+        const int end = std::min(span.end, interval.end);
+        if (begin < end) parts.push_back({begin, end, span.cell});
+      }
+    }
+    return parts;
+  }
+
   static void leave_unseen(RenderedView& image, std::size_t begin, std::size_t end) {
     std::fill(image.rgba.data() + 4 * begin, image.rgba.data() + 4 * end, 0.0F);
     std::fill(image.coverage.data() + begin, image.coverage.data() + end, 0.0F);

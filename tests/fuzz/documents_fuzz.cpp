@@ -11,6 +11,7 @@
 #include "schemas/bench_document.h"
 #include "schemas/error.h"
 #include "schemas/import_manifest.h"
+#include "schemas/planes_document.h"
 #include "schemas/record_config.h"
 #include "schemas/recording_document.h"
 #include "schemas/rig_document.h"
@@ -53,7 +54,7 @@ void read_offsets(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 10) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 11) {
     case 0:
       round_trip(text, raystage::parse_rig, raystage::format_rig);
       break;
@@ -80,6 +81,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 9:
       round_trip(text, raystage::parse_bench, raystage::format_bench);
+      break;
+    case 10:
+      round_trip(text, raystage::parse_planes, raystage::format_planes);
       break;
     default:
       round_trip(

@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/planar/object_planes.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "render/view/plane_projection.h"
+#include "render/view/ray_cells.h"
+#include "schemas/error.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kMostOffPlane = 0.01;  // of the polygon's size: corners are often set by eye
+
+Error refusal(std::string_view name, std::size_t index, const std::string& id,
+              const std::string& what_happened, const std::string& what_to_do) {
+  return Error::bad_input("object '" + id + "': " + what_happened,
+                          fmt::format("{}#/planes/{}/corners", name, index), what_to_do);
+}
+
+/// The view's pixels whose rays pass through a polygon: each edge and the eye span a plane, which
+/// cuts the view along a line; inside is the positive side of all.
+struct Outline {
+  std::vector<Vector3d> edges;          // inside where edge.(x, y, 1) >= 0 for all
+  Vector3d nearness{Vector3d::Zero()};  // inverse depth along the view's axis: nearness.(x, y, 1)
+
+  bool contains(double x, double y) const {
+    return std::ranges::all_of(edges,
+                               [&](const Vector3d& e) { return e.dot(Vector3d(x, y, 1)) >= 0; });
+  }
+};
+
+Outline outline_of(const VirtualCamera& view, const Eigen::Matrix3d& ray_from_pixel,
+                   const ObjectPlane& object) {
+  Outline outline;
+  const double height = height_above_plane(object.plane, view.pose.position);
+  if (height == 0) {  // edge-on: no ray meets it in a point
+    outline.edges.push_back({0, 0, -1});
+    return outline;
+  }
+  const std::size_t count = object.corners.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    const Vector3d from = object.corners[i] - view.pose.position;
+    const Vector3d to = object.corners[(i + 1) % count] - view.pose.position;
+    // Corners go around the normal; an eye behind the plane sees them go the other way.
+    const Vector3d inwards = height > 0 ? to.cross(from) : from.cross(to);
+    const double length = inwards.norm();
+    outline.edges.push_back(ray_from_pixel.transpose() *
+                            (length > 0 ? Vector3d(inwards / length) : inwards));
+  }
+  const PlaneProjection projection(view, object.plane);
+  outline.nearness = projection.slope() / projection.distance();
+  return outline;
+}
+
+/// The row's pixels inside: convex, so one interval.
+PixelInterval interval_of(const Outline& outline, int y, int width) {
+  double least = 0, most = width;  // of x, for the search; decided by contains()
+  for (const Vector3d& edge : outline.edges) {
+    const double constant = edge.y() * (y + 0.5) + edge.z();
+    if (edge.x() > 0) {
+      least = std::max(least, -constant / edge.x());
+    } else if (edge.x() < 0) {
+      most = std::min(most, -constant / edge.x());
+    }
+  }
+  if (!(least <= most)) return {};
+  const auto inside = [&](int x) { return outline.contains(x + 0.5, y + 0.5); };
+  PixelInterval interval{std::max(0, static_cast<int>(std::floor(least)) - 1),
+                         std::min(width, static_cast<int>(std::ceil(most)) + 1)};
+  while (interval.begin < interval.end && !inside(interval.begin)) ++interval.begin;
+  while (interval.begin < interval.end && !inside(interval.end - 1)) --interval.end;
+  return interval.begin < interval.end ? interval : PixelInterval{};
+}
+
+}  // namespace
+
+std::vector<ObjectPlane> object_planes_from(const PlanesDocument& document, std::string_view name) {
+  std::vector<ObjectPlane> objects;
+  for (std::size_t index = 0; index < document.planes.size(); ++index) {
+    const PlanesDocument::Plane& given = document.planes[index];
+    ObjectPlane object;
+    Vector3d middle = Vector3d::Zero();
+    for (const auto& corner : given.corners) {
+      object.corners.emplace_back(corner[0], corner[1], corner[2]);
+      middle += object.corners.back() / static_cast<double>(given.corners.size());
+    }
+    const std::size_t count = object.corners.size();
+    Vector3d area = Vector3d::Zero();  // twice the area times the normal (Newell)
+    double size = 0;
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vector3d from = object.corners[i] - middle;
+      area += from.cross(object.corners[(i + 1) % count] - middle);
+      size = std::max(size, from.norm());
+    }
+    if (!(area.norm() > 1e-6 * size * size)) {
+      throw refusal(name, index, given.id, "its corners span no area",
+                    "Give the corners of a convex polygon");
+    }
+    const Vector3d normal = area.normalized();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Vector3d& corner = object.corners[i];
+      const double off = std::abs(normal.dot(corner - middle));
+      if (off > kMostOffPlane * size) {
+        throw refusal(name, index, given.id,
+                      fmt::format("corner {} lies {:.3g} m off the plane of all", i, off),
+                      "Give corners that lie in one plane");
+      }
+      const Vector3d along = object.corners[(i + 1) % count] - corner;
+      for (const Vector3d& other : object.corners) {
+        if (normal.dot(along.cross(other - corner)) < -1e-6 * size * size) {
+          throw refusal(name, index, given.id, "it is not convex",
+                        "Give corners in their order around a convex polygon, or several polygons");
+        }
+      }
+    }
+    object.plane << normal, -normal.dot(middle);
+    objects.push_back(std::move(object));
+  }
+  return objects;
+}
+
+std::optional<double> meeting_with(const ObjectPlane& object, const Vector3d& origin,
+                                   const Vector3d& direction) {
+  const Vector3d normal = object.plane.head<3>();
+  const double along = -height_above_plane(object.plane, origin) / normal.dot(direction);
+  if (!(along > 0) || !std::isfinite(along)) return std::nullopt;
+  const Vector3d point = along * direction;  // from the origin on
+  for (std::size_t i = 0; i < object.corners.size(); ++i) {
+    const Vector3d from = object.corners[i] - origin;
+    const Vector3d to = object.corners[(i + 1) % object.corners.size()] - origin;
+    if (normal.dot((to - from).cross(point - from)) < 0) return std::nullopt;
+  }
+  return along;
+}
+
+std::vector<ViewRegion> regions_of(const VirtualCamera& view,
+                                   std::span<const ObjectPlane> objects) {
+  const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+  std::vector<Outline> outlines;
+  for (const ObjectPlane& object : objects) {
+    outlines.push_back(outline_of(view, ray_from_pixel, object));
+  }
+  std::vector<ViewRegion> regions(objects.size() + 1,
+                                  ViewRegion(static_cast<std::size_t>(view.height)));
+  raystage::parallel_for(0, view.height, [&](int y) {
+    std::vector<std::size_t> owner(static_cast<std::size_t>(view.width), objects.size());
+    std::vector<double> nearest(owner.size(), 0);
+    for (std::size_t i = 0; i < outlines.size(); ++i) {
+      const PixelInterval interval = interval_of(outlines[i], y, view.width);
+      for (int x = interval.begin; x < interval.end; ++x) {
+        const double nearness = outlines[i].nearness.dot(Vector3d(x + 0.5, y + 0.5, 1));
+        if (!(nearness > nearest[static_cast<std::size_t>(x)])) continue;
+        nearest[static_cast<std::size_t>(x)] = nearness;
+        owner[static_cast<std::size_t>(x)] = i;
+      }
+    }
+    for (int begin = 0; begin < view.width;) {
+      const std::size_t of = owner[static_cast<std::size_t>(begin)];
+      int end = begin + 1;
+      while (end < view.width && owner[static_cast<std::size_t>(end)] == of) ++end;
+      regions[of][static_cast<std::size_t>(y)].push_back({begin, end});
+      begin = end;
+    }
+  });
+  return regions;
+}
+
+void add_region(const RenderedView& part, const ViewRegion& region, RenderedView& image) {
+  raystage::parallel_for(0, image.height, [&](int y) {
+    const auto row = static_cast<std::ptrdiff_t>(y) * image.width;
+    for (const PixelInterval& interval : region[static_cast<std::size_t>(y)]) {
+      const auto copy = [&](const PixelValues& from, PixelValues& to, int channels) {
+        std::copy(from.begin() + channels * (row + interval.begin),
+                  from.begin() + channels * (row + interval.end),
+                  to.begin() + channels * (row + interval.begin));
+      };
+      copy(part.rgba, image.rgba, 4);
+      copy(part.coverage, image.coverage, 1);
+      copy(part.z, image.z, 1);
+    }
+  });
+  RenderStatistics& total = image.statistics;
+  total.plan_ms += part.statistics.plan_ms;
+  total.decode_ms += part.statistics.decode_ms;
+  total.render_ms += part.statistics.render_ms;
+  total.pixels_decoded += part.statistics.pixels_decoded;
+  total.pixels_needed += part.statistics.pixels_needed;
+  total.cameras_used = std::max(total.cameras_used, part.statistics.cameras_used);
+}
+
+}  // namespace raystage

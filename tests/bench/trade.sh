@@ -4,7 +4,7 @@
 # Usage: tests/bench/trade.sh [DATA_FOLDER] [BENCH_OPTION...]
 #   DATA_FOLDER (default: $RAYSTAGE_DATA or ../shared/data) holds shop/, stanford_chess9x9/,
 #   stanford_knights17x17/ and stage/; a set that is not there is left out. Options go to every
-#   `raystage bench`, e.g. --views-step 8 to try, or --settings FILE. SETS="shop simulated" chooses
+#   `raystage bench`, e.g. --views-step 8 to try, or --settings FILE. SETS="shop planes simulated" chooses
 #   sets, PAGES=DIR keeps the pages, CSV and JSON. Needs build/check, as ./test.sh makes it.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -19,7 +19,7 @@ trap 'rm -rf "$work"' EXIT
 pages="${PAGES:-$work/pages}"
 
 wanted() {
-  [[ " ${SETS:-shop stanford_chess9x9 stanford_knights17x17 stage simulated} " == *" $1 "* ]]
+  [[ " ${SETS:-shop planes stanford_chess9x9 stanford_knights17x17 stage simulated} " == *" $1 "* ]]
 }
 measure() {  # NAME HEADING TAKE VIEWS [BENCH_OPTION...]
   local name="$1" heading="$2" take="$3" views="$4"
@@ -37,6 +37,14 @@ import() {  # SET: into $work/SET, or says that it is not there
 
 if wanted shop && import shop; then
   measure shop "shop, 64 cameras 960x640" "$work/shop" "$data/shop/views.json" "$@"
+fi
+if wanted planes && { [ -e "$work/shop" ] || import shop; }; then
+  settings=()
+  for planes in 4 8 16 32 48 64 96 128 192 256; do
+    settings+=(--setting "$planes planes:plane_sweep:planes=$planes")
+  done
+  measure planes "shop, error against the number of planes" "$work/shop" "$data/shop/views.json" \
+    "${settings[@]}" "$@"
 fi
 if wanted stanford_chess9x9 && import stanford_chess9x9; then
   measure chess "stanford_chess9x9, 25 cameras 848x480" "$work/stanford_chess9x9" \

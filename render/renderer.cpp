@@ -152,12 +152,16 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
   const Method& method = method_named(reconstruction.method);
   MethodOptions options(method.options, reconstruction.options, "method " + reconstruction.method);
   const Method lumigraph = lumigraph_method();
-  if (method.name != lumigraph.name) options = MethodOptions(lumigraph.options, {}, lumigraph.name);
+  if (method.name != lumigraph.name) {
+    OptionValues unless_told;
+    if (method.name == "depth") unless_told["proxy"] = std::string("depth");
+    options = MethodOptions(lumigraph.options, unless_told, lumigraph.name);
+  }
   const Instant instant = state_->instant(frames);
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
-  const RaySurface surface =
-      proxy_surface(options, reconstruction.focal_plane, state_->take, *state_->kept);
+  const RaySurface surface = proxy_surface(options, reconstruction.focal_plane, instant,
+                                           *state_->kept, state_->settings.working_bytes);
   const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, ray_weighing(options), samples);
 }

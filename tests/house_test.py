@@ -34,7 +34,7 @@ ROOMS = {
                          "render/view"],
     "render/sweep": ["render/matching", "render/sampling", "render/view"],
     "render/slabs": ["render/sampling", "render/view"],
-    "render/lumigraph": ["render/sampling", "render/view"],
+    "render/lumigraph": ["render/depth", "render/sampling", "render/view"],
     "render/hull": ["render/lumigraph", "render/view"],
     "render/rays": ["render/lumigraph", "render/sampling", "render/view"],
     "render/depth": ["render/matching", "render/sampling", "render/sweep", "render/view"],

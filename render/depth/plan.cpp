@@ -72,16 +72,15 @@ struct KeptDepths {
   std::string note;
 };
 
-std::shared_ptr<const KeptDepths> camera_depths(const ViewRequest& request,
-                                                const Settings& settings) {
-  return request.kept.get<KeptDepths>(
-      key_of(request.instant, settings.solving), [&](std::size_t& bytes) {
-        auto kept = std::make_shared<KeptDepths>();
-        kept->depths = kept_camera_depths(request.instant, settings.solving, request.working_bytes,
-                                          settings.keep, kept->note);
-        bytes = kept->depths.bytes();
-        return kept;
-      });
+std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResults& kept_results,
+                                                std::size_t working_bytes,
+                                                const DepthSettings& solving, bool keep) {
+  return kept_results.get<KeptDepths>(key_of(instant, solving), [&](std::size_t& bytes) {
+    auto kept = std::make_shared<KeptDepths>();
+    kept->depths = kept_camera_depths(instant, solving, working_bytes, keep, kept->note);
+    bytes = kept->depths.bytes();
+    return kept;
+  });
 }
 
 /// The cameras that a view's depths are taken from: the best few everywhere in it, with their part
@@ -141,7 +140,8 @@ std::optional<Plan> plan(const ViewRequest& request) {
       request.view.pose);
   const InverseDepthRange range = inverse_depths_in_view(request.view, rig, settings.solving.scene);
   if (range.empty()) return std::nullopt;
-  const std::shared_ptr<const KeptDepths> kept = camera_depths(request, settings);
+  const std::shared_ptr<const KeptDepths> kept = camera_depths(
+      request.instant, request.kept, request.working_bytes, settings.solving, settings.keep);
   const auto field_of = [&](bool absent_too) {
     return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,
                        settings.cameras);
@@ -156,6 +156,14 @@ std::optional<Plan> plan(const ViewRequest& request) {
   if (!kept->note.empty()) result.notes.push_back(kept->note);
   result.view_depths = depths_of_view(result);
   return result;
+}
+
+std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, KeptResults& kept,
+                                                       std::size_t working_bytes) {
+  DepthSettings solving;
+  solving.scene = scene_depths(*instant.take, 0, 0, "depth");
+  const auto found = camera_depths(instant, kept, working_bytes, solving, true);
+  return {found, &found->depths};
 }
 
 float absent_share(const Plan& plan, const Instant& instant, int x, int y) {

@@ -29,10 +29,12 @@ RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surf
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
                                         const RayWeighing& weighing);
 
-/// What the options `proxy` and `mesh` say: the plane, or a mesh and the plane beyond it. Throws
-/// Error (bad input) for a mesh that cannot be read.
+/// What the options `proxy` and `mesh` say: the plane, a mesh and the plane beyond it, or what the
+/// method `depth` finds (see depth_surface; found with `working_bytes` of memory). Throws Error
+/// (bad input) for a mesh that cannot be read, or depths of a take that does not say how deep it
+/// is.
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
-                         const Take& take, KeptResults& kept);
+                         const Instant& instant, KeptResults& kept, std::size_t working_bytes);
 
 Method lumigraph_method();
 

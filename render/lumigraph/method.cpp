@@ -1,8 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <string>
 
+#include "render/depth/depth.h"
+#include "render/depth/depth_surface.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/lumigraph/proxy.h"
+#include "render/view/scene_depths.h"
 #include "schemas/error.h"
 
 namespace raystage {
@@ -14,16 +17,18 @@ std::filesystem::path mesh_file(const MethodOptions& options, const Take& take) 
 
 RenderedView by_lumigraph(const ViewRequest& request) {
   const bool field = request.options.text("weights") == "blending_field";
-  return render_lumigraph(
-      request,
-      proxy_surface(request.options, request.focal_plane, *request.instant.take, request.kept),
-      ray_weighing(request.options), field ? WeightField::kBlendingField : WeightField::kPerPixel);
+  return render_lumigraph(request,
+                          proxy_surface(request.options, request.focal_plane, request.instant,
+                                        request.kept, request.working_bytes),
+                          ray_weighing(request.options),
+                          field ? WeightField::kBlendingField : WeightField::kPerPixel);
 }
 
 RenderedView by_lumigraph_reference(const ViewRequest& request) {
   return render_lumigraph_reference(
       request,
-      proxy_surface(request.options, request.focal_plane, *request.instant.take, request.kept),
+      proxy_surface(request.options, request.focal_plane, request.instant, request.kept,
+                    request.working_bytes),
       ray_weighing(request.options));
 }
 
@@ -36,14 +41,19 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
 }  // namespace
 
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
-                         const Take& take, KeptResults& kept) {
+                         const Instant& instant, KeptResults& kept, std::size_t working_bytes) {
   RaySurface on_plane = plane_surface(plane);
-  if (options.text("proxy") != "mesh") return on_plane;
+  const std::string& proxy = options.text("proxy");
+  if (proxy == "plane") return on_plane;
+  if (proxy == "depth") {
+    return depth_surface(depth::depths_unless_told(instant, kept, working_bytes), *instant.rig,
+                         scene_depths(*instant.take, 0, 0, "depth"));
+  }
   if (options.text("mesh").empty()) {
     throw Error::bad_input("the proxy is to be a mesh and none is given", "option mesh",
                            "Give its file, relative to the take's folder");
   }
-  const std::filesystem::path file = mesh_file(options, take);
+  const std::filesystem::path file = mesh_file(options, *instant.take);
   const auto mesh = kept.get<MeshProxy>("mesh proxy " + file.string(), [&file](std::size_t& bytes) {
     auto made = std::make_shared<const MeshProxy>(file);
     bytes = made->bytes();
@@ -58,9 +68,9 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
 Method lumigraph_method() {
   static const std::vector<OptionSpec> options = [] {
     std::vector<OptionSpec> all = ray_weighing_options();
-    all.push_back(choice_option("proxy", "plane", "plane|mesh",
-                                "where rays are looked up: on the focal plane, or on a mesh and, "
-                                "beyond it, the plane"));
+    all.push_back(choice_option("proxy", "plane", "plane|mesh|depth",
+                                "where rays are looked up: on the focal plane, on a mesh and, "
+                                "beyond it, the plane, or where the method depth finds the scene"));
     all.push_back(text_option("mesh", "",
                               "file of the mesh (OBJ, PLY, glTF ...; world, metres), relative to "
                               "the take's folder"));
@@ -68,10 +78,10 @@ Method lumigraph_method() {
                                 "worked out for every pixel, or every 16 pixels and interpolated"));
     return all;
   }();
-  static constexpr MethodPreset kPresets[]{{"fast", "weights=blending_field"},
-                                           {"8 cameras", "cameras=8"}};
+  static constexpr MethodPreset kPresets[]{
+      {"fast", "weights=blending_field"}, {"8 cameras", "cameras=8"}, {"on depth", "proxy=depth"}};
   return {"lumigraph",
-          "the few cameras that suit each ray best, blended where it meets the plane or a mesh",
+          "the few cameras that suit each ray best, blended where it meets the scene's proxy",
           options,
           by_lumigraph,
           by_lumigraph_reference,

@@ -8,10 +8,15 @@
 namespace raystage {
 
 DepthRange scene_depths(const ViewRequest& request, std::string_view method) {
-  DepthRange scene = request.instant.take->document().depth_range.value_or(DepthRange{});
-  if (const double near = request.options.number("near"); near > 0) scene.near = near;
-  if (const double far = request.options.number("far"); far > 0) scene.far = far;
-  const std::string take = request.instant.take->folder().string();
+  return scene_depths(*request.instant.take, request.options.number("near"),
+                      request.options.number("far"), method);
+}
+
+DepthRange scene_depths(const Take& of, double near, double far, std::string_view method) {
+  DepthRange scene = of.document().depth_range.value_or(DepthRange{});
+  if (near > 0) scene.near = near;
+  if (far > 0) scene.far = far;
+  const std::string take = of.folder().string();
   if (!(scene.near > 0 && scene.far > 0)) {
     throw Error::bad_input(std::string(method) + " does not know how deep the scene is", take,
                            "Give the options near and far, in metres in front of the array");

@@ -12,5 +12,7 @@ namespace raystage {
 /// method's options `near` and `far` do where they are above 0. Throws Error (bad input), naming
 /// `method`, where neither says, or far is nearer than near.
 DepthRange scene_depths(const ViewRequest& request, std::string_view method);
+/// The same with `near` and `far` given; 0: as the take says.
+DepthRange scene_depths(const Take& take, double near, double far, std::string_view method);
 
 }  // namespace raystage

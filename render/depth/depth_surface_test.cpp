@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/depth_surface.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include "render/renderer.h"
+#include "render/view/ray_cells.h"
+#include "render/view/synthetic_take.h"
+#include "schemas/error.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kRadius = 0.5, kWall = 6;
+const Vector3d kMiddle(0.1, 0, -3);
+
+/// Distance along a ray (units of `direction`) to a sphere 3 m off before a wall 6 m off.
+double distance_to_scene(const Vector3d& origin, const Vector3d& direction) {
+  const double a = direction.squaredNorm(), b = (kMiddle - origin).dot(direction);
+  const double c = (kMiddle - origin).squaredNorm() - kRadius * kRadius;
+  const double root = b * b - a * c;
+  if (root > 0 && b - std::sqrt(root) > 0) return (b - std::sqrt(root)) / a;
+  return (-kWall - origin.z()) / direction.z();
+}
+
+Rig grid_rig() {
+  RigDocument document;
+  document.name = "grid";
+  for (const CameraGeometry& camera : testing::camera_grid(4, 4, 0.08, 160, 120)) {
+    document.cameras.push_back({camera, {}});
+  }
+  return rig_from_document(document);
+}
+
+/// What the cameras' depths are, exactly.
+std::shared_ptr<CameraDepths> true_depths(const Rig& rig) {
+  auto depths = std::make_shared<CameraDepths>();
+  for (const Rig::Camera& camera : rig.cameras) {
+    const VirtualCamera pinhole = undistorted(camera.model, camera.pose);
+    InverseDepthMap map{pinhole.width, pinhole.height, {}};
+    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(pinhole);
+    for (int y = 0; y < map.height; ++y) {
+      for (int x = 0; x < map.width; ++x) {
+        const Vector3d ray = ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1);  // planar depth 1
+        map.values.push_back(static_cast<float>(1 / distance_to_scene(pinhole.pose.position, ray)));
+      }
+    }
+    depths->pinholes.push_back(pinhole);
+    depths->maps.push_back(std::move(map));
+  }
+  return depths;
+}
+
+double inverse_distance(const RaySurface& surface, const WorldRay& ray) {
+  double inverse = -1;
+  surface({&ray, 1}, {&inverse, 1});
+  return inverse;
+}
+
+/// Rays through the pixels of a view: how many are wrong by more than a camera's pixel sees.
+struct Score {
+  int wrong = 0, all = 0;
+};
+Score score(const RaySurface& surface, const VirtualCamera& view) {
+  Score result;
+  const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      const WorldRay ray{view.pose.position,
+                         (ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1)).normalized()};
+      const double truth = 1 / distance_to_scene(ray.origin, ray.direction);
+      const double found = inverse_distance(surface, ray);
+      ++result.all;
+      // Within the inverse depth that moves a point half a pixel between cameras 0.24 m apart.
+      result.wrong += std::abs(found - truth) < 0.5 / (0.24 * 130) ? 0 : 1;
+    }
+  }
+  return result;
+}
+
+Pose at(const Vector3d& position, double yaw_degrees) {
+  Pose pose;
+  pose.position = position;
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(yaw_degrees * kDegree, Vector3d::UnitY()).toRotationMatrix();
+  return pose;
+}
+
+TEST(DepthSurface, RaysMeetTheSceneFromEverywhere) {
+  const Rig rig = grid_rig();
+  const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
+  for (const auto& [position, yaw] : {std::pair{Vector3d(0.01, 0.02, 0), 0.0},
+                                      {Vector3d(0, 0, 1.5), 0.0},
+                                      {Vector3d(0.1, 0, -1), 0.0},
+                                      {Vector3d(0.5, 0.1, 0.1), 12.0}}) {
+    const Score found =
+        score(surface, virtual_camera_with_fov(64, 48, 30 * kDegree, at(position, yaw)));
+    // Edges of the sphere are a pixel wide, and what all cameras have hidden is anybody's guess.
+    EXPECT_LT(found.wrong, 0.04 * found.all) << position.transpose();
+  }
+}
+
+TEST(DepthSurface, ARayComesOutOfTheSpheresShadow) {
+  // It begins behind the sphere, where nobody sees it, and comes out of its shadow to the wall.
+  const Rig rig = grid_rig();
+  const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
+  const WorldRay slanting{Vector3d(0.1, 0, -3.7), Vector3d(2.1, 0, -2.3).normalized()};
+  const double truth = 1 / distance_to_scene(slanting.origin, slanting.direction);
+  EXPECT_NEAR(inverse_distance(surface, slanting), truth, 0.05 * truth);
+}
+
+TEST(DepthSurface, RaysThatMissTheSceneMeetNothing) {
+  const Rig rig = grid_rig();
+  const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
+  EXPECT_TRUE(std::isnan(inverse_distance(surface, {Vector3d::Zero(), Vector3d::UnitZ()})));
+  EXPECT_TRUE(std::isnan(inverse_distance(surface, {Vector3d::Zero(), Vector3d::UnitX()})));
+  EXPECT_TRUE(std::isnan(inverse_distance(surface, {Vector3d(0, 0, -8), -Vector3d::UnitZ()})));
+  // Seen by no camera: ends where the scene does.
+  const WorldRay beside{Vector3d(30, 0, 0), -Vector3d::UnitZ()};
+  EXPECT_NEAR(inverse_distance(surface, beside), 1 / 6.2, 1e-12);
+  // A scene without end, and one without cameras.
+  const RaySurface endless =
+      depth_surface(true_depths(rig), rig, {2.3, std::numeric_limits<double>::infinity()});
+  EXPECT_EQ(inverse_distance(endless, beside), 0);
+  const RaySurface blind = depth_surface(std::make_shared<CameraDepths>(), rig, {2.3, 6.2});
+  EXPECT_NEAR(inverse_distance(blind, {Vector3d::Zero(), -Vector3d::UnitZ()}), 1 / 6.2, 1e-12);
+}
+
+TEST(DepthSurface, AnyRayGetsANumberOrNone) {
+  const Rig rig = grid_rig();
+  const RaySurface surface = depth_surface(true_depths(rig), rig, {2.3, 6.2});
+  std::mt19937 random(20051);
+  std::normal_distribution<double> any;
+  for (int i = 0; i < 20'000; ++i) {
+    const double scale = std::pow(10, 3 * any(random));
+    const WorldRay ray{scale * Vector3d(any(random), any(random), any(random)),
+                       Vector3d(any(random), any(random), any(random)).normalized()};
+    const double found = inverse_distance(surface, ray);
+    ASSERT_TRUE(std::isnan(found) || (found >= 0 && found <= 4 / 2.3)) << i;
+  }
+}
+
+/// The method lumigraph, on depths that it has found itself.
+TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
+  TestFolder folder;
+  testing::SyntheticTake settings;
+  settings.cameras = testing::camera_grid(3, 3, 0.2, 120, 90);
+  settings.depth_range = DepthRange{2.3, 6.2};
+  settings.painting = [](const Vector3d& origin, const Vector3d& direction) {
+    const Vector3d p = origin + distance_to_scene(origin, direction) * direction;
+    const double wave = std::sin(p.x() * 14 + std::sin(p.y() * 9)) * std::cos(p.y() * 12);
+    return std::array<double, 3>{0.3 + 0.2 * wave, p.z() > -4 ? 0.6 : 0.25, 0.35 - 0.2 * wave};
+  };
+  write_synthetic_take(settings, folder.path() / "take");
+  const Take take(folder.path() / "take");
+  const VirtualCamera view = virtual_camera_with_fov(100, 75, 40 * kDegree, at({0.03, 0.02, 0}, 0));
+  const auto error_of = [&](const char* method, const OptionValues& options, bool reference) {
+    RendererSettings renderer;
+    renderer.reference = reference;
+    const RenderedView image = LightFieldRenderer(take, renderer)
+                                   .render(view, select_frames(take, 0, 1'000'000),
+                                           {method, plane_in_front_of(take.rig(), 4), options});
+    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+    double squares = 0;
+    for (int y = 0; y < view.height; ++y) {
+      for (int x = 0; x < view.width; ++x) {
+        const auto truth =
+            settings.painting(view.pose.position, ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1));
+        for (std::size_t c = 0; c < 3; ++c) {
+          const auto at_pixel = static_cast<std::size_t>(4 * (y * view.width + x));
+          const double off =
+              255 * (srgb_from_linear(static_cast<double>(image.rgba[at_pixel + c])) -
+                     srgb_from_linear(truth[c]));
+          squares += off * off;
+        }
+      }
+    }
+    return std::sqrt(squares / (3.0 * view.width * view.height));
+  };
+  const OptionValues by_depth{{"proxy", std::string("depth")}};
+  const double on_plane = error_of("lumigraph", {}, false);
+  const double on_depth = error_of("lumigraph", by_depth, false);
+  EXPECT_LT(on_depth, 0.85 * on_plane);
+  EXPECT_LT(on_depth, 1.3 * error_of("depth", {}, false));  // what those depths are good for
+  EXPECT_NEAR(error_of("lumigraph", by_depth, true), on_depth, 0.05 * on_depth);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -68,6 +68,7 @@ VirtualCamera bench_view() {
 void BM_Threads(benchmark::State& state, const TradeSetting& setting) {
   RendererSettings settings;
   settings.cache_bytes = settings.kept_bytes = std::size_t{2} << 30;
+  settings.kept = std::make_shared<KeptResults>(settings.kept_bytes);
   const LightFieldRenderer renderer(take(), settings);
   const FrameSelection frames = select_frames(take(), 0, kNanosecondsPerSecond);
   const VirtualCamera view = bench_view();
@@ -95,6 +96,15 @@ void BM_Threads(benchmark::State& state, const TradeSetting& setting) {
   state.counters["ms_1"] = least_ms[0];
   state.counters["ms_2"] = least_ms[1];
   state.counters["gain"] = least_ms[0] / least_ms[1];
+  // What must be moved at least: every source pixel with a weight once, and the view's channels.
+  RendererSettings counting = settings;
+  counting.count_needed_pixels = true;
+  const RenderStatistics counts =
+      LightFieldRenderer(take(), counting).render(view, frames, reconstruction).statistics;
+  constexpr double kSourceBytes = 8, kViewBytes = 24;
+  state.counters["MB"] = (static_cast<double>(counts.pixels_needed) * kSourceBytes +
+                          view.width * view.height * kViewBytes) /
+                         1e6;
   state.counters["plan_ms"] = statistics.plan_ms;
   state.counters["cameras"] = statistics.cameras_used;
 }

@@ -66,7 +66,8 @@ void declare(CLI::App& app, Options& options) {
       ->check(CLI::Range(1, 256))
       ->type_name("N");
   app.add_option("--memory", options.memory_gb,
-                 "memory for frames in flight and decoded source frames, GB = 10^9 bytes\n"
+                 "memory for frames in flight, decoded source frames and what the method keeps and "
+                 "works\nwith, GB = 10^9 bytes "
                  "(default: half of the machine's or control group's; at most 4 GiB of source "
                  "frames)")
       ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))

@@ -29,9 +29,9 @@ namespace {
 constexpr int kMaxFramesInFlight = 16;
 constexpr std::size_t kMiB = std::size_t{1} << 20;
 constexpr std::size_t kMinCache = 64 * kMiB;
-constexpr std::size_t kDefaultCache = 4096 * kMiB;
+constexpr std::size_t kDefaultCache = 4096 * kMiB, kDefaultKept = 1024 * kMiB;
 /// The view (24), its EXR samples (16), the file being built (16) and the renderer's own tables.
-constexpr std::size_t kBytesPerPixelInFlight = 96;
+constexpr std::size_t kBytesPerPixelInFlight = 96, kViewBytesPerPixel = 24;
 /// The coverage measures on top: of the view, for the file, in it.
 constexpr std::size_t kMeasuresBytesPerPixelInFlight = 24;
 constexpr std::size_t kRawExrBytesPerPixel = 16;
@@ -44,12 +44,40 @@ std::string size_text(double bytes) {
 struct MemoryPlan {
   int in_flight = 1;
   std::size_t cache_bytes = kMinCache;
+  std::size_t kept_bytes = 0;     // what the method works out once
+  std::size_t working_bytes = 0;  // what it works with, for each frame in flight
 };
 
-MemoryPlan plan_memory(const ShotDocument& shot, const SequenceOptions& options) {
+/// What frames take beyond kBytesPerPixelInFlight at most, where they are supersampled; of some of
+/// them, spread evenly.
+std::size_t supersampled_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames) {
+  constexpr std::size_t kLookedAt = 32;
+  RendererSettings settings;
+  settings.cache_bytes = settings.kept_bytes = 0;
+  const LightFieldRenderer renderer(plan.take(), settings);
+  std::size_t most = 0;
+  const std::size_t step = std::max<std::size_t>(1, frames.size() / kLookedAt);
+  for (std::size_t i = 0; i < frames.size(); i += step) {
+    const PlannedFrame& frame = frames[i];
+    if (!frame.tick) continue;
+    const FrameSelection& tick = plan.timeline().ticks[static_cast<std::size_t>(*frame.tick)];
+    most =
+        std::max(most, renderer.view_bytes(plan.camera(frame.frame), tick, plan.reconstruction()));
+  }
+  const std::size_t pixels =
+      static_cast<std::size_t>(plan.shot().width) * static_cast<std::size_t>(plan.shot().height);
+  return most - std::min(most, pixels * kViewBytesPerPixel);
+}
+
+/// A method that needs more than decoded frames gets a quarter of the memory for what it keeps, and
+/// a quarter to work with.
+MemoryPlan plan_memory(const ShotDocument& shot, const SequenceOptions& options,
+                       const Method& method, std::size_t supersampled) {
   const std::size_t per_frame =
       static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height) *
-      (kBytesPerPixelInFlight + (options.coverage_measures ? kMeasuresBytesPerPixelInFlight : 0));
+          (kBytesPerPixelInFlight +
+           (options.coverage_measures ? kMeasuresBytesPerPixelInFlight : 0)) +
+      supersampled;
   const std::size_t budget =
       options.memory_bytes > 0 ? options.memory_bytes : available_memory() / 2;
   if (budget < per_frame + kMinCache) {
@@ -64,7 +92,17 @@ MemoryPlan plan_memory(const ShotDocument& shot, const SequenceOptions& options)
                        : std::min(tbb::this_task_arena::max_concurrency(), kMaxFramesInFlight);
   const std::size_t room = (budget - kMinCache) / per_frame;
   plan.in_flight = static_cast<int>(std::min(static_cast<std::size_t>(plan.in_flight), room));
-  plan.cache_bytes = budget - static_cast<std::size_t>(plan.in_flight) * per_frame;
+  const auto in_flight = static_cast<std::size_t>(plan.in_flight);
+  plan.cache_bytes = budget - in_flight * per_frame;
+  if (!method.frames_only) {
+    plan.kept_bytes = plan.cache_bytes / 4;
+    plan.working_bytes = plan.cache_bytes / 4 / in_flight;
+    if (options.memory_bytes == 0) {
+      plan.kept_bytes = std::min(plan.kept_bytes, kDefaultKept);
+      plan.working_bytes = std::min(plan.working_bytes, kDefaultKept / in_flight);
+    }
+    plan.cache_bytes -= plan.kept_bytes + plan.working_bytes * in_flight;
+  }
   if (options.memory_bytes == 0) plan.cache_bytes = std::min(plan.cache_bytes, kDefaultCache);
   return plan;
 }
@@ -319,18 +357,20 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
-  if (options.coverage_measures && !method_named(plan.reconstruction().method).measures_coverage) {
-    throw Error::bad_input(
-        "method " + plan.reconstruction().method + " does not measure its coverage",
-        shot_file.string(), "Leave --coverage out, or choose another method");
+  const Method& method = method_named(plan.reconstruction().method);
+  if (options.coverage_measures && !method.measures_coverage) {
+    throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
+                           shot_file.string(), "Leave --coverage out, or choose another method");
   }
-  const MemoryPlan memory = plan_memory(shot, options);
+  const MemoryPlan memory = plan_memory(shot, options, method, supersampled_bytes(plan, frames));
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
   const SequenceName name = checked_name(resolved, frames.size());
   if (options.existing == ExistingFiles::kError) check_existing(name, numbers);
   RendererSettings settings;
   settings.cache_bytes = memory.cache_bytes;
+  settings.kept_bytes = memory.kept_bytes;
+  settings.working_bytes = memory.working_bytes;
   settings.measure_coverage = options.coverage_measures;
   const LightFieldRenderer renderer(plan.take(), settings);
   check_folder(name.folder());
@@ -345,9 +385,15 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   }
   if (held > 0) options.say(fmt::format("{} frames hold another instant of the take", held));
   if (black > 0) options.say(fmt::format("{} frames are empty: the take has nothing there", black));
-  options.say(fmt::format("writing {} frames to {}, {} in flight, {} of cache", frames.size(),
-                          resolved.output, memory.in_flight,
-                          size_text(static_cast<double>(memory.cache_bytes))));
+  std::string plan_text = fmt::format("writing {} frames to {}, {} in flight, {} of cache",
+                                      frames.size(), resolved.output, memory.in_flight,
+                                      size_text(static_cast<double>(memory.cache_bytes)));
+  if (!method.frames_only) {
+    plan_text += fmt::format(", {} for what {} keeps, {} for each frame to work with",
+                             size_text(static_cast<double>(memory.kept_bytes)), method.name,
+                             size_text(static_cast<double>(memory.working_bytes)));
+  }
+  options.say(plan_text);
   options.progress(0);
   return SequenceRun(plan, name, frames, renderer, resolved, std::move(stop)).run(memory.in_flight);
 }

@@ -100,10 +100,14 @@ TEST_F(Filtering, FineViewsAreLeftAsTheyAreAndSaySo) {
 
 TEST_F(Filtering, MemoryBoundsTheFactor) {
   RendererSettings little;
-  little.working_bytes = 20 * 15 * 24 * 4;  // twice as many pixels along each axis
+  little.supersampling_bytes = 20 * 15 * 24 * 4;  // twice as many pixels along each axis
   const RenderedView image = render(20, "focal_plane", little);
   EXPECT_NEAR(image.statistics.source_pixels_per_pixel, 6, 0.5);
   EXPECT_EQ(image.statistics.supersampling, 2);
+  // What it works in has no say in the pixels.
+  RendererSettings no_room;
+  no_room.working_bytes = 0;
+  EXPECT_EQ(render(20, "focal_plane", no_room).rgba, render(20, "focal_plane").rgba);
 }
 
 }  // namespace

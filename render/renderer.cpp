@@ -74,9 +74,10 @@ int supersampling(double ratio, const VirtualCamera& view, const RendererSetting
                           std::clamp(settings.most_supersampling, 1, 64));
   const std::size_t bytes =
       static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * kBytesPerPixel;
-  while (factor > 1 && bytes * static_cast<std::size_t>(factor * factor) > settings.working_bytes) {
-    --factor;
-  }
+  const auto fits = [&] {
+    return bytes * static_cast<std::size_t>(factor * factor) <= settings.supersampling_bytes;
+  };
+  while (factor > 1 && !fits()) --factor;
   return factor;
 }
 
@@ -144,6 +145,16 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                     halves / 2));
   }
   return image;
+}
+
+std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const FrameSelection& frames,
+                                           const Reconstruction& reconstruction) const {
+  const Instant instant = state_->instant(frames);
+  const double ratio =
+      instant.present ? source_pixels_per_pixel(view, instant, reconstruction.focal_plane) : 0;
+  const auto factor = static_cast<std::size_t>(supersampling(ratio, view, state_->settings));
+  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) *
+         kBytesPerPixel * factor * factor;
 }
 
 void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,

@@ -41,8 +41,10 @@ struct RendererSettings {
   /// Views with less resolution than the light field are rendered with whole multiples of their
   /// pixels, as many as make their steps as short as the cameras', and averaged in linear light
   /// (thesis 5.3); at most this many along each axis, 1 to 64; 1: never. Fewer where the larger
-  /// view would not fit in working_bytes.
+  /// view would take more than supersampling_bytes: a bound of its own, so that pixels do not
+  /// depend on the memory granted.
   int most_supersampling = 8;
+  std::size_t supersampling_bytes = std::size_t{512} << 20;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
   bool measure_coverage = false;     ///< fills RenderedView::cameras and nearest_ray (costs time)
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
@@ -60,6 +62,11 @@ class LightFieldRenderer {
   /// input) for an unknown method, options that it does not have, or frames that cannot be read.
   RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
                       const Reconstruction& reconstruction) const;
+
+  /// Memory that the view's own values take while it is rendered, bytes: more than a float for each
+  /// where it is supersampled.
+  std::size_t view_bytes(const VirtualCamera& view, const FrameSelection& frames,
+                         const Reconstruction& reconstruction) const;
 
   /// Asks for the frames that a later render() will need to be read from the disk meanwhile. A
   /// hint: of cameras that earlier views did not look at nothing is read.

@@ -280,6 +280,8 @@ Method focal_plane_method() {
           on_plane<CornerWeights::kLinear>,
           on_plane_reference<CornerWeights::kLinear>,
           files_read,
+          true,
+          {},
           true};
 }
 
@@ -290,6 +292,8 @@ Method nearest_method() {
           on_plane<CornerWeights::kNearest>,
           on_plane_reference<CornerWeights::kNearest>,
           files_read,
+          true,
+          {},
           true};
 }
 

@@ -51,6 +51,8 @@ struct Method {
                                                    const FrameSelection& frames) = nullptr;
   bool measures_coverage = false;  ///< knows what ViewRequest::measure_coverage asks for
   std::span<const MethodPreset> presets = {};
+  /// Wants memory for decoded frames alone: keeps nothing, and works in little.
+  bool frames_only = false;
 };
 
 }  // namespace raystage

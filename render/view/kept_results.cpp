@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/view/kept_results.h"
 
-#include <tbb/task_arena.h>
+#include <tbb/collaborative_call_once.h>
 
 #include <exception>
 #include <list>
@@ -13,8 +13,9 @@ namespace raystage {
 namespace {
 
 struct Entry {
-  std::mutex making;
-  std::shared_ptr<const void> result;
+  tbb::collaborative_once_flag once;
+  std::shared_ptr<const void> result;  // or, where it could not be made,
+  std::exception_ptr error;
   std::size_t bytes = 0;
   std::list<std::string>::iterator place;  // in the order of use
 };
@@ -25,7 +26,7 @@ struct KeptResults::State {
   explicit State(std::size_t budget_bytes) : budget(budget_bytes) {}
 
   std::size_t budget;
-  mutable std::mutex mutex;  // guards what follows, and Entry::result and bytes
+  mutable std::mutex mutex;  // guards what follows, and what entries hold
   std::map<std::string, std::shared_ptr<Entry>> entries;
   std::list<std::string> by_use;  // most recent first
   std::size_t bytes = 0;
@@ -47,18 +48,27 @@ struct KeptResults::State {
             const std::shared_ptr<const void>& result, std::size_t result_bytes) {
     std::vector<std::shared_ptr<const void>> dropped;  // freed after the lock
     const std::scoped_lock lock(mutex);
+    entry->result = result;
     const auto kept = entries.find(key);
     if (kept == entries.end() || kept->second != entry) return;  // thrown out meanwhile
-    entry->result = result;
     entry->bytes = result_bytes;
     bytes += result_bytes;
     while (bytes > budget && by_use.size() > 1) {
       const auto oldest = entries.find(by_use.back());
       bytes -= oldest->second->bytes;
-      dropped.push_back(std::move(oldest->second->result));
+      dropped.push_back(oldest->second->result);
       by_use.pop_back();
       entries.erase(oldest);
     }
+  }
+
+  void fail(const std::string& key, const std::shared_ptr<Entry>& entry, std::exception_ptr error) {
+    const std::scoped_lock lock(mutex);
+    entry->error = std::move(error);
+    const auto kept = entries.find(key);
+    if (kept == entries.end() || kept->second != entry) return;
+    by_use.erase(entry->place);
+    entries.erase(kept);
   }
 };
 
@@ -69,25 +79,20 @@ KeptResults::~KeptResults() = default;
 
 std::shared_ptr<const void> KeptResults::get_any(const std::string& key, const Make& make) {
   const auto entry = state_->entry(key);
-  const std::scoped_lock making(entry->making);
-  {
-    const std::scoped_lock lock(state_->mutex);
-    if (entry->result) return entry->result;
-  }
-  // A thread that waits inside for others must not pick up a view that waits for this very result.
-  std::shared_ptr<const void> result;
-  std::size_t bytes = 0;
-  std::exception_ptr error;  // must not cross TBB
-  tbb::this_task_arena::isolate([&] {
+  // Threads that come meanwhile help with the loops inside instead of waiting; none of them can
+  // pick up a view there that waits for this very result.
+  tbb::collaborative_call_once(entry->once, [&] {
+    std::size_t bytes = 0;
     try {
-      result = make(bytes);
-    } catch (...) {
-      error = std::current_exception();
+      const std::shared_ptr<const void> result = make(bytes);
+      state_->keep(key, entry, result, bytes);
+    } catch (...) {  // must not cross TBB
+      state_->fail(key, entry, std::current_exception());
     }
   });
-  if (error) std::rethrow_exception(error);
-  state_->keep(key, entry, result, bytes);
-  return result;
+  const std::scoped_lock lock(state_->mutex);
+  if (entry->error) std::rethrow_exception(entry->error);
+  return entry->result;
 }
 
 std::size_t KeptResults::bytes_held() const {

@@ -10,7 +10,7 @@ namespace raystage {
 
 /// What methods work out once and use for many views (depth maps, slabs, scenes), within a bound of
 /// memory: least recently used out first. Thread-safe; a result is worked out once however many
-/// threads ask for it at the same time.
+/// threads ask for it at the same time: those that come meanwhile help with its parallel loops.
 class KeptResults {
  public:
   explicit KeptResults(std::size_t budget_bytes);
@@ -18,8 +18,7 @@ class KeptResults {
 
   /// The result kept under `key`, or what `make` returns, kept from then on. The key names the
   /// result's type and all that it depends on. `make` says how much memory the result holds
-  /// (`bytes`); when it throws, nothing is kept, and every thread that waited throws too or tries
-  /// itself.
+  /// (`bytes`); when it throws, nothing is kept, and every thread that waited throws too.
   template <class T>
   std::shared_ptr<const T> get(
       const std::string& key,

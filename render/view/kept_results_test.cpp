@@ -2,8 +2,14 @@
 #include "render/view/kept_results.h"
 
 #include <gtest/gtest.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <atomic>
+#include <chrono>
+#include <mutex>
+#include <set>
 #include <stdexcept>
 #include <thread>
 #include <vector>
@@ -82,6 +88,36 @@ TEST(KeptResults, ManyThreadsMakeAResultOnce) {
   }
   threads.clear();
   EXPECT_EQ(made, 1);
+}
+
+TEST(KeptResults, WhoWaitsHelps) {
+  // Two frames in flight that ask for the same: as in a shot in which time stands still.
+  tbb::task_arena arena(2);
+  KeptResults kept(100);
+  std::mutex mutex;
+  std::set<std::thread::id> threads;
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+  std::atomic<int> made = 0;
+  const auto make = [&](std::size_t& bytes) {
+    ++made;
+    bytes = 1;
+    tbb::parallel_for(0, 64, [&](int) {
+      for (;;) {  // until two threads are at work
+        const std::scoped_lock lock(mutex);
+        threads.insert(std::this_thread::get_id());
+        if (threads.size() > 1 || std::chrono::steady_clock::now() > deadline) return;
+      }
+    });
+    return std::make_shared<const int>(7);
+  };
+  arena.execute([&] {
+    tbb::parallel_for(
+        tbb::blocked_range<int>(0, 2, 1),
+        [&](const tbb::blocked_range<int>&) { EXPECT_EQ(*kept.get<int>("depths", make), 7); },
+        tbb::simple_partitioner());
+  });
+  EXPECT_EQ(made, 1);
+  EXPECT_EQ(threads.size(), 2U);
 }
 
 }  // namespace

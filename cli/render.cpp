@@ -30,6 +30,7 @@ struct Options {
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
   std::optional<HoleFill> fill;
+  double target_error = 0, target_time = 0;
   ProgressStyle progress = ProgressStyle::kAuto;
 };
 
@@ -60,6 +61,18 @@ void declare(CLI::App& app, Options& options) {
       app, "--fill", options.fill, {{"none", HoleFill::kNone}, {"push-pull", HoleFill::kPushPull}},
       "rays that no camera saw: none = transparent; push-pull = coloured from what was seen "
       "around\nthem; lf.coverage still shows them (default: what the shot says)");
+  app.add_option("--target-error", options.target_error,
+                 "let raystage choose the cheapest method and settings whose error, measured at "
+                 "cameras left out,\nis at least this PSNR, dB; in place of the shot's method (see "
+                 "--methods: auto)")
+      ->check(CLI::Range(1.0, 100.0))
+      ->type_name("DB");
+  app.add_option("--target-time", options.target_time,
+                 "the same for the most accurate that takes at most this long for a frame, seconds "
+                 "on two threads\nof the machine of docs/benchmarks.md; with --target-error the "
+                 "cheapest within it")
+      ->check(CLI::Range(1e-6, 1e6))
+      ->type_name("S");
   add_threads_option(app, options.threads);
   app.add_option("--frames-in-flight", options.frames_in_flight,
                  "frames worked on at once (default: one per thread, at most 16)")
@@ -118,6 +131,8 @@ ExitCode render(const Options& options, std::stop_token stop) {
   sequence.existing = options.existing;
   sequence.missing = options.missing;
   sequence.fill = options.fill;
+  if (options.target_error > 0) sequence.target["target_error"] = options.target_error;
+  if (options.target_time > 0) sequence.target["target_time"] = options.target_time;
   sequence.frames_in_flight = options.frames_in_flight;
   sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   sequence.chromaticities = options.chromaticities;

@@ -70,6 +70,8 @@ ExrMetadata synthetic_metadata() {
   metadata.capture_utc = 1'767'225'600'123'456'789;  // 2026-01-01T00:00:00.123456789Z
   metadata.absent_cameras = {"r0c1", "r7c3"};
   metadata.method = "focal_plane";
+  metadata.method_options = "objects=planes.json";
+  metadata.notes = {"one", "two"};
   metadata.fingerprint = "00112233445566778899aabbccddeeff";
   metadata.program_version = "0.1.0";
   return metadata;
@@ -202,6 +204,9 @@ TEST_F(ExrFile, AttributesReadBackByOpenExr) {
   EXPECT_EQ(Imf::utcOffset(header), 0.0F);
   EXPECT_EQ(text("lf:captureTimeNs"), "1767225600123456789");
   EXPECT_EQ(text("lf:method"), "focal_plane");
+  EXPECT_EQ(text("lf:methodOptions"), "objects=planes.json");
+  EXPECT_EQ(header.typedAttribute<Imf::StringVectorAttribute>("lf:notes").value(),
+            (Imf::StringVector{"one", "two"}));
   EXPECT_EQ(text("lf:fingerprint"), "00112233445566778899aabbccddeeff");
   EXPECT_EQ(text("lf:version"), "0.1.0");
   EXPECT_EQ(text("software"), "Raystage 0.1.0");

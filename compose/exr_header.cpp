@@ -149,6 +149,12 @@ Imf::Header exr_header(int width, int height, const ExrMetadata& metadata) {
     header.insert("lf:absentCameras", Imf::StringVectorAttribute(metadata.absent_cameras));
   }
   add_string(header, "lf:method", metadata.method);
+  if (!metadata.method_options.empty()) {
+    add_string(header, "lf:methodOptions", metadata.method_options);
+  }
+  if (!metadata.notes.empty()) {
+    header.insert("lf:notes", Imf::StringVectorAttribute(metadata.notes));
+  }
   add_string(header, "lf:fingerprint", metadata.fingerprint);
   add_string(header, "lf:version", metadata.program_version);
   add_string(header, "software", "Raystage " + metadata.program_version);

@@ -27,6 +27,8 @@ struct ExrMetadata {
   std::optional<Nanoseconds> capture_utc;  ///< instant shown, since 1970; none: nothing was there
   std::vector<std::string> absent_cameras;
   std::string method, fingerprint, program_version;
+  std::string method_options;       ///< NAME=VALUE,... as given; left out when empty
+  std::vector<std::string> notes;   ///< RenderedView::notes
   std::string compression = "piz";  ///< none | rle | zips | zip | piz
   /// Writes `chromaticities` (Rec.709) for readers that do not know `colorInteropID`; the
   /// recommendation forbids both in one file.

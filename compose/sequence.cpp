@@ -285,6 +285,7 @@ class SequenceRun {
     parts_left -= kPartsOfRender;
     if (stop_.stop_requested()) return;
 
+    metadata.notes = view.notes;
     const std::size_t bytes = write_exr(view, metadata, file);
     const std::scoped_lock lock(mutex_);
     for (const std::string& note : view.notes) {
@@ -353,7 +354,7 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
 
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop) {
-  const ShotPlan plan(shot_file, options.fill);
+  const ShotPlan plan(shot_file, options.fill, options.target);
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);

@@ -29,9 +29,10 @@ struct SequenceOptions {
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
   std::optional<HoleFill> fill;    ///< in place of what the shot says
+  OptionValues target;             ///< as ShotPlan
   int frames_in_flight = 0;        ///< 0: one per thread of the TBB arena, at most 16
-  std::size_t memory_bytes = 0;    ///< for frames and cache; 0: half of available_memory(), at most
-                                   ///< what the frames in flight need and 4 GiB of cache
+  std::size_t memory_bytes = 0;    ///< for frames, cache, what methods keep and work in; 0: half of
+                                   ///< available_memory(), at most 4 GiB of cache
   bool chromaticities = false;     ///< as in ExrMetadata
   bool coverage_measures = false;  ///< as in ExrMetadata
   std::string program_version;

@@ -4,6 +4,8 @@
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
 #include <OpenEXR/ImfInputFile.h>
+#include <OpenEXR/ImfStringAttribute.h>
+#include <OpenEXR/ImfStringVectorAttribute.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
@@ -247,6 +249,23 @@ TEST_F(Sequence, FillColoursWhatNobodySawAndTheFingerprintKnows) {
   options_.fill.reset();
   shot_.layers[0].fill = HoleFill::kPushPull;
   EXPECT_EQ(run().skipped, 1);
+}
+
+TEST_F(Sequence, ATargetTakesTheMethodsPlaceAndTheFileSaysWhatWasChosen) {
+  options_.frames = {101};
+  options_.target = {{"target_error", 20.0}};
+  run();
+  const Imf::InputFile input(file(101).c_str());
+  const Imf::Header& header = input.header();
+  EXPECT_EQ(header.typedAttribute<Imf::StringAttribute>("lf:method").value(), "auto");
+  EXPECT_EQ(header.typedAttribute<Imf::StringAttribute>("lf:methodOptions").value(),
+            "target_error=20");
+  const auto notes = header.typedAttribute<Imf::StringVectorAttribute>("lf:notes").value();
+  EXPECT_THAT(notes, Contains(HasSubstr("auto: ")));
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().skipped, 1);
+  options_.target["target_error"] = 21.0;
+  EXPECT_EQ(run().rendered, 1);
 }
 
 TEST_F(Sequence, CoverageMeasuresAreChannelsOnRequest) {

@@ -46,15 +46,19 @@ Fingerprint common_fingerprint(const ShotDocument& shot, const Take& take,
 
 Reconstruction reconstruction_of(const ShotDocument& shot, const Take& take,
                                  const std::filesystem::path& shot_file,
-                                 std::optional<HoleFill> fill) {
+                                 std::optional<HoleFill> fill, const OptionValues& target) {
   const ShotDocument::Layer& layer = shot.layers.front();
   MethodOptions(method_named(layer.method).options, layer.options,
                 shot_file.string() + "#/layers/0/options");
   check_exr_compression(shot.output.compression);
   Reconstruction reconstruction;
-  reconstruction.method = layer.method;
-  reconstruction.options = layer.options;
+  reconstruction.method = target.empty() ? layer.method : "auto";
+  reconstruction.options = target.empty() ? layer.options : target;
   reconstruction.fill = fill.value_or(layer.fill);
+  const bool best = layer.focal_plane.kind == ShotDocument::FocalPlane::Kind::kBest;
+  if (best && !take.document().depth_range && !method_named(layer.method).on_focal_plane) {
+    return reconstruction;  // nobody asks for the plane
+  }
   reconstruction.focal_plane =
       focal_plane_equation(layer.focal_plane, take.rig(), take.document().depth_range,
                            shot_file.string() + "#/layers/0/focal_plane");
@@ -93,13 +97,14 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
   return equation / normal;
 }
 
-ShotPlan::ShotPlan(const std::filesystem::path& shot_file, std::optional<HoleFill> fill)
+ShotPlan::ShotPlan(const std::filesystem::path& shot_file, std::optional<HoleFill> fill,
+                   const OptionValues& target)
     : shot_file_(shot_file),
       shot_(read_shot(shot_file)),
       take_(take_folder(shot_file, shot_)),
       timeline_(read_timeline(take_)),
       path_(shot_.camera),
-      reconstruction_(reconstruction_of(shot_, take_, shot_file, fill)),
+      reconstruction_(reconstruction_of(shot_, take_, shot_file, fill, target)),
       common_(common_fingerprint(shot_, take_, reconstruction_)) {
   if (timeline_.ticks.empty()) {
     throw Error::bad_input("the take's timeline is empty", take_.folder().string(),
@@ -229,6 +234,7 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
   metadata.fps_denominator = shot_.fps_denominator;
   metadata.take_name = take_.document().name;
   metadata.method = reconstruction_.method;
+  metadata.method_options = text_of(reconstruction_.options);
   metadata.compression = shot_.output.compression;
   if (!frame.tick) return metadata;
 

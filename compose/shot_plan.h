@@ -21,7 +21,7 @@
 namespace raystage {
 
 /// Changes whenever the same inputs give other pixels, so that `--existing skip` renders them anew.
-inline constexpr int kReconstructionVersion = 1;
+inline constexpr int kReconstructionVersion = 2;
 
 /// What to show at a shot frame for which the take has nothing (OpenTimelineIO's policies).
 enum class MissingFrames {
@@ -42,8 +42,10 @@ class ShotPlan {
  public:
   /// Throws Error (bad input): shot, take, timeline or an archive missing or wrong, unknown method
   /// or compression, a focal plane `best` without a depth range.
-  /// `fill`: in place of what the shot says.
-  explicit ShotPlan(const std::filesystem::path& shot_file, std::optional<HoleFill> fill = {});
+  /// `fill`: in place of what the shot says. `target`: not empty, the method `auto` with these
+  /// options in place of the layer's.
+  explicit ShotPlan(const std::filesystem::path& shot_file, std::optional<HoleFill> fill = {},
+                    const OptionValues& target = {});
 
   const ShotDocument& shot() const { return shot_; }
   const Take& take() const { return take_; }

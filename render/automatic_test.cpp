@@ -93,7 +93,7 @@ TEST_F(Automatic, TheMostAccurateWithinTheTimeIsTaken) {
 }
 
 TEST_F(Automatic, TheCheapestThatMeetsTheErrorIsTaken) {
-  write(0.2, DepthRange{1, 5});
+  write(0.2, DepthRange{2.5, 10});  // best at 4 m
   // The plane is where the painting is, so focal_plane is good and nearest as good.
   const double good = error_at_left_out_cameras(focal_plane_method(), {}, request());
   EXPECT_GT(good, 30);
@@ -122,11 +122,36 @@ TEST_F(Automatic, GivesWhatTheChosenMethodGivesAndSaysWhich) {
   const FrameSelection frames = select_frames(*take_, 0, 1);
   const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.6, {});
   const LightFieldRenderer renderer(*take_, {});
-  const RenderedView chosen = renderer.render(view, frames, {"auto", {0, 0, 1, 4}});
-  const RenderedView plane = renderer.render(view, frames, {"focal_plane", {0, 0, 1, 4}});
+  // Free of ghosts on the plane of eq. 2.2 (3.75 m), whatever plane is asked for.
+  const RenderedView chosen = renderer.render(view, frames, {"auto", {0, 0, 1, 1}});
+  const RenderedView plane = renderer.render(view, frames, {"focal_plane", {0, 0, 1, 3.75}});
   EXPECT_EQ(chosen.rgba, plane.rgba);
   ASSERT_EQ(chosen.notes.size(), 1U);
   EXPECT_THAT(chosen.notes[0], StartsWith("auto: focal_plane: cameras 20 mm apart"));
+  EXPECT_THAT(chosen.notes[0], HasSubstr("3.75 m off"));
+}
+
+TEST_F(Automatic, ChoosesAlikeHoweverFinelyAViewIsSampled) {
+  write(0.2, DepthRange{1, 5});
+  const ViewRequest coarse = request();
+  VirtualCamera larger = coarse.view;
+  larger.width *= 4;
+  larger.height *= 4;
+  const ViewRequest sampled{larger,
+                            coarse.instant,
+                            coarse.focal_plane,
+                            coarse.options,
+                            coarse.kept,
+                            coarse.working_bytes,
+                            false,
+                            false,
+                            true,
+                            4};
+  for (const double seconds : {0.4, 500.0, 600.0}) {
+    const Target target{.seconds_per_frame = seconds};
+    EXPECT_EQ(choose(ladder(), target, sampled).candidate,
+              choose(ladder(), target, coarse).candidate);
+  }
 }
 
 }  // namespace

@@ -81,6 +81,19 @@ int supersampling(double ratio, const VirtualCamera& view, const RendererSetting
   return factor;
 }
 
+/// source_pixels_per_pixel() where the method looks rays up: on the focal plane, or, for those that
+/// find the scene themselves, on eq. 2.2's. Where that is not in view, at infinity.
+double filtered_pixels(const VirtualCamera& view, const Instant& instant, const Method& method,
+                       const Eigen::Vector4d& focal_plane) {
+  Eigen::Vector4d plane = focal_plane;
+  const auto scene = instant.take->document().depth_range;
+  if (!method.on_focal_plane && scene) {
+    plane = plane_in_front_of(*instant.rig, best_focal_depth(*scene));
+  }
+  const double ratio = source_pixels_per_pixel(view, instant, plane);
+  return ratio > 0 ? ratio : source_pixels_per_pixel(view, instant, {0, 0, 0, 1});
+}
+
 }  // namespace
 
 LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings& settings)
@@ -117,7 +130,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
     return nothing;
   }
 
-  const double ratio = source_pixels_per_pixel(view, instant, reconstruction.focal_plane);
+  const double ratio = filtered_pixels(view, instant, method, reconstruction.focal_plane);
   const int factor = supersampling(ratio, view, state_->settings);
   const VirtualCamera fine = supersampled(view, factor);
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
@@ -128,7 +141,9 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                             *state_->kept,
                             state_->settings.working_bytes,
                             state_->settings.count_needed_pixels,
-                            state_->settings.measure_coverage};
+                            state_->settings.measure_coverage,
+                            state_->settings.use_take_folder,
+                            factor};
   const bool by_reference = state_->settings.reference || distorted;
   RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
   if (factor > 1) image = averaged(image, factor);
@@ -150,8 +165,10 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
 std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const FrameSelection& frames,
                                            const Reconstruction& reconstruction) const {
   const Instant instant = state_->instant(frames);
-  const double ratio =
-      instant.present ? source_pixels_per_pixel(view, instant, reconstruction.focal_plane) : 0;
+  const double ratio = instant.present
+                           ? filtered_pixels(view, instant, method_named(reconstruction.method),
+                                             reconstruction.focal_plane)
+                           : 0;
   const auto factor = static_cast<std::size_t>(supersampling(ratio, view, state_->settings));
   return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) *
          kBytesPerPixel * factor * factor;
@@ -163,16 +180,21 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
   const Method& method = method_named(reconstruction.method);
   MethodOptions options(method.options, reconstruction.options, "method " + reconstruction.method);
   const Method lumigraph = lumigraph_method();
+  DepthRange scene;  // as the method's options say it, where they do
   if (method.name != lumigraph.name) {
     OptionValues unless_told;
-    if (method.name == "depth") unless_told["proxy"] = std::string("depth");
+    if (method.name == "depth" || method.name == "plane_sweep") {
+      unless_told["proxy"] = std::string("depth");
+      scene = {options.number("near"), options.number("far")};
+    }
     options = MethodOptions(lumigraph.options, unless_told, lumigraph.name);
   }
   const Instant instant = state_->instant(frames);
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
-  const RaySurface surface = proxy_surface(options, reconstruction.focal_plane, instant,
-                                           *state_->kept, state_->settings.working_bytes);
+  const RaySurface surface =
+      proxy_surface(options, reconstruction.focal_plane, instant, *state_->kept,
+                    state_->settings.working_bytes, state_->settings.use_take_folder, scene);
   const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, ray_weighing(options), samples);
 }

@@ -48,6 +48,8 @@ struct RendererSettings {
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
   bool measure_coverage = false;     ///< fills RenderedView::cameras and nearest_ray (costs time)
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
+  /// What methods derive from a take may be kept in its folder, and taken from there.
+  bool use_take_folder = true;
 };
 
 /// Renders views of a take. Many threads may call render() at once (frames in flight); the pixels
@@ -73,8 +75,8 @@ class LightFieldRenderer {
   void read_ahead(const FrameSelection& frames) const;
 
   /// Any rays, not only those of a view, into as many `samples`: see query_rays(). Method
-  /// `lumigraph` by its options; every other with lumigraph's own weights, `depth` where it finds
-  /// the scene, the others on the focal plane. No fill.
+  /// `lumigraph` by its options; every other with lumigraph's own weights, `depth` and
+  /// `plane_sweep` where `depth` finds the scene, the others on the focal plane. No fill.
   void query(std::span<const WorldRay> rays, const FrameSelection& frames,
              const Reconstruction& reconstruction, std::span<RaySample> samples) const;
 

@@ -28,7 +28,8 @@ struct Work {
 };
 
 Work work_of(const ViewRequest& request, double disparity) {
-  Work work{static_cast<double>(request.view.width) * request.view.height, 0, disparity};
+  const double samples = static_cast<double>(request.supersampling) * request.supersampling;
+  Work work{static_cast<double>(request.view.width) * request.view.height / samples, 0, disparity};
   for (const int camera : request.instant.members) {
     const CameraModel& model = request.instant.rig->cameras[static_cast<std::size_t>(camera)].model;
     work.source_pixels += static_cast<double>(model.width()) * model.height();
@@ -50,22 +51,21 @@ std::string in_time(double seconds) {
 
 }  // namespace
 
-Choice choose(std::span<const Candidate> candidates, const Target& target,
-              const ViewRequest& request) {
+namespace {
+
+/// choose(), for a take that knows its depth range; `request` is on eq. 2.2's plane.
+Choice choose_by_range(std::span<const Candidate> candidates, const Target& target,
+                       const ViewRequest& request, const DepthRange& scene) {
   const Instant& instant = request.instant;
-  const auto range = instant.take->document().depth_range;
-  if (!range) {
-    return {0, fmt::format("{}: the take has no depth range, which the others need",
-                           candidates[0].label)};
-  }
   const double spacing = camera_spacing(*instant.rig, *instant.complete);
   const double focal_length = longest_focal_length(*instant.rig);
-  const double disparity = disparity_range(focal_length, spacing, *range);
+  const double disparity = disparity_range(focal_length, spacing, scene);
   if (disparity <= kAliasFreeDisparity) {
-    return {0, fmt::format("{}: cameras {:.3g} mm apart, and up to {:.3g} mm a single plane is "
-                           "free of ghosts (eq. 2.1)",
+    return {0, fmt::format("{}: cameras {:.3g} mm apart, and up to {:.3g} mm a single plane, "
+                           "{:.4g} m off, is free of ghosts (eq. 2.1)",
                            candidates[0].label, spacing * 1e3,
-                           largest_alias_free_spacing(focal_length, *range) * 1e3)};
+                           largest_alias_free_spacing(focal_length, scene) * 1e3,
+                           best_focal_depth(scene))};
   }
 
   const Work work = work_of(request, disparity);
@@ -117,6 +117,34 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
                             "cameras left out, {:.1f} asked for",
                             candidates[best].label, best_takes, most_measured, target.psnr_db)
               : fmt::format("{}: the only one in reach, {}", candidates[best].label, best_takes)};
+}
+
+}  // namespace
+
+Choice choose(std::span<const Candidate> candidates, const Target& target,
+              const ViewRequest& request) {
+  const auto range = request.instant.take->document().depth_range;
+  if (!range) {
+    return {
+        0,
+        fmt::format("{}: the take has no depth range, which the others need", candidates[0].label),
+        request.focal_plane};
+  }
+  // The sampling theorem speaks of this plane; on any other more is out of focus.
+  const Eigen::Vector4d plane = plane_in_front_of(*request.instant.rig, best_focal_depth(*range));
+  const ViewRequest on_best{request.view,
+                            request.instant,
+                            plane,
+                            request.options,
+                            request.kept,
+                            request.working_bytes,
+                            request.count_needed_pixels,
+                            request.measure_coverage,
+                            request.use_take_folder,
+                            request.supersampling};
+  Choice choice = choose_by_range(candidates, target, on_best, *range);
+  choice.focal_plane = plane;
+  return choice;
 }
 
 }  // namespace raystage

@@ -30,6 +30,9 @@ struct Target {
 struct Choice {
   std::size_t candidate = 0;
   std::string why;  ///< a line for people
+  /// Where methods that need a plane look rays up: eq. 2.2's, or as asked for where the take does
+  /// not say how deep it is.
+  Eigen::Vector4d focal_plane{0, 0, 0, 1};
 };
 
 /// Chooses among `candidates`, which stand from the least to the most accurate. A single plane (the
@@ -37,8 +40,8 @@ struct Choice {
 /// cheapest whose error, measured at cameras that are left out for it, meets the target; or the
 /// most accurate where none does, or none is asked for. The measured error is an upper bound: with
 /// its camera left out a view's nearest neighbours are twice as far away as they will be. Depends
-/// on the take, the options and the size of the view alone: every frame of a shot and every node of
-/// a farm gets the same answer. Costs up to three views of each candidate but the last.
+/// on the take, the options and the size of the picture alone: every frame of a shot and every node
+/// of a farm gets the same answer. Costs up to three views of each candidate but the last.
 Choice choose(std::span<const Candidate> candidates, const Target& target,
               const ViewRequest& request);
 

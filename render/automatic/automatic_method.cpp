@@ -40,15 +40,24 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
   const std::vector<Candidate> all = candidates();
   // Within a renderer take and cameras are the same throughout.
   const std::string key = fmt::format("auto {} {} {}x{}", target.psnr_db, target.seconds_per_frame,
-                                      request.view.width, request.view.height);
+                                      request.view.width / request.supersampling,
+                                      request.view.height / request.supersampling);
   const auto choice = request.kept.get<Choice>(key, [&](std::size_t& bytes) {
-    bytes = sizeof(Choice);
+    bytes = 0;  // stays: what is rendered must not depend on the memory that others need
     return std::make_shared<const Choice>(choose(all, target, request));
   });
   const Candidate& chosen = all[choice->candidate];
   const MethodOptions options(chosen.method.options, chosen.options, "auto");
-  const ViewRequest inner{request.view, request.instant,       request.focal_plane,        options,
-                          request.kept, request.working_bytes, request.count_needed_pixels};
+  const ViewRequest inner{request.view,
+                          request.instant,
+                          choice->focal_plane,
+                          options,
+                          request.kept,
+                          request.working_bytes,
+                          request.count_needed_pixels,
+                          request.measure_coverage,
+                          request.use_take_folder,
+                          request.supersampling};
   RenderedView view =
       reference ? chosen.method.render_reference(inner) : chosen.method.render(inner);
   view.notes.push_back("auto: " + choice->why);
@@ -58,9 +67,16 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
 }  // namespace
 
 Method automatic_method() {
-  return {"auto", "chooses among the others the cheapest that meets a target", kOptions,
+  return {"auto",
+          "chooses among the others the cheapest that meets a target",
+          kOptions,
           [](const ViewRequest& request) { return render_with(request, false); },
-          [](const ViewRequest& request) { return render_with(request, true); }};
+          [](const ViewRequest& request) { return render_with(request, true); },
+          nullptr,
+          false,
+          {},
+          false,
+          false};
 }
 
 }  // namespace raystage

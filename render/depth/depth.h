@@ -48,10 +48,11 @@ struct Plan {
 std::optional<Plan> plan(const ViewRequest& request);
 
 /// The depths of an instant's cameras as the method has them with its options as they are unless
-/// told: kept likewise, in `kept` and in the take. Throws Error (bad input) where the take does not
-/// say how deep the scene is.
+/// told, but between these depths of the `scene`: kept likewise, in `kept` and, with `keep`, in the
+/// take.
 std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, KeptResults& kept,
-                                                       std::size_t working_bytes);
+                                                       std::size_t working_bytes, bool keep,
+                                                       const DepthRange& scene);
 
 /// What share of a pixel cameras have that are absent, 0 to 1.
 float absent_share(const Plan& plan, const Instant& instant, int x, int y);

@@ -38,7 +38,7 @@ Settings settings_of(const ViewRequest& request) {
   s.solving.witnesses = options.whole("witnesses");
   s.cameras = options.whole("cameras");
   s.agreement = options.number("agreement");
-  s.keep = options.flag("keep");
+  s.keep = options.flag("keep") && request.use_take_folder;
   return s;
 }
 
@@ -159,10 +159,11 @@ std::optional<Plan> plan(const ViewRequest& request) {
 }
 
 std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, KeptResults& kept,
-                                                       std::size_t working_bytes) {
+                                                       std::size_t working_bytes, bool keep,
+                                                       const DepthRange& scene) {
   DepthSettings solving;
-  solving.scene = scene_depths(*instant.take, 0, 0, "depth");
-  const auto found = camera_depths(instant, kept, working_bytes, solving, true);
+  solving.scene = scene;
+  const auto found = camera_depths(instant, kept, working_bytes, solving, keep);
   return {found, &found->depths};
 }
 
@@ -187,7 +188,14 @@ float visibility_tolerance(const Plan& plan) {
 Method depth_method() {
   return {"depth",
           "cameras blended where their depths say that they see the same, found once per instant",
-          depth::kOptions, depth::render, depth::render_reference};
+          depth::kOptions,
+          depth::render,
+          depth::render_reference,
+          nullptr,
+          false,
+          {},
+          false,
+          false};
 }
 
 }  // namespace raystage

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numeric>
+#include <map>
 #include <set>
 
 #include "images/image_file.h"
@@ -229,22 +229,25 @@ std::vector<int> cameras_left_out(const Take& take, const std::vector<std::strin
 }
 
 Steadiness steadiness_of(std::span<const ViewEvaluation> views) {
-  std::vector<double> psnr;
-  for (const ViewEvaluation& view : views) {
-    if (std::isfinite(view.quality.psnr_db)) psnr.push_back(view.quality.psnr_db);
-  }
+  std::map<std::string_view, double> last_of_shot;
+  double sum = 0, squares = 0, count = 0;
   Steadiness steadiness;
-  if (psnr.empty()) return steadiness;
-  const auto count = static_cast<double>(psnr.size());
-  const double mean = std::accumulate(psnr.begin(), psnr.end(), 0.0) / count;
-  double squares = 0;
-  for (std::size_t i = 0; i < psnr.size(); ++i) {
-    squares += (psnr[i] - mean) * (psnr[i] - mean);
-    if (i == 0) continue;
-    steadiness.largest_step_db =
-        std::max(steadiness.largest_step_db, std::abs(psnr[i] - psnr[i - 1]));
+  for (const ViewEvaluation& view : views) {
+    const double psnr = view.quality.psnr_db;
+    if (!std::isfinite(psnr)) continue;
+    sum += psnr;
+    squares += psnr * psnr;
+    ++count;
+    const auto [last, is_first] = last_of_shot.try_emplace(shot_of_view(view.id), psnr);
+    if (!is_first) {
+      steadiness.largest_step_db =
+          std::max(steadiness.largest_step_db, std::abs(psnr - last->second));
+    }
+    last->second = psnr;
   }
-  steadiness.deviation_db = std::sqrt(squares / count);
+  if (count == 0) return steadiness;
+  const double mean = sum / count;
+  steadiness.deviation_db = std::sqrt(std::max(0.0, squares / count - mean * mean));
   return steadiness;
 }
 
@@ -269,6 +272,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   RendererSettings renderer_settings;
   renderer_settings.cache_bytes = settings.cache_bytes;
   renderer_settings.blend_space = settings.blend_space;
+  renderer_settings.use_take_folder = settings.use_take_folder;
   renderer_settings.left_out = cameras_left_out(take, settings.leave_out, settings.camera_step);
   renderer_settings.kept = std::make_shared<KeptResults>(renderer_settings.kept_bytes);
   evaluation.cameras = take.camera_count() - static_cast<int>(renderer_settings.left_out.size());

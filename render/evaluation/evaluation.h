@@ -47,6 +47,7 @@ struct EvaluationSettings {
   int repeat = 0;
   bool count_needed_pixels = true;  ///< renders each view once more, to count
   BlendSpace blend_space = BlendSpace::kPerceptual;
+  bool use_take_folder = true;         ///< as RendererSettings: false measures what is derived anew
   std::filesystem::path image_folder;  ///< rendered views as PNG go here; empty: nowhere
   std::size_t cache_bytes = std::size_t{1} << 30;
   std::function<void(const EvaluatedPicture&)> on_picture;  ///< sees every view; may be empty
@@ -67,11 +68,10 @@ struct ViewEvaluation {
   double decoded_per_needed = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// How PSNR goes along the views in their order, where it is finite: flicker, if they follow a
-/// path.
+/// How PSNR goes along the views in their order, where it is finite.
 struct Steadiness {
   double deviation_db = 0;     ///< standard deviation over the views
-  double largest_step_db = 0;  ///< from one view to the next, absolute
+  double largest_step_db = 0;  ///< from one view of a shot (shot_of_view()) to its next, absolute
 };
 
 struct Evaluation {

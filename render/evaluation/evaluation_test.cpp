@@ -26,10 +26,20 @@ std::vector<ViewEvaluation> views_of(const std::vector<double>& psnr) {
 
 TEST(Steadiness, IsSpreadAndLargestStep) {
   const Steadiness steadiness = steadiness_of(views_of({30, 32, 31, 35}));
-  EXPECT_NEAR(steadiness.deviation_db, std::sqrt((4 + 0 + 1 + 9) / 4.0), 1e-12);
+  EXPECT_NEAR(steadiness.deviation_db, std::sqrt((4 + 0 + 1 + 9) / 4.0), 1e-9);
   EXPECT_EQ(steadiness.largest_step_db, 4);
   EXPECT_EQ(steadiness_of(views_of({30})).largest_step_db, 0);
   EXPECT_EQ(steadiness_of({}).deviation_db, 0);
+}
+
+TEST(Steadiness, StepsWithinAShotOnly) {
+  std::vector<ViewEvaluation> views = views_of({30, 36, 30.5, 37});
+  const char* ids[] = {"dolly_0", "left_0", "dolly_1", "left_1"};
+  for (std::size_t i = 0; i < views.size(); ++i) views[i].id = ids[i];
+  EXPECT_EQ(steadiness_of(views).largest_step_db, 1);
+  views[2].id = "elsewhere";
+  views[3].id = "nowhere";
+  EXPECT_EQ(steadiness_of(views).largest_step_db, 0);
 }
 
 TEST(Steadiness, PassesOverViewsWithoutAValue) {
@@ -106,8 +116,11 @@ TEST_F(EvaluatedTake, EveryNthView) {
   EXPECT_EQ(evaluation.views[1].id, "r3c3");
   EXPECT_EQ(evaluation.cameras, 22);
   const auto json = nlohmann::json::parse(evaluation_as_json(evaluation));
-  EXPECT_EQ(json["steadiness"]["psnr_largest_step_db"],
-            std::abs(evaluation.views[0].quality.psnr_db - evaluation.views[1].quality.psnr_db));
+  EXPECT_EQ(json["steadiness"]["psnr_largest_step_db"], 0);  // two places, not a shot
+  EXPECT_NEAR(
+      json["steadiness"]["psnr_deviation_db"].get<double>(),
+      std::abs(evaluation.views[0].quality.psnr_db - evaluation.views[1].quality.psnr_db) / 2,
+      1e-6);
   EXPECT_THAT(evaluation_as_text(evaluation), HasSubstr("largest step"));
   evaluation.notes = {"auto: focal_plane: it is enough"};
   EXPECT_THAT(evaluation_as_text(evaluation),

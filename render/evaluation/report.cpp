@@ -60,7 +60,7 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
   add(evaluation.mean);
   if (evaluation.views.size() > 1) {
     text += fmt::format(
-        "PSNR from view to view: standard deviation {:.2f} dB, largest step {:.2f} dB\n",
+        "PSNR: standard deviation {:.2f} dB, largest step from view to view of a shot {:.2f} dB\n",
         evaluation.steadiness.deviation_db, evaluation.steadiness.largest_step_db);
   }
   for (const ShotSteadiness& shot : evaluation.shots) {

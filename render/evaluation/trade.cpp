@@ -143,6 +143,7 @@ Trade measure_trade(const Take& take, const ViewsDocument& views,
     settings.options = row.setting.options;
     if (row.setting.focal_depth) settings.focal_depth = row.setting.focal_depth;
     settings.camera_step = row.camera_step;
+    settings.use_take_folder = false;  // or the first row to derive something pays for all
     // Threads change no byte of a picture: those of the first number of them do.
     if (row.threads == plan.threads.front()) {
       settings.on_picture = [&](const EvaluatedPicture& picture) {

@@ -108,7 +108,10 @@ Method visual_hull_method() {
           by_hull,
           by_hull_reference,
           mattes_read,
-          true};
+          true,
+          {},
+          false,
+          false};
 }
 
 }  // namespace raystage

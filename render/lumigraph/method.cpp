@@ -15,21 +15,19 @@ std::filesystem::path mesh_file(const MethodOptions& options, const Take& take) 
   return take.folder() / options.text("mesh");
 }
 
+RaySurface surface_of(const ViewRequest& r) {
+  return proxy_surface(r.options, r.focal_plane, r.instant, r.kept, r.working_bytes,
+                       r.use_take_folder);
+}
+
 RenderedView by_lumigraph(const ViewRequest& request) {
   const bool field = request.options.text("weights") == "blending_field";
-  return render_lumigraph(request,
-                          proxy_surface(request.options, request.focal_plane, request.instant,
-                                        request.kept, request.working_bytes),
-                          ray_weighing(request.options),
+  return render_lumigraph(request, surface_of(request), ray_weighing(request.options),
                           field ? WeightField::kBlendingField : WeightField::kPerPixel);
 }
 
 RenderedView by_lumigraph_reference(const ViewRequest& request) {
-  return render_lumigraph_reference(
-      request,
-      proxy_surface(request.options, request.focal_plane, request.instant, request.kept,
-                    request.working_bytes),
-      ray_weighing(request.options));
+  return render_lumigraph_reference(request, surface_of(request), ray_weighing(request.options));
 }
 
 std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
@@ -41,13 +39,22 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
 }  // namespace
 
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
-                         const Instant& instant, KeptResults& kept, std::size_t working_bytes) {
+                         const Instant& instant, KeptResults& kept, std::size_t working_bytes,
+                         bool use_take_folder, const DepthRange& scene) {
   RaySurface on_plane = plane_surface(plane);
   const std::string& proxy = options.text("proxy");
+  if (proxy != "mesh" && !options.text("mesh").empty()) {
+    throw Error::bad_input("a mesh is given and the proxy is '" + proxy + "'", "option mesh",
+                           "Set the option proxy to mesh, or leave mesh out");
+  }
   if (proxy == "plane") return on_plane;
   if (proxy == "depth") {
-    return depth_surface(depth::depths_unless_told(instant, kept, working_bytes), *instant.rig,
-                         scene_depths(*instant.take, 0, 0, "depth"));
+    const DepthRange between =
+        scene_depths(*instant.take, scene, "proxy depth",
+                     "Say depth_range_m in take.json, in metres in front of the array");
+    return depth_surface(
+        depth::depths_unless_told(instant, kept, working_bytes, use_take_folder, between),
+        *instant.rig, between);
   }
   if (options.text("mesh").empty()) {
     throw Error::bad_input("the proxy is to be a mesh and none is given", "option mesh",

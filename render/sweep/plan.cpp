@@ -113,7 +113,9 @@ Method plane_sweep_method() {
           plane_sweep::render_reference,
           nullptr,
           false,
-          kPresets};
+          kPresets,
+          false,
+          false};
 }
 
 }  // namespace raystage

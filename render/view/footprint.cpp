@@ -36,30 +36,57 @@ double source_pixels_per_pixel(const VirtualCamera& view, const Instant& instant
   ideal_view.intrinsics.distortion = {};
   const PlaneProjection projection(ideal_view, plane);
   if (!projection.at_infinity() && projection.distance() == 0) return 0;
-  const RayCells cells(ideal_view, *instant.rig, *instant.present);
-  double most = 0;
-  for (int i = 0; i < kPlaces * kPlaces; ++i) {
-    const int column = i % kPlaces, row = i / kPlaces;
-    const double x = view.width * (column + 0.5) / kPlaces;
-    const double y = view.height * (row + 0.5) / kPlaces;
-    const auto crossing = cells.locate(x, y);
-    if (!crossing || !(projection.depth(x, y) > 0)) continue;
-    const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
-    for (std::size_t c = 0; c < static_cast<std::size_t>(cell.count); ++c) {
-      const Rig::Camera& camera = instant.rig->cameras[static_cast<std::size_t>(cell.camera[c])];
-      const Matrix3d ideal = projection.ideal_from_pixel(camera.pose);
-      const auto left = pixel_in(camera.model, ideal, x - 0.5, y);
-      const auto right = pixel_in(camera.model, ideal, x + 0.5, y);
-      const auto above = pixel_in(camera.model, ideal, x, y - 0.5);
-      const auto below = pixel_in(camera.model, ideal, x, y + 0.5);
-      if (!left || !right || !above || !below) continue;
-      Eigen::Matrix2d source_from_view;
-      source_from_view << *right - *left, *below - *above;
-      const double stretch = source_from_view.jacobiSvd().singularValues()[0];
-      if (std::isfinite(stretch)) most = std::max(most, stretch);
+  const auto stretch_in = [&](int index, double x, double y) -> double {
+    const Rig::Camera& camera = instant.rig->cameras[static_cast<std::size_t>(index)];
+    const Matrix3d ideal = projection.ideal_from_pixel(camera.pose);
+    const auto left = pixel_in(camera.model, ideal, x - 0.5, y);
+    const auto right = pixel_in(camera.model, ideal, x + 0.5, y);
+    const auto above = pixel_in(camera.model, ideal, x, y - 0.5);
+    const auto below = pixel_in(camera.model, ideal, x, y + 0.5);
+    if (!left || !right || !above || !below) return 0;
+    Eigen::Matrix2d source_from_view;
+    source_from_view << *right - *left, *below - *above;
+    const double stretch = source_from_view.jacobiSvd().singularValues()[0];
+    return std::isfinite(stretch) ? stretch : 0;
+  };
+  const auto most_over_places = [&](const auto& stretch_at) {
+    double most = 0;
+    for (int i = 0; i < kPlaces * kPlaces; ++i) {
+      const int column = i % kPlaces, row = i / kPlaces;
+      const double x = view.width * (column + 0.5) / kPlaces;
+      const double y = view.height * (row + 0.5) / kPlaces;
+      if (projection.depth(x, y) > 0) most = std::max(most, stretch_at(x, y));
     }
-  }
-  return most;
+    return most;
+  };
+  const RayCells cells(ideal_view, *instant.rig, *instant.present);
+  const double between = most_over_places([&](double x, double y) -> double {
+    const auto crossing = cells.locate(x, y);
+    if (!crossing) return 0;
+    const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
+    double most = 0;
+    for (std::size_t c = 0; c < static_cast<std::size_t>(cell.count); ++c) {
+      most = std::max(most, stretch_in(cell.camera[c], x, y));
+    }
+    return most;
+  });
+  if (between > 0) return between;
+  // All rays pass the array by: methods that do not mind take the nearest camera that sees.
+  const Matrix3d ray_from_pixel = world_ray_from_pixel(ideal_view);
+  return most_over_places([&](double x, double y) -> double {
+    const Vector3d ray = (ray_from_pixel * Vector3d(x, y, 1)).normalized();
+    double nearest = std::numeric_limits<double>::infinity(), stretch = 0;
+    for (const int camera : instant.members) {
+      if (!instant.is_present(camera)) continue;
+      const Vector3d beside =
+          instant.rig->cameras[static_cast<std::size_t>(camera)].pose.position - view.pose.position;
+      const double distance = (beside - beside.dot(ray) * ray).squaredNorm();
+      if (distance >= nearest) continue;
+      const double here = stretch_in(camera, x, y);
+      if (here > 0) nearest = distance, stretch = here;
+    }
+    return stretch;
+  });
 }
 
 VirtualCamera supersampled(const VirtualCamera& view, int factor) {

@@ -10,8 +10,9 @@ namespace raystage {
 
 /// How many pixels of the cameras, along one axis, a pixel of the view covers where its ray meets
 /// `plane`: the most of any camera between which the ray passes and that sees it, and of any of 5x5
-/// places in the view. Above 1 the view has less resolution than the light field (thesis 5.3: it
-/// must be filtered), below 1 more. 0 where no camera sees anything of the view.
+/// places in the view; where all of these pass the array by, of the nearest camera that sees. Above
+/// 1 the view has less resolution than the light field (thesis 5.3: it must be filtered), below 1
+/// more. 0 where no camera sees anything of the view.
 double source_pixels_per_pixel(const VirtualCamera& view, const Instant& instant,
                                const Eigen::Vector4d& plane);
 

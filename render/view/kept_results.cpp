@@ -53,12 +53,14 @@ struct KeptResults::State {
     if (kept == entries.end() || kept->second != entry) return;  // thrown out meanwhile
     entry->bytes = result_bytes;
     bytes += result_bytes;
-    while (bytes > budget && by_use.size() > 1) {
-      const auto oldest = entries.find(by_use.back());
+    for (auto place = by_use.end(); bytes > budget && place != by_use.begin();) {
+      --place;
+      const auto oldest = entries.find(*place);
+      if (oldest->second->bytes == 0 || oldest->second == entry) continue;
       bytes -= oldest->second->bytes;
       dropped.push_back(oldest->second->result);
-      by_use.pop_back();
       entries.erase(oldest);
+      place = by_use.erase(place);
     }
   }
 

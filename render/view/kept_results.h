@@ -18,7 +18,8 @@ class KeptResults {
 
   /// The result kept under `key`, or what `make` returns, kept from then on. The key names the
   /// result's type and all that it depends on. `make` says how much memory the result holds
-  /// (`bytes`); when it throws, nothing is kept, and every thread that waited throws too.
+  /// (`bytes`; one of 0 bytes is never thrown out); when it throws, nothing is kept, and every
+  /// thread that waited throws too.
   template <class T>
   std::shared_ptr<const T> get(
       const std::string& key,

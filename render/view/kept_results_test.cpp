@@ -58,6 +58,15 @@ TEST(KeptResults, OneThatIsLargerThanTheBoundIsUsedAllTheSame) {
   EXPECT_EQ(kept.bytes_held(), 10U);
 }
 
+TEST(KeptResults, WhatHoldsNothingStays) {
+  KeptResults kept(100);
+  std::atomic<int> made = 0;
+  get(kept, "choice", 1, 0, made);
+  for (const char* key : {"a", "b", "c"}) get(kept, key, 2, 90, made);
+  EXPECT_EQ(get(kept, "choice", 9, 0, made), 1);
+  EXPECT_EQ(kept.bytes_held(), 90U);
+}
+
 TEST(KeptResults, WhatIsInUseOutlivesItsPlace) {
   KeptResults kept(10);
   std::atomic<int> made = 0;

@@ -29,6 +29,8 @@ struct ViewRequest {
   std::size_t working_bytes;         ///< memory that the method may use meanwhile, beside `kept`
   bool count_needed_pixels = false;  ///< fill RenderStatistics::pixels_needed (costs time)
   bool measure_coverage = false;     ///< fill RenderedView::cameras and nearest_ray (costs time)
+  bool use_take_folder = true;       ///< derived things may be kept in the take and taken from it
+  int supersampling = 1;  ///< the view has so many pixels along each axis for one that is wanted
 };
 
 /// Options that make a method cheaper or finer than it is unless told, for those who compare.
@@ -53,6 +55,7 @@ struct Method {
   std::span<const MethodPreset> presets = {};
   /// Wants memory for decoded frames alone: keeps nothing, and works in little.
   bool frames_only = false;
+  bool on_focal_plane = true;  ///< looks rays up on ViewRequest::focal_plane
 };
 
 }  // namespace raystage

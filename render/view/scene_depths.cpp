@@ -8,18 +8,20 @@
 namespace raystage {
 
 DepthRange scene_depths(const ViewRequest& request, std::string_view method) {
-  return scene_depths(*request.instant.take, request.options.number("near"),
-                      request.options.number("far"), method);
+  return scene_depths(*request.instant.take,
+                      {request.options.number("near"), request.options.number("far")}, method,
+                      "Give the options near and far, in metres in front of the array");
 }
 
-DepthRange scene_depths(const Take& of, double near, double far, std::string_view method) {
+DepthRange scene_depths(const Take& of, const DepthRange& given, std::string_view method,
+                        std::string_view what_to_do) {
   DepthRange scene = of.document().depth_range.value_or(DepthRange{});
-  if (near > 0) scene.near = near;
-  if (far > 0) scene.far = far;
+  if (given.near > 0) scene.near = given.near;
+  if (given.far > 0) scene.far = given.far;
   const std::string take = of.folder().string();
   if (!(scene.near > 0 && scene.far > 0)) {
     throw Error::bad_input(std::string(method) + " does not know how deep the scene is", take,
-                           "Give the options near and far, in metres in front of the array");
+                           std::string(what_to_do));
   }
   if (scene.far < scene.near) {
     throw Error::bad_input(std::string(method) + ": far is nearer than near", take,

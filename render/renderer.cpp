@@ -146,6 +146,11 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                             factor};
   const bool by_reference = state_->settings.reference || distorted;
   RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
+  if (distorted) {
+    image.notes.emplace_back(
+        "the view's lens distorts: every ray is worked out by itself, slowly; times say nothing of "
+        "other views");
+  }
   if (factor > 1) image = averaged(image, factor);
   if (reconstruction.fill == HoleFill::kPushPull) {
     const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;

@@ -72,13 +72,23 @@ std::optional<SpacingPrediction> prediction_of(const Take& take,
 
 /// Marks what is worth its time, among rows of the same cameras and threads.
 void mark_fronts(std::vector<TradeRow>& rows) {
-  const auto mark = [&rows](auto quality_of, bool TradeRow::*flag) {
+  // Errors count where a row shows something: one that leaves out what is difficult is no better.
+  const auto covered = [](const TradeRow& row) {
+    return row.failure.empty() ? row.evaluation.mean.quality.covered : 0.0;
+  };
+  double most_covered = 0;
+  for (const TradeRow& row : rows) most_covered = std::max(most_covered, covered(row));
+  constexpr double kMostLeftOut = 0.05;
+  const auto shows_enough = [&](const TradeRow& row) {
+    return covered(row) >= most_covered - kMostLeftOut;
+  };
+  const auto mark = [&](auto quality_of, bool TradeRow::*flag) {
     for (TradeRow& row : rows) {
       // Rows of other cameras or threads, and those that failed, cannot beat one of these.
       std::vector<TradePoint> points;
       for (const TradeRow& other : rows) {
         const bool comparable = other.failure.empty() && other.camera_step == row.camera_step &&
-                                other.threads == row.threads;
+                                other.threads == row.threads && shows_enough(other);
         points.push_back(
             {comparable ? other.seconds_per_frame() : std::numeric_limits<double>::quiet_NaN(),
              quality_of(other)});

@@ -97,6 +97,23 @@ class Frame {
     });
   }
 
+  /// The pixels around all that is wanted of a frame.
+  static FrameBox wanted_box(const Source& source) {
+    const SourceView& view = source.look_up.camera;
+    FrameBox mcus{view.mcus_per_row, 0, std::numeric_limits<int>::max(), 0};
+    for (std::size_t i = 0; i < source.wanted.size(); ++i) {
+      if (source.wanted[i] == 0) continue;
+      const int column = static_cast<int>(i) % view.mcus_per_row;
+      const int row = static_cast<int>(i) / view.mcus_per_row;
+      mcus = {std::min(mcus.left, column), std::max(mcus.right, column + 1),
+              std::min(mcus.top, row), std::max(mcus.bottom, row + 1)};
+    }
+    return {mcus.left << view.mcu_width_log2,
+            std::min(mcus.right << view.mcu_width_log2, view.width),
+            mcus.top << view.mcu_height_log2,
+            std::min(mcus.bottom << view.mcu_height_log2, view.height)};
+  }
+
   void decode(RenderStatistics& statistics) {
     std::atomic<std::int64_t> pixels = 0;
     std::atomic<int> cameras = 0;
@@ -108,8 +125,10 @@ class Frame {
       s.frame =
           cache.fetch(static_cast<int>(i), request_.instant.frame_of_camera[i], s.wanted, decoded);
       s.look_up.camera.rgbx = s.frame->rgbx.get();
-      if (plan_.planes.count > 1) s.matching_frame = MatchingFrame(*s.frame, cache.blend_space());
-      s.matching = {s.look_up, s.matching_frame.pixels(), s.matching_frame.pitch()};
+      if (plan_.planes.count > 1) {
+        s.matching_frame = MatchingFrame(*s.frame, cache.blend_space(), wanted_box(s));
+      }
+      s.matching = {s.look_up, &s.matching_frame};
       pixels += decoded;
       ++cameras;
     });
@@ -118,7 +137,7 @@ class Frame {
   }
 
   void fill_row(int y, std::uint8_t* costs) {
-    CostScratch scratch(plan_.planes.count);
+    CostScratch scratch(plan_.planes.count, plan_.settings.cameras);
     CostRun run;
     run.y = y;
     run.planes = plan_.planes;
@@ -159,7 +178,7 @@ class Frame {
     settings.sub_plane = s.sub_plane;
     std::size_t held = 0;
     for (const Source& opened : sources_) {
-      if (opened.frame) held += MatchingFrame::bytes(opened.frame->width, opened.frame->height);
+      if (opened.frame) held += MatchingFrame::bytes(opened.matching_frame.box());
     }
     settings.working_bytes = request_.working_bytes - std::min(request_.working_bytes, held);
     return semi_global_match(volume, fill, settings);

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <vector>
 
 #include "schemas/transfer_function.h"
 
@@ -70,17 +71,20 @@ void write_words(const std::vector<std::uint8_t>& upper, const std::vector<std::
   }
 }
 
+std::size_t words_of(const FrameBox& box) {
+  return kChannels * static_cast<std::size_t>(box.right - box.left) *
+             static_cast<std::size_t>(box.bottom - box.top) +
+         kReadBeyond;
+}
+
 }  // namespace
 
 std::size_t MatchingFrame::bytes(const FrameBox& box) {
-  return (kChannels * static_cast<std::size_t>(box.right - box.left) *
-              static_cast<std::size_t>(box.bottom - box.top) +
-          kReadBeyond) *
-         sizeof(std::uint32_t);
+  return LargeBuffer<std::uint32_t>::bytes(words_of(box));
 }
 
 MatchingFrame::MatchingFrame(const DecodedFrame& frame, BlendSpace space, const FrameBox& box)
-    : box_(box), words_(bytes(box) / sizeof(std::uint32_t)) {
+    : box_(box), words_(words_of(box)) {
   const CodeRows rows(frame, space, box_);
   const auto width = static_cast<std::size_t>(pitch());
   CodeRow upper, lower;

@@ -3,8 +3,8 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
+#include "render/matching/large_buffer.h"
 #include "store/frames/frame_cache.h"
 
 namespace raystage {
@@ -34,7 +34,7 @@ class MatchingFrame {
 
  private:
   FrameBox box_;
-  std::vector<std::uint32_t> words_;
+  LargeBuffer<std::uint32_t> words_;
 };
 
 }  // namespace raystage

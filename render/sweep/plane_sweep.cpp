@@ -28,6 +28,7 @@ class Frame {
       : request_(request),
         view_(request.view),
         plan_(plan),
+        planes_(plan.planes.from_farthest()),
         sources_(request.instant.rig->cameras.size()) {}
 
   RenderedView render(Clock::time_point start) {
@@ -80,18 +81,14 @@ class Frame {
       Source& opened = sources_[i];
       if (!opened.used) return;
       const int camera = static_cast<int>(i);
-      opened.look_up = depth_source(view_, instant.rig->cameras[i]);
+      opened.look_up = depth_source(view_, instant.rig->cameras[i], plan_.planes.farthest);
       const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
       opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
       plan_into(opened.look_up.camera, *layout, opened.wanted.data());
       for_each_tile([&](const Tile& tile) {
         if (!has_camera(tile, camera)) return;
-        const ViewBlock block{tile.left,
-                              tile.right,
-                              tile.top,
-                              tile.bottom,
-                              plan_.planes.farthest,
-                              plan_.planes.nearest()};
+        const ViewBlock block{tile.left,   tile.right,       tile.top,
+                              tile.bottom, planes_.farthest, planes_.nearest()};
         mark_block(opened.look_up, block, plan_.settings.look_up);
       });
     });
@@ -140,7 +137,7 @@ class Frame {
     CostScratch scratch(plan_.planes.count, plan_.settings.cameras);
     CostRun run;
     run.y = y;
-    run.planes = plan_.planes;
+    run.planes = planes_;
     run.truncation = plan_.settings.truncation;
     const std::ptrdiff_t stride = plane_stride(plan_.planes.count);
     std::vector<const MatchingCamera*> cameras;
@@ -184,13 +181,13 @@ class Frame {
     return semi_global_match(volume, fill, settings);
   }
 
+  /// From the farthest plane.
   void find_depths(const PlaneMap& map, const Tile& tile, int y, float* inverse_depth) const {
     const float* plane =
         &map.plane[static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
                    static_cast<std::size_t>(tile.left)];
     for (int i = 0; i < tile.right - tile.left; ++i) {
-      inverse_depth[i] =
-          static_cast<float>(plan_.planes.inverse_depth(static_cast<double>(plane[i])));
+      inverse_depth[i] = static_cast<float>(planes_.inverse_depth(static_cast<double>(plane[i])));
     }
   }
 
@@ -226,8 +223,9 @@ class Frame {
       const float alpha = rgba[4 * i + 3];
       const float absent = absent_share(plan_, request_.instant, x + static_cast<int>(i), y);
       image.coverage[at + i] = alpha * (1 - absent);
-      image.z[at + i] = alpha > 0 && inverse_depth[i] > 0 ? 1 / inverse_depth[i]
-                                                          : std::numeric_limits<float>::infinity();
+      const double depth = 1 / (plan_.planes.farthest + static_cast<double>(inverse_depth[i]));
+      image.z[at + i] =
+          alpha > 0 ? static_cast<float>(depth) : std::numeric_limits<float>::infinity();
     }
   }
 
@@ -262,7 +260,7 @@ class Frame {
           mark(tile, y, plan_.settings.look_up);
           share.fill(1);
           for (int plane = 0; matched && plane < plan_.planes.count; ++plane) {
-            inverse_depth.fill(static_cast<float>(plan_.planes.inverse_depth(plane)));
+            inverse_depth.fill(static_cast<float>(planes_.inverse_depth(plane)));
             mark(tile, y, LookUp::kLinear);
           }
         }
@@ -275,6 +273,7 @@ class Frame {
   const ViewRequest& request_;
   const VirtualCamera& view_;
   const Plan& plan_;
+  const SweepPlanes planes_;     // as sources are told
   std::vector<Source> sources_;  // per camera of the rig
 };
 

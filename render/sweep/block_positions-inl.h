@@ -175,6 +175,10 @@ template <class V>
 struct Curve {
   V c0, c1, c2;
 };
+template <class V>
+HWY_INLINE V along(const Curve<V>& curve, V x) {
+  return hn::MulAdd(hn::MulAdd(curve.c2, x, curve.c1), x, curve.c0);
+}
 /// Rounded to the nearest whole number, below kQuickLimit: by one addition that pushes what is
 /// behind the point out of the mantissa.
 template <class V>
@@ -182,8 +186,7 @@ HWY_INLINE auto nearest_along(const Curve<V>& curve, V x) {
   const hn::DFromV<V> d;
   const hn::RebindToSigned<decltype(d)> di;
   const auto push = hn::Set(d, 3 * kQuickLimit);
-  const auto value = hn::MulAdd(hn::MulAdd(curve.c2, x, curve.c1), x, curve.c0);
-  return hn::Sub(hn::BitCast(di, hn::Add(value, push)), hn::BitCast(di, push));
+  return hn::Sub(hn::BitCast(di, hn::Add(along(curve, x), push)), hn::BitCast(di, push));
 }
 
 /// Fits parabolas to a block's exact positions: a perspective view, and a lens, are that smooth
@@ -207,13 +210,14 @@ class PositionFit {
  private:
   template <class D>
   HWY_INLINE bool fit_planes(D d, int plane, int planes, const BlockPositions& out) const {
+    using V = hn::Vec<D>;
     const hn::RebindToSigned<D> di;
     const auto first = sight_.across_planes(d, 0, plane);
     const auto middle = sight_.across_planes(d, end_ / 2, plane);
     const auto last = sight_.across_planes(d, end_, plane);
     const auto check = sight_.across_planes(d, end_ / 4, plane);
     const auto u = parabola_through(first.u, middle.u, last.u);
-    auto v = parabola_through(first.v, middle.v, last.v);
+    const auto v = parabola_through(first.v, middle.v, last.v);
 
     const auto tolerance = hn::Set(d, 1.0F / (1 << kColumnBits));
     const auto extent_u = extent_of(u, tolerance), extent_v = extent_of(v, tolerance);
@@ -231,43 +235,49 @@ class PositionFit {
         hn::And(even, holds(u, check.u, extent_u, sight_.least_u(), sight_.most_u(), kColumnBits));
     even = hn::And(even, holds(v, check.v, extent_v, sight_.least_v(), sight_.most_v(), kRowBits));
 
-    const auto row = hn::Floor(extent_v.low);
-    const auto one_row = hn::Eq(row, hn::Floor(extent_v.high));
-    v.start = hn::Sub(v.start, hn::IfThenElseZero(one_row, row));
-    store(d, u, 1 << kColumnBits, plane, out.u);
-    store(d, v, 1 << kRowBits, plane, out.v);
-    store_columns(d, plane, out);
-    const auto set = [&](std::int32_t value) HWY_ATTR { return hn::Set(di, value); };
-    const auto rows = hn::IfThenElse(hn::RebindMask(di, one_row), hn::NearestInt(row),
-                                     set(BlockPositions::kManyRows));
-    hn::StoreU(hn::IfThenElse(hn::RebindMask(di, even), rows, set(BlockPositions::kUneven)), di,
-               out.row + plane);
+    const Curve<V> u_units = scaled(d, u, 1 << kColumnBits), v_units = scaled(d, v, 1 << kRowBits);
+    hn::StoreU(u_units.c0, d, out.u[0] + plane);
+    hn::StoreU(u_units.c1, d, out.u[1] + plane);
+    hn::StoreU(u_units.c2, d, out.u[2] + plane);
+    hn::StoreU(v_units.c1, d, out.v[1] + plane);
+    hn::StoreU(v_units.c2, d, out.v[2] + plane);
+    store_parts(d, plane, u_units, v_units, hn::Add(hn::Abs(v.bend), tolerance), out);
+    const auto yes = hn::RebindMask(di, even);
+    hn::StoreU(hn::IfThenElseZero(yes, hn::Set(di, 1)), di, out.even + plane);
     const auto beyond =
         hn::Ge(hn::Iota(d, static_cast<float>(plane)), hn::Set(d, static_cast<float>(planes)));
     return hn::AllTrue(d, hn::Or(even, beyond));
   }
 
+  /// By pixels of the block, and in parts of a pixel.
   template <class D, class V>
-  HWY_INLINE void store(D d, const Parabola<V>& curve, int unit, int plane,
-                        const std::array<float*, 3>& out) const {
+  HWY_INLINE Curve<V> scaled(D d, const Parabola<V>& curve, int unit) const {
     const auto scale = static_cast<float>(unit);
-    hn::StoreU(hn::Mul(curve.start, hn::Set(d, scale)), d, out[0] + plane);
-    hn::StoreU(hn::Mul(curve.slope, hn::Set(d, scale * per_pixel_)), d, out[1] + plane);
-    hn::StoreU(hn::Mul(curve.bend, hn::Set(d, scale * per_pixel_ * per_pixel_)), d, out[2] + plane);
+    return {hn::Mul(curve.start, hn::Set(d, scale)),
+            hn::Mul(curve.slope, hn::Set(d, scale * per_pixel_)),
+            hn::Mul(curve.bend, hn::Set(d, scale * per_pixel_ * per_pixel_))};
   }
 
-  template <class D>
-  HWY_INLINE void store_columns(D d, int plane, const BlockPositions& out) const {
+  /// Which columns and rows the parts need. `margin`: rows that v may be off.
+  template <class D, class V>
+  HWY_INLINE void store_parts(D d, int plane, const Curve<V>& u, const Curve<V>& v, V margin,
+                              const BlockPositions& out) const {
     const hn::RebindToSigned<D> di;
-    const auto load = [&](const float* from) HWY_ATTR { return hn::LoadU(d, from + plane); };
-    const Curve<hn::Vec<D>> u{load(out.u[0]), load(out.u[1]), load(out.u[2])};
+    const auto unit = hn::Set(d, static_cast<float>(1 << kRowBits)),
+               per_unit = hn::Set(d, 1.0F / (1 << kRowBits));
     const int lanes = static_cast<int>(hn::Lanes(d)), end = static_cast<int>(end_);
-    const auto at = [&](int x) HWY_ATTR {
-      return nearest_along(u, hn::Set(d, static_cast<float>(std::min(x, end))));
-    };
     for (int part = 0; part * lanes < kCostBlock; ++part) {
-      const auto least = hn::Min(at(part * lanes), at(part * lanes + lanes - 1));
-      hn::StoreU(hn::ShiftRight<kColumnBits>(least), di, out.column + part * out.stride + plane);
+      const auto from = hn::Set(d, static_cast<float>(std::min(part * lanes, end)));
+      const auto to = hn::Set(d, static_cast<float>(std::min(part * lanes + lanes - 1, end)));
+      const auto column = hn::Min(nearest_along(u, from), nearest_along(u, to));
+      const auto first = hn::Mul(along(v, from), per_unit), last = hn::Mul(along(v, to), per_unit);
+      const auto row = hn::Floor(hn::Sub(hn::Min(first, last), margin));
+      const auto more = hn::Sub(hn::Floor(hn::Add(hn::Max(first, last), margin)), row);
+      const auto coded = hn::MulAdd(row, hn::Set(d, 4.0F), hn::Min(more, hn::Set(d, 2.0F)));
+      const std::ptrdiff_t at = part * out.stride + plane;
+      hn::StoreU(hn::ShiftRight<kColumnBits>(column), di, out.column + at);
+      hn::StoreU(hn::NearestInt(coded), di, out.row + at);
+      hn::StoreU(hn::NegMulAdd(row, unit, v.c0), d, out.v[0] + at);
     }
   }
 

@@ -54,8 +54,8 @@ HWY_INLINE ColumnTaps column_taps(Ints x) {
 HWY_INLINE Codes row_weights(Ints part) {
   const IntTag d;
   const CodeTag dc;
-  return hn::BitCast(dc,
-                     hn::Add(hn::ShiftLeft<16>(part), hn::Sub(hn::Set(d, 1 << kRowBits), part)));
+  const auto rest = hn::Sub(hn::Set(d, 1 << kRowBits), part);
+  return hn::BitCast(dc, hn::Add(hn::ShiftLeft<16>(part), rest));
 }
 
 /// Of three channels.
@@ -105,9 +105,9 @@ HWY_INLINE Words3 look_up_one_by_one(const Row& origin, Ints columns, Ints rows)
   return {hn::Load(d, red), hn::Load(d, green), hn::Load(d, blue)};
 }
 
-/// All in one row, from column `first` on. Neighbouring lanes look at neighbouring columns, as a
-/// rule: then a vector or two hold them all.
-HWY_INLINE Words3 look_up(const Row& row, std::int32_t first, Ints columns) {
+/// In one row, from column `first` on. Neighbouring lanes look at neighbouring columns, as a rule:
+/// then a vector or two hold them all.
+HWY_INLINE Words3 look_up_row(const Row& row, std::int32_t first, Ints columns) {
   const IntTag di;
   const WordTag d;
   const auto lanes = static_cast<std::uint32_t>(hn::Lanes(d));
@@ -121,24 +121,23 @@ HWY_INLINE Words3 look_up(const Row& row, std::int32_t first, Ints columns) {
   return look_up_one_by_one(row, columns, hn::Zero(di));
 }
 
-/// In any row, by its distance from `origin`.
-HWY_INLINE Words3 look_up(const Row& origin, Ints columns, Ints rows) {
-  const IntTag di;
-  const std::int32_t top = hn::GetLane(hn::MinOfLanes(di, rows));
-  const auto is_upper = hn::Eq(rows, hn::Set(di, top));
-  const auto is_lower = hn::Eq(rows, hn::Set(di, top + 1));
-  if (!hn::AllTrue(di, hn::Or(is_upper, is_lower))) {
-    return look_up_one_by_one(origin, columns, rows);
-  }
-  const std::int32_t first = hn::GetLane(hn::MinOfLanes(di, columns));
-  const Words3 upper = look_up(origin.below(top), first, columns);
-  if (hn::AllTrue(di, is_upper)) return upper;
-  const Words3 lower = look_up(origin.below(top + 1), first, columns);
-  const auto choose = [&](Words above, Words below) HWY_ATTR {
-    return hn::IfThenElse(hn::RebindMask(WordTag(), is_upper), above, below);
-  };
-  return {choose(upper.red, lower.red), choose(upper.green, lower.green),
-          choose(upper.blue, lower.blue)};
+/// Which columns and rows a vector's pixels need, from the origin on.
+struct Need {
+  std::int32_t column = 0, row = 0;  ///< the least
+  int more_rows = 0;                 ///< 2 for any more
+};
+
+/// In several rows; told from the first that is needed.
+HWY_INLINE Words3 look_up_rows(const Row& origin, const Need& need, Ints columns, Ints rows) {
+  const WordTag d;
+  const Row first = origin.below(need.row);
+  if (need.more_rows > 1) return look_up_one_by_one(first, columns, rows);
+  const Words3 upper = look_up_row(first, need.column, columns);
+  const Words3 lower = look_up_row(first.below(1), need.column, columns);
+  const auto is_upper = hn::RebindMask(d, hn::Eq(rows, hn::Zero(IntTag())));
+  return {hn::IfThenElse(is_upper, upper.red, lower.red),
+          hn::IfThenElse(is_upper, upper.green, lower.green),
+          hn::IfThenElse(is_upper, upper.blue, lower.blue)};
 }
 
 /// A word's weighted sum, in two parts: one in each half. A half is left + 256 right, and is to

@@ -52,35 +52,34 @@ HWY_INLINE Samples samples_of(const Look& first, const Look& second) {
           channel_of(first.words.green, first, second.words.green, second),
           channel_of(first.words.blue, first, second.words.blue, second)};
 }
-HWY_INLINE Look look_anywhere(const Row& origin, Ints x, Ints y) {
+/// `y`: from the row that is needed first.
+HWY_INLINE Look look(const Row& origin, const Need& need, Ints x, Ints y) {
   const ColumnTaps columns = column_taps(x);
+  if (HWY_LIKELY(need.more_rows == 0)) {
+    return {look_up_row(origin.below(need.row), need.column, columns.column), columns,
+            row_weights(y)};
+  }
   const auto part = hn::And(y, hn::Set(IntTag(), (1 << kRowBits) - 1));
-  return {look_up(origin, columns.column, hn::ShiftRight<kRowBits>(y)), columns, row_weights(part)};
+  return {look_up_rows(origin, need, columns.column, hn::ShiftRight<kRowBits>(y)), columns,
+          row_weights(part)};
 }
 
-HWY_INLINE Curve<Floats> curve_of(const std::array<float*, 3>& c, int plane) {
+HWY_INLINE Ints nearest_along(const float* c0, const float* c1, const float* c2, Floats x) {
   const FloatTag d;
-  return {hn::Set(d, c[0][plane]), hn::Set(d, c[1][plane]), hn::Set(d, c[2][plane])};
-}
-HWY_INLINE Look look_along(const Row& row, std::int32_t first, Ints x, Ints y) {
-  const ColumnTaps columns = column_taps(x);
-  return {look_up(row, first, columns.column), columns, row_weights(y)};
+  return nearest_along(Curve<Floats>{hn::Set(d, *c0), hn::Set(d, *c1), hn::Set(d, *c2)}, x);
 }
 
 /// All of them seen, by the positions' parabola.
+HWY_INLINE Look look_along(const Camera& camera, Floats x, int part, int plane) {
+  const BlockPositions& p = camera.positions;
+  const std::ptrdiff_t i = part * p.stride + plane;
+  return look(camera.origin, {p.column[i], p.row[i] >> 2, p.row[i] & 3},
+              nearest_along(p.u[0] + plane, p.u[1] + plane, p.u[2] + plane, x),
+              nearest_along(p.v[0] + i, p.v[1] + plane, p.v[2] + plane, x));
+}
 HWY_INLINE Samples sample_even(const Camera& camera, const Pixels& x, int plane) {
-  const BlockPositions& at = camera.positions;
-  const Curve u = curve_of(at.u, plane), v = curve_of(at.v, plane);
-  const std::int32_t below = at.row[plane];
-  const Ints x0 = nearest_along(u, x.first), y0 = nearest_along(v, x.first);
-  const Ints x1 = nearest_along(u, x.second), y1 = nearest_along(v, x.second);
-  if (HWY_LIKELY(below != BlockPositions::kManyRows)) {
-    const Row row = camera.origin.below(below);
-    const std::int32_t* column = at.column + x.part * at.stride + plane;
-    return samples_of(look_along(row, column[0], x0, y0),
-                      look_along(row, column[at.stride], x1, y1));
-  }
-  return samples_of(look_anywhere(camera.origin, x0, y0), look_anywhere(camera.origin, x1, y1));
+  return samples_of(look_along(camera, x.first, x.part, plane),
+                    look_along(camera, x.second, x.part + 1, plane));
 }
 
 /// Through the lens, some of them unseen: those lanes of `seen` become 0, the others all bits.
@@ -92,14 +91,19 @@ HWY_INLINE Samples sample_exactly(const Camera& camera, const Pixels& x, int pla
     return hn::NearestInt(hn::Mul(within, hn::Set(d, static_cast<float>(1 << bits))));
   };
   const BlockSight& sight = camera.sight;
-  const auto look = [&](const auto& place) HWY_ATTR {
-    return look_anywhere(camera.origin,
-                         fixed(place.u, sight.least_u(), sight.most_u(), kColumnBits),
-                         fixed(place.v, sight.least_v(), sight.most_v(), kRowBits));
+  const auto look_at = [&](const auto& place) HWY_ATTR {
+    const IntTag di;
+    const Ints u = fixed(place.u, sight.least_u(), sight.most_u(), kColumnBits);
+    const Ints v = fixed(place.v, sight.least_v(), sight.most_v(), kRowBits);
+    const std::int32_t column = hn::GetLane(hn::MinOfLanes(di, u)) >> kColumnBits;
+    const std::int32_t top = hn::GetLane(hn::MinOfLanes(di, v)) >> kRowBits;
+    const std::int32_t bottom = hn::GetLane(hn::MaxOfLanes(di, v)) >> kRowBits;
+    return look(camera.origin, {column, top, std::min(bottom - top, 2)}, u,
+                hn::Sub(v, hn::Set(di, top << kRowBits)));
   };
   const auto first = sight.along_row(d, x.first, plane);
   const auto second = sight.along_row(d, x.second, plane);
-  const Samples all = samples_of(look(first), look(second));
+  const Samples all = samples_of(look_at(first), look_at(second));
   const auto mask = [&](auto lanes) HWY_ATTR { return hn::BitCast(dc, hn::VecFromMask(d, lanes)); };
   seen = hn::OddEven(mask(second.seen), mask(first.seen));
   return {hn::And(all.red, seen), hn::And(all.green, seen), hn::And(all.blue, seen)};
@@ -208,7 +212,7 @@ void fill_planes(const CostRun& run, int begin, int count, CostScratch& scratch)
         continue;
       }
       for (std::size_t i = 0; i < run.cameras.size(); ++i) {
-        if (cameras[i].positions.row[plane] == BlockPositions::kUneven) {
+        if (cameras[i].positions.even[plane] == 0) {
           samples[i] = sample_exactly(cameras[i], pixels, plane, seen[i]);
         } else {
           samples[i] = sample_even(cameras[i], pixels, plane);
@@ -274,9 +278,10 @@ HWY_EXPORT(target);
 
 CostScratch::CostScratch(int planes, int cameras)
     : stride_(static_cast<std::size_t>(plane_stride(planes))),
-      coefficients_(6 * static_cast<std::size_t>(cameras) * stride_),
-      rows_(static_cast<std::size_t>(cameras) * stride_),
+      coefficients_((5 + kMostParts) * static_cast<std::size_t>(cameras) * stride_),
+      even_(static_cast<std::size_t>(cameras) * stride_),
       columns_(kMostParts * static_cast<std::size_t>(cameras) * stride_),
+      rows_(columns_.size()),
       costs_(kCostBlock * stride_) {}
 
 void fill_costs(const CostRun& run, CostScratch& scratch) {

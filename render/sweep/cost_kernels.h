@@ -35,18 +35,14 @@ inline constexpr std::uint8_t kUnknownCost = 127;
 inline constexpr int kCostBlock = 32;
 
 /// Where a camera sees the pixels of a block, plane by plane: c0 + x (c1 + x c2), x pixels into the
-/// block.
+/// block. A block has parts, as many pixels as a vector holds; where something is told part by
+/// part, the next part's is `stride` on.
 struct BlockPositions {
-  static constexpr std::int32_t kUneven = INT32_MIN;  ///< not so: neither u nor v
-  static constexpr std::int32_t kManyRows = kUneven + 1;
-
-  std::array<float*, 3> u{}, v{};  ///< one a plane; 1/256 and 1/4096 pixel
-  /// The row that all of them lie in or below by less than one, v being told from there; or one of
-  /// the above.
-  std::int32_t* row = nullptr;
-  /// The least column of each part of the block that a vector holds; the next part's is `stride`
-  /// on.
-  std::int32_t* column = nullptr;
+  std::array<float*, 3> u{}, v{};  ///< one a plane; 1/256 and 1/4096 pixel; v's c0 of each part
+  std::int32_t* even = nullptr;    ///< not 0: that is so, and all lies within the frame
+  /// Of each part: its least column; its least row, which v is told from, times 4, and by how many
+  /// rows others are further down: 2 for any more.
+  std::int32_t *column = nullptr, *row = nullptr;
   std::ptrdiff_t stride = 0;
 };
 
@@ -58,11 +54,14 @@ class CostScratch {
 
   BlockPositions positions(int camera) {
     const auto i = static_cast<std::size_t>(camera);
-    const auto part = [&](std::size_t c) { return &coefficients_[(6 * i + c) * stride_]; };
+    const auto part = [&](std::size_t c) {
+      return &coefficients_[((5 + kMostParts) * i + c) * stride_];
+    };
     return {{part(0), part(1), part(2)},
-            {part(3), part(4), part(5)},
-            &rows_[i * stride_],
+            {part(5), part(3), part(4)},
+            &even_[i * stride_],
             &columns_[i * kMostParts * stride_],
+            &rows_[i * kMostParts * stride_],
             static_cast<std::ptrdiff_t>(stride_)};
   }
   std::uint8_t* costs() { return costs_.data(); }  ///< kCostBlock a plane
@@ -73,7 +72,7 @@ class CostScratch {
 
   std::size_t stride_;
   std::vector<float> coefficients_;
-  std::vector<std::int32_t> rows_, columns_;
+  std::vector<std::int32_t> even_, columns_, rows_;
   std::vector<std::uint8_t> costs_;
 };
 

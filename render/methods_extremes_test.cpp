@@ -113,8 +113,7 @@ TEST_P(MethodExtremes, ImagesAreSoundAndTheFastOneIsTheReference) {
           same && (std::isinf(fast_z) || std::isinf(z) || std::abs(fast_z - z) < z_tolerance * z);
       differ += same ? 0 : 1;
     }
-    EXPECT_LE(differ, fast->coverage.size() / 50)
-        << "of " << fast->coverage.size() << " pixels";
+    EXPECT_LE(differ, fast->coverage.size() / 50) << "of " << fast->coverage.size() << " pixels";
   }
   EXPECT_GT(rendered, 0) << "refuses everything";
 }

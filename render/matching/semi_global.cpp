@@ -3,6 +3,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "render/matching/large_buffer.h"
 #include "render/matching/matching.h"
 #include "render/matching/path_kernels.h"
 #include "schemas/parallel.h"
@@ -210,8 +211,8 @@ class SemiGlobal {
            static_cast<std::size_t>(plane_stride(volume.planes));
     strip_rows_ = rows_of_strip();
     const std::size_t elements = row_ * static_cast<std::size_t>(strip_rows_);
-    costs_ = std::make_unique_for_overwrite<std::uint8_t[]>(elements);
-    sums_ = std::make_unique_for_overwrite<std::uint16_t[]>(elements);
+    costs_ = LargeBuffer<std::uint8_t>(elements);
+    sums_ = LargeBuffer<std::uint16_t>(elements);
   }
 
   PlaneMap match() {
@@ -262,7 +263,7 @@ class SemiGlobal {
 
   void fill_strip(int strip) const {
     raystage::parallel_for(first_row(strip), end_row(strip), [&](int y) {
-      fill_(y, {costs_.get() + static_cast<std::size_t>(y - first_row(strip)) * row_, row_});
+      fill_(y, {costs_.data() + static_cast<std::size_t>(y - first_row(strip)) * row_, row_});
     });
   }
 
@@ -271,8 +272,8 @@ class SemiGlobal {
     strip.width = volume_.width;
     strip.rows = end_row(index) - first_row(index);
     strip.planes = volume_.planes;
-    strip.cost = costs_.get();
-    strip.sums = sums_.get();
+    strip.cost = costs_.data();
+    strip.sums = sums_.data();
     strip.pixel_step = plane_stride(volume_.planes);
     strip.row_step = static_cast<std::ptrdiff_t>(row_);
     if (!settings_.guide.empty()) {
@@ -338,8 +339,8 @@ class SemiGlobal {
   std::vector<std::uint16_t> p2_;
   std::size_t row_ = 0;  // elements
   int strip_rows_ = 0;
-  std::unique_ptr<std::uint8_t[]> costs_;
-  std::unique_ptr<std::uint16_t[]> sums_;
+  LargeBuffer<std::uint8_t> costs_;
+  LargeBuffer<std::uint16_t> sums_;
 };
 
 void check(const CostVolume& volume, const SemiGlobalSettings& s) {

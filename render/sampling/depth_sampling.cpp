@@ -9,13 +9,14 @@
 
 namespace raystage {
 
-DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera) {
+DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera, double reference) {
   DepthSource source;
   Eigen::Matrix3d ideal_from_world = camera.pose.world_from_camera_rotation.transpose();
   ideal_from_world.row(1) *= -1;  // camera y up, image y down
   ideal_from_world.row(2) *= -1;  // the camera looks down -z
-  const Eigen::Matrix3d from_pixel = ideal_from_world * world_ray_from_pixel(view);
+  Eigen::Matrix3d from_pixel = ideal_from_world * world_ray_from_pixel(view);
   const Eigen::Vector3d to_eye = ideal_from_world * (view.pose.position - camera.pose.position);
+  from_pixel.col(2) += reference * to_eye;
   source.camera = source_view_of(camera.model, from_pixel);
   source.per_inverse_depth = {to_eye[0], to_eye[1], to_eye[2]};
   return source;

@@ -20,24 +20,27 @@ enum class LookUp {
 };
 
 /// A source camera seen from a view whose pixels have depths of their own. The point at inverse
-/// planar depth q (1/m along the view's axis) on the ray of pixel (x, y) has the ideal image point
-/// (X/W, Y/W) with
+/// planar depth q (1/m along the view's axis, told from some reference) on the ray of pixel (x, y)
+/// has the ideal image point (X/W, Y/W) with
 ///   (X, Y, W) = camera.ideal_from_pixel * (x, y, 1) + q * per_inverse_depth,
-/// seen if W > 0: the direction of the ray, plus q times the way from camera to eye; linear in q,
-/// and exact for points at infinity.
+/// seen if W > 0: the direction of the ray, plus its inverse depth times the way from camera to
+/// eye; linear in q, and exact for points at infinity.
 struct DepthSource {
   SourceView camera;  ///< its frame pointer and planning masks are the user's to set
   std::array<double, 3> per_inverse_depth{};
 };
 
-/// Geometry and lens; no frame yet. `view` without its lens distortion.
-DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera);
+/// Geometry and lens; no frame yet. `view` without its lens distortion. All inverse depths that go
+/// with the source are told from `reference` (1/m): an eye far behind a scene sees all of it within
+/// a part of its inverse depth that float does not resolve.
+DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera,
+                         double reference = 0);
 
 /// What JpegLayout says that planning needs; `mcus` as for SourceView::wanted_mcus.
 void plan_into(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus);
 
 /// Adds a camera's samples to a run of pixels of row y, from pixel x on. Per pixel: inverse depth
-/// (1/m, 0 = infinity, not negative; not-a-number counts for nothing), weight (0 or more), and in
+/// (1/m from the source's reference; not-a-number counts for nothing), weight (0 or more), and in
 /// `sums` four floats that grow by weight * seen * (R, G, B, 65535) in codes of the blend space;
 /// `seen` falls from 1 to 0 at the frame's border (kBorderFade) and its lens model's end.
 /// Spans of equal lengths (sums: four times). Run-time dispatch, no allocation.

@@ -17,6 +17,8 @@ struct SweepPlanes {
   double farthest = 0;  ///< 1/m, of plane 0
   double step = 0;      ///< 1/m
   double inverse_depth(double plane) const { return farthest + plane * step; }
+  /// The same, told from plane 0.
+  SweepPlanes from_farthest() const { return {count, 0, step}; }
   double nearest() const { return inverse_depth(count - 1); }
 };
 

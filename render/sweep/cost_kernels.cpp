@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/sweep/cost_kernels.h"
 
-#include <cstring>
+#include <algorithm>
 
 #include "render/matching/matching.h"
 
@@ -11,7 +11,8 @@
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
-#include "render/sampling/lens-inl.h"
+#include "render/sweep/block_positions-inl.h"
+#include "render/sweep/block_samples-inl.h"
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
@@ -19,216 +20,246 @@ namespace raystage {
 namespace HWY_NAMESPACE {
 namespace {
 
-namespace hn = hwy::HWY_NAMESPACE;
+/// What a camera sees of as many pixels as a vector of codes has lanes.
+struct Samples {
+  Codes red, green, blue;
+};
 
-// Codes are worked on with four bits behind the point, two in a 32-bit lane; weights of the four
-// neighbours have eight.
-constexpr int kCodeBits = 4;
-constexpr double kWeightOne = 256;
+/// One camera's look at a block.
+struct Camera {
+  BlockSight sight;
+  BlockPositions positions;
+  Row origin;  ///< from the pixel on that positions are told from
+};
 
-/// Where a camera sees the planes' points on one ray, vectors across planes. Returns whether it
-/// sees them all.
-bool find_positions(const MatchingCamera& camera, const CostRun& run, int x, CostScratch& scratch,
-                    std::uint32_t* seen) {
-  const hn::ScalableTag<float> d;
-  const hn::RebindToSigned<decltype(d)> di;
-  const hn::RebindToUnsigned<decltype(d)> du;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto set = [&](double value) HWY_ATTR { return hn::Set(d, static_cast<float>(value)); };
-  const SourceView& lens = camera.source.camera;
-  const double* m = lens.ideal_from_pixel.data();
-  const auto& deep = camera.source.per_inverse_depth;
-  // Linear in the plane: at plane 0, and from plane to plane.
-  const auto at_first = [&](std::size_t r) {
-    return m[3 * r] * (x + 0.5) + m[3 * r + 1] * (run.y + 0.5) + m[3 * r + 2] +
-           run.planes.farthest * deep[r];
+/// The pixels of a block that a vector of codes holds: lanes 2i and 2i + 1 are those of two vectors
+/// of floats, one behind the other.
+struct Pixels {
+  Floats first, second;
+  int part = 0;  ///< of the block: the first's place among the vectors that it fills
+};
+
+struct Look {
+  Words3 words;
+  ColumnTaps columns;
+  Codes rows;
+};
+HWY_INLINE Codes channel_of(Words a, const Look& first, Words b, const Look& second) {
+  return join(weigh(a, first.columns, first.rows), weigh(b, second.columns, second.rows));
+}
+HWY_INLINE Samples samples_of(const Look& first, const Look& second) {
+  return {channel_of(first.words.red, first, second.words.red, second),
+          channel_of(first.words.green, first, second.words.green, second),
+          channel_of(first.words.blue, first, second.words.blue, second)};
+}
+/// `y`: from the row that is needed first.
+HWY_INLINE Look look(const Row& origin, const Need& need, Ints x, Ints y) {
+  const ColumnTaps columns = column_taps(x);
+  if (HWY_LIKELY(need.more_rows == 0)) {
+    return {look_up_row(origin.below(need.row), need.column, columns.column), columns,
+            row_weights(y)};
+  }
+  const auto part = hn::And(y, hn::Set(IntTag(), (1 << kRowBits) - 1));
+  return {look_up_rows(origin, need, columns.column, hn::ShiftRight<kRowBits>(y)), columns,
+          row_weights(part)};
+}
+
+HWY_INLINE Ints nearest_along(const float* c0, const float* c1, const float* c2, Floats x) {
+  const FloatTag d;
+  return nearest_along(Curve<Floats>{hn::Set(d, *c0), hn::Set(d, *c1), hn::Set(d, *c2)}, x);
+}
+
+/// All of them seen, by the positions' parabola.
+HWY_INLINE Look look_along(const Camera& camera, Floats x, int part, int plane) {
+  const BlockPositions& p = camera.positions;
+  const std::ptrdiff_t i = part * p.stride + plane;
+  return look(camera.origin, {p.column[i], p.row[i] >> 2, p.row[i] & 3},
+              nearest_along(p.u[0] + plane, p.u[1] + plane, p.u[2] + plane, x),
+              nearest_along(p.v[0] + i, p.v[1] + plane, p.v[2] + plane, x));
+}
+HWY_INLINE Samples sample_even(const Camera& camera, const Pixels& x, int plane) {
+  return samples_of(look_along(camera, x.first, x.part, plane),
+                    look_along(camera, x.second, x.part + 1, plane));
+}
+
+/// Through the lens, some of them unseen: those lanes of `seen` become 0, the others all bits.
+HWY_INLINE Samples sample_exactly(const Camera& camera, const Pixels& x, int plane, Codes& seen) {
+  const FloatTag d;
+  const CodeTag dc;
+  const auto fixed = [&](Floats at, float least, float most, int bits) HWY_ATTR {
+    const auto within = hn::Min(hn::Max(at, hn::Set(d, least)), hn::Set(d, most));
+    return hn::NearestInt(hn::Mul(within, hn::Set(d, static_cast<float>(1 << bits))));
   };
-  double first[3] = {at_first(0), at_first(1), at_first(2)};
-  double step[3] = {run.planes.step * deep[0], run.planes.step * deep[1],
-                    run.planes.step * deep[2]};
-  if (!lens.distorted) {  // pixels at once, without a lens in between
-    const double focal[2] = {lens.fx, lens.fy}, centre[2] = {lens.cx, lens.cy};
-    for (int i = 0; i < 2; ++i) {
-      first[i] = focal[i] * first[i] + centre[i] * first[2];
-      step[i] = focal[i] * step[i] + centre[i] * step[2];
+  const BlockSight& sight = camera.sight;
+  const auto look_at = [&](const auto& place) HWY_ATTR {
+    const IntTag di;
+    const Ints u = fixed(place.u, sight.least_u(), sight.most_u(), kColumnBits);
+    const Ints v = fixed(place.v, sight.least_v(), sight.most_v(), kRowBits);
+    const std::int32_t column = hn::GetLane(hn::MinOfLanes(di, u)) >> kColumnBits;
+    const std::int32_t top = hn::GetLane(hn::MinOfLanes(di, v)) >> kRowBits;
+    const std::int32_t bottom = hn::GetLane(hn::MaxOfLanes(di, v)) >> kRowBits;
+    return look(camera.origin, {column, top, std::min(bottom - top, 2)}, u,
+                hn::Sub(v, hn::Set(di, top << kRowBits)));
+  };
+  const auto first = sight.along_row(d, x.first, plane);
+  const auto second = sight.along_row(d, x.second, plane);
+  const Samples all = samples_of(look_at(first), look_at(second));
+  const auto mask = [&](auto lanes) HWY_ATTR { return hn::BitCast(dc, hn::VecFromMask(d, lanes)); };
+  seen = hn::OddEven(mask(second.seen), mask(first.seen));
+  return {hn::And(all.red, seen), hn::And(all.green, seen), hn::And(all.blue, seen)};
+}
+
+/// |a - b|, of less than 2^15.
+HWY_INLINE Codes difference(Codes a, Codes b) {
+  const CodeTag d;
+  const hn::RebindToSigned<CodeTag> di;
+  return hn::BitCast(d, hn::Abs(hn::BitCast(di, hn::Sub(a, b))));
+}
+
+/// What the comparison goes by. Sums over all cameras must fit 16 bits, and fill them as well as
+/// they can: what is summed is cut by `right` bits, or the sum raised by `left`.
+struct Measure {
+  explicit Measure(const CostRun& run) : cameras(static_cast<int>(run.cameras.size())) {
+    const int all = std::max(cameras, 2);
+    int most = static_cast<int>(run.truncation * 3 * (1 << kCodeBits));
+    for (; most * all > 0xFFFF; most /= 2) ++right;
+    while ((most * all) << (left + 1) <= 0xFFFF) ++left;
+    truncation = most;
+    for (int n = 2; n <= all; ++n) {
+      const auto i = static_cast<std::size_t>(n);
+      part[i] = static_cast<std::uint16_t>(65536 / n);
+      scale[i] = static_cast<std::uint16_t>(65536.0 * 16 * 255 / ((most * n) << left));
     }
   }
-  const auto base_x = set(first[0]), base_y = set(first[1]), base_w = set(first[2]);
-  const auto step_x = set(step[0]), step_y = set(step[1]), step_w = set(step[2]);
-  const auto zero = hn::Zero(d), one = set(1), weight_one = set(kWeightOne);
-  // From the outermost centre, and so that cutting off rounds to the nearest weight.
-  const auto origin = set(0.5 - 0.5 / kWeightOne);
-  const auto width = set(lens.width), height = set(lens.height);
-  const auto last_x = set(lens.width - 1), last_y = set(lens.height - 1);
-  const auto pitch = hn::Set(di, static_cast<std::int32_t>(camera.pitch));
-  auto all_seen = hn::Set(du, 0xFFFFFFFFU);
-  for (int plane = 0; plane < run.planes.count; plane += lanes) {
-    const auto steps = hn::Iota(d, static_cast<float>(plane));
-    const auto w = hn::MulAdd(steps, step_w, base_w);
-    const auto in_front = hn::Gt(w, zero);
-    const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
-    auto u = hn::Mul(hn::MulAdd(steps, step_x, base_x), inverse);
-    auto v = hn::Mul(hn::MulAdd(steps, step_y, base_y), inverse);
-    auto sees = in_front;
-    if (lens.distorted) {
-      const auto sight = through_lens(d, lens, u, v, in_front);
-      u = sight.u;
-      v = sight.v;
-      sees = hn::Gt(sight.seen, zero);
-    } else {
-      sees = hn::And(sees, hn::And(hn::And(hn::Gt(u, zero), hn::Lt(u, width)),
-                                   hn::And(hn::Gt(v, zero), hn::Lt(v, height))));
-    }
-    const auto left = hn::Min(hn::Max(hn::Sub(u, origin), zero), last_x);
-    const auto top = hn::Min(hn::Max(hn::Sub(v, origin), zero), last_y);
-    const auto column = hn::ConvertTo(di, left), row = hn::ConvertTo(di, top);
-    const auto twice = [&](auto part) HWY_ATTR {
-      const auto weight = hn::BitCast(du, hn::ConvertTo(di, hn::Mul(part, weight_one)));
-      return hn::Or(weight, hn::ShiftLeft<16>(weight));
-    };
-    const auto seen_here = hn::BitCast(du, hn::VecFromMask(d, sees));
-    hn::StoreU(hn::Add(hn::Mul(row, pitch), column), di, scratch.offsets() + plane);
-    hn::StoreU(twice(hn::Sub(left, hn::ConvertTo(d, column))), du, scratch.right() + plane);
-    hn::StoreU(twice(hn::Sub(top, hn::ConvertTo(d, row))), du, scratch.down() + plane);
-    hn::StoreU(seen_here, du, seen + plane);
-    all_seen = hn::And(all_seen, seen_here);
-  }
-  return hn::AllTrue(du, hn::Ne(all_seen, hn::Zero(du)));
-}
+  int cameras = 0;
+  int right = 0, left = 0;
+  int truncation = 0;  ///< of the sum of three channels' differences
+  /// By the number of cameras: what makes a mean of their sum, and 16 times the cost of theirs.
+  std::array<std::uint16_t, kMostMatched + 1> part{}, scale{};
+};
 
-/// Two neighbours at a time. A pass of its own: wide loads right behind narrow stores would stall.
-void gather(const MatchingCamera& camera, int planes, CostScratch& scratch) {
-  constexpr std::size_t kTwo = 2 * sizeof(std::uint32_t);
-  const std::uint32_t* const pixels = camera.pixels;  // what is stored may be anything, else
-  const std::ptrdiff_t pitch = camera.pitch;
-  const std::int32_t* HWY_RESTRICT offsets = scratch.offsets();
-  std::uint32_t* HWY_RESTRICT upper = scratch.upper();
-  std::uint32_t* HWY_RESTRICT lower = scratch.lower();
-  for (int plane = 0; plane < planes; ++plane) {
-    const std::uint32_t* at = pixels + offsets[plane];
-    std::memcpy(upper + 2 * plane, at, kTwo);
-    std::memcpy(lower + 2 * plane, at + pitch, kTwo);
-  }
-}
-
-/// R and B, and G, of each plane's bilinear sample.
-void interpolate(int planes, CostScratch& scratch, const CostScratch::Camera& out) {
-  const hn::ScalableTag<std::uint32_t> d;
-  const hn::Repartition<std::uint16_t, decltype(d)> d16;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto rb_mask = hn::Set(d, 0x00FF00FFU), g_mask = hn::Set(d, 0x000000FFU);
-  const auto one = hn::Set(d16, static_cast<std::uint16_t>(kWeightOne));
-  const auto red_blue = [&](auto v) HWY_ATTR { return hn::BitCast(d16, hn::And(v, rb_mask)); };
-  const auto green = [&](auto v) HWY_ATTR {
-    return hn::BitCast(d16, hn::And(hn::ShiftRight<8>(v), g_mask));
-  };
-  const std::uint32_t* upper = scratch.upper();
-  const std::uint32_t* lower = scratch.lower();
-  for (int plane = 0; plane < planes; plane += lanes) {
-    const auto u0 = hn::LoadU(d, upper + 2 * plane), u1 = hn::LoadU(d, upper + 2 * plane + lanes);
-    const auto l0 = hn::LoadU(d, lower + 2 * plane), l1 = hn::LoadU(d, lower + 2 * plane + lanes);
-    const auto upper_left = hn::ConcatEven(d, u1, u0), upper_right = hn::ConcatOdd(d, u1, u0);
-    const auto lower_left = hn::ConcatEven(d, l1, l0), lower_right = hn::ConcatOdd(d, l1, l0);
-    const auto right = hn::BitCast(d16, hn::LoadU(d, scratch.right() + plane));
-    const auto down = hn::BitCast(d16, hn::LoadU(d, scratch.down() + plane));
-    const auto w11 = hn::ShiftRight<8>(hn::Mul(right, down));
-    const auto w01 = hn::Sub(right, w11), w10 = hn::Sub(down, w11);
-    const auto w00 = hn::Sub(hn::Sub(one, right), w10);
-    // Weights sum to 256: the sums just fit 16 bits.
-    const auto mean = [&](auto channel) HWY_ATTR {
-      const auto above =
-          hn::Add(hn::Mul(channel(upper_left), w00), hn::Mul(channel(upper_right), w01));
-      const auto below =
-          hn::Add(hn::Mul(channel(lower_left), w10), hn::Mul(channel(lower_right), w11));
-      return hn::BitCast(d, hn::ShiftRight<8 - kCodeBits>(hn::Add(above, below)));
-    };
-    hn::StoreU(mean(red_blue), d, out.red_blue + plane);
-    hn::StoreU(mean(green), d, out.green + plane);
-  }
-}
-
-/// |a - b| of unsigned 16-bit halves.
-template <class D, class V>
-HWY_INLINE V difference(D d, V a, V b) {
-  const hn::Repartition<std::uint16_t, D> d16;
-  const auto x = hn::BitCast(d16, a), y = hn::BitCast(d16, b);
-  return hn::BitCast(d, hn::Or(hn::SaturatedSub(x, y), hn::SaturatedSub(y, x)));
-}
-
-/// `kAllSeen`: every camera sees every plane's point.
+/// `kAllSeen`: every camera sees every pixel; else `seen` says which.
 template <bool kAllSeen>
-HWY_INLINE void compare(const CostRun& run, CostScratch& scratch, std::uint8_t* costs) {
-  const hn::ScalableTag<std::uint32_t> d;
-  const hn::Repartition<std::uint16_t, decltype(d)> d16;
-  const hn::RebindToSigned<decltype(d)> di;
-  const hn::RebindToFloat<decltype(d)> df;
-  const hn::Rebind<std::uint8_t, decltype(d)> d8;
+HWY_INLINE void compare(const Measure& measure, const Samples* samples, const Codes* seen,
+                        std::uint8_t* costs) {
+  const CodeTag d;
+  const hn::RebindToSigned<CodeTag> di;
+  const hn::Rebind<std::uint8_t, CodeTag> d8;
+  const auto set = [&](int value)
+                       HWY_ATTR { return hn::Set(d, static_cast<std::uint16_t>(value)); };
+  auto red = hn::Zero(d), green = red, blue = red, count = red;
+  for (int i = 0; i < measure.cameras; ++i) {
+    red = hn::Add(red, samples[i].red);
+    green = hn::Add(green, samples[i].green);
+    blue = hn::Add(blue, samples[i].blue);
+    if (!kAllSeen) count = hn::Sub(count, seen[i]);  // -1 where it sees
+  }
+  const auto most = static_cast<std::size_t>(std::max(measure.cameras, 2));
+  auto part = set(measure.part[most]), scale = set(measure.scale[most]);
+  for (std::size_t n = 2; !kAllSeen && n < most; ++n) {
+    const auto is_n = hn::Eq(count, set(static_cast<int>(n)));
+    part = hn::IfThenElse(is_n, set(measure.part[n]), part);
+    scale = hn::IfThenElse(is_n, set(measure.scale[n]), scale);
+  }
+  red = hn::MulHigh(red, part);
+  green = hn::MulHigh(green, part);
+  blue = hn::MulHigh(blue, part);
+  const auto truncation = set(measure.truncation);
+  auto sum = hn::Zero(d);
+  for (int i = 0; i < measure.cameras; ++i) {
+    const auto off =
+        hn::Add(hn::Add(difference(samples[i].red, red), difference(samples[i].green, green)),
+                difference(samples[i].blue, blue));
+    const auto cut = hn::Min(hn::ShiftRightSame(off, measure.right), truncation);
+    sum = hn::Add(sum, kAllSeen ? cut : hn::And(cut, seen[i]));
+  }
+  sum = hn::ShiftLeftSame(sum, measure.left);
+  auto cost = hn::ShiftRight<4>(hn::Add(hn::MulHigh(sum, scale), set(8)));
+  if (!kAllSeen) cost = hn::IfThenElse(hn::Lt(count, set(2)), set(kUnknownCost), cost);
+  hn::StoreU(hn::DemoteTo(d8, hn::BitCast(di, cost)), d8, costs);
+}
+
+/// Costs of a block's `count` pixels, plane by plane: kCostBlock bytes a plane, in the order that
+/// join() leaves them in.
+void fill_planes(const CostRun& run, int begin, int count, CostScratch& scratch) {
+  const FloatTag d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const int cameras = static_cast<int>(run.cameras.size());
-  const auto most = static_cast<std::uint32_t>(run.truncation * 3 * (1 << kCodeBits));
-  const auto truncation = hn::Set(d, most);
-  const auto scale = hn::Set(df, 255.0F / static_cast<float>(most));
-  const auto two = hn::Set(df, 2.0F);
-  const auto low_half = hn::Set(d, 0xFFFFU);
-  const auto unknown = hn::Set(df, static_cast<float>(kUnknownCost));
-  const auto add16 = [&](auto a, auto b) HWY_ATTR {
-    return hn::BitCast(d, hn::Add(hn::BitCast(d16, a), hn::BitCast(d16, b)));
-  };
-  const auto seen_only = [&](auto value, const std::uint32_t* seen) HWY_ATTR {
-    return kAllSeen ? value : hn::And(value, hn::LoadU(d, seen));
-  };
-  auto n = hn::Set(df, static_cast<float>(cameras));
-  auto per_camera = hn::Div(hn::Set(df, 1.0F), hn::Max(n, two));
-  for (int plane = 0; plane < run.planes.count; plane += lanes) {
-    auto red_blue = hn::Zero(d), green = hn::Zero(d), count = hn::Zero(d);
-    for (int i = 0; i < cameras; ++i) {
-      const CostScratch::Camera camera = scratch.camera(i);
-      const std::uint32_t* seen = camera.seen + plane;
-      red_blue = add16(red_blue, seen_only(hn::LoadU(d, camera.red_blue + plane), seen));
-      green = add16(green, seen_only(hn::LoadU(d, camera.green + plane), seen));
-      if (!kAllSeen) count = hn::Sub(count, hn::LoadU(d, seen));  // -1 where it sees
+  const Measure measure(run);
+  std::array<Camera, kMostMatched> cameras;
+  bool all_even = true;
+  for (std::size_t i = 0; i < run.cameras.size(); ++i) {
+    Camera& camera = cameras[i];
+    const MatchingFrame& frame = *run.cameras[i]->frame;
+    camera.sight = BlockSight(*run.cameras[i], run, begin, count);
+    camera.positions = scratch.positions(static_cast<int>(i));
+    camera.origin =
+        Row{frame.words() + camera.sight.column(), frame.pitch()}.below(camera.sight.row());
+    all_even &= PositionFit(camera.sight, count).fit(run.planes.count, camera.positions);
+  }
+  const auto last = hn::Set(d, static_cast<float>(count - 1));
+  std::array<Samples, kMostMatched> samples;
+  std::array<Codes, kMostMatched> seen;
+  for (int plane = 0; plane < run.planes.count; ++plane) {
+    std::uint8_t* costs = scratch.costs() + static_cast<std::ptrdiff_t>(plane) * kCostBlock;
+    for (int x = 0; x < count; x += 2 * lanes) {
+      const Pixels pixels{hn::Min(hn::Iota(d, static_cast<float>(x)), last),
+                          hn::Min(hn::Iota(d, static_cast<float>(x + lanes)), last), x / lanes};
+      if (all_even && run.cameras.size() > 1) {
+        for (std::size_t i = 0; i < run.cameras.size(); ++i) {
+          samples[i] = sample_even(cameras[i], pixels, plane);
+        }
+        compare<true>(measure, samples.data(), seen.data(), costs + x);
+        continue;
+      }
+      for (std::size_t i = 0; i < run.cameras.size(); ++i) {
+        if (cameras[i].positions.even[plane] == 0) {
+          samples[i] = sample_exactly(cameras[i], pixels, plane, seen[i]);
+        } else {
+          samples[i] = sample_even(cameras[i], pixels, plane);
+          seen[i] = hn::Set(CodeTag(), 0xFFFF);
+        }
+      }
+      compare<false>(measure, samples.data(), seen.data(), costs + x);
     }
-    if (!kAllSeen) {
-      n = hn::ConvertTo(df, hn::BitCast(di, count));
-      per_camera = hn::Div(hn::Set(df, 1.0F), hn::Max(n, two));
+  }
+}
+
+/// From plane by plane to pixel by pixel.
+void turn(const CostScratch& scratch, int count, int stride, std::uint8_t* out) {
+  constexpr int kSide = 16;
+  const hn::FixedTag<std::uint8_t, kSide> d;
+  using Bytes = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(FloatTag()));
+  for (int plane = 0; plane < stride; plane += kSide) {
+    for (int first = 0; first < kCostBlock; first += kSide) {
+      Bytes rows[kSide], mixed[kSide];
+      for (int i = 0; i < kSide; ++i) {
+        rows[i] = hn::LoadU(d, scratch.costs() + (plane + i) * kCostBlock + first);
+      }
+      for (int round = 0; round < 4; ++round) {  // each doubles the bytes of a pixel in a row
+        for (int i = 0; i < kSide / 2; ++i) {
+          mixed[2 * i] = hn::InterleaveLower(d, rows[i], rows[i + kSide / 2]);
+          mixed[2 * i + 1] = hn::InterleaveUpper(d, rows[i], rows[i + kSide / 2]);
+        }
+        std::copy(mixed, mixed + kSide, rows);
+      }
+      for (int i = 0; i < kSide; ++i) {
+        const int group = (first + i) / (2 * lanes) * (2 * lanes), lane = (first + i) - group;
+        const int x = group + lane / 2 + (lane % 2) * lanes;
+        if (x < count)
+          hn::StoreU(rows[i], d, out + static_cast<std::ptrdiff_t>(x) * stride + plane);
+      }
     }
-    const auto part = hn::BitCast(d, hn::ConvertTo(di, hn::Mul(per_camera, hn::Set(df, 65536.0F))));
-    const auto parts = hn::Or(part, hn::ShiftLeft<16>(part));
-    const auto mean = [&](auto sum) HWY_ATTR {
-      return hn::BitCast(d, hn::MulHigh(hn::BitCast(d16, sum), hn::BitCast(d16, parts)));
-    };
-    const auto mean_red_blue = mean(red_blue), mean_green = mean(green);
-    auto sum = hn::Zero(d);
-    for (int i = 0; i < cameras; ++i) {
-      const CostScratch::Camera camera = scratch.camera(i);
-      const auto off_rb = difference(d, hn::LoadU(d, camera.red_blue + plane), mean_red_blue);
-      const auto off_g = difference(d, hn::LoadU(d, camera.green + plane), mean_green);
-      const auto off = add16(off_rb, off_g);
-      const auto all = hn::Add(hn::And(off, low_half), hn::ShiftRight<16>(off));
-      sum = hn::Add(sum, seen_only(hn::Min(all, truncation), camera.seen + plane));
-    }
-    const auto cost = hn::Mul(hn::Mul(hn::ConvertTo(df, hn::BitCast(di, sum)), scale), per_camera);
-    const auto known = hn::IfThenElse(hn::Ge(n, two), cost, unknown);
-    hn::StoreU(hn::DemoteTo(d8, hn::NearestInt(known)), d8, costs + plane);
   }
 }
 
 void fill(const CostRun& run, CostScratch& scratch) {
   const int stride = plane_stride(run.planes.count);
-  for (int x = run.begin; x < run.end; ++x) {
-    bool all_seen = true;
-    for (std::size_t i = 0; i < run.cameras.size(); ++i) {
-      const CostScratch::Camera out = scratch.camera(static_cast<int>(i));
-      all_seen &= find_positions(*run.cameras[i], run, x, scratch, out.seen);
-      gather(*run.cameras[i], run.planes.count, scratch);
-      interpolate(run.planes.count, scratch, out);
-    }
-    std::uint8_t* costs = run.costs + static_cast<std::ptrdiff_t>(x - run.begin) * stride;
-    if (all_seen) {
-      compare<true>(run, scratch, costs);
-    } else {
-      compare<false>(run, scratch, costs);
-    }
+  for (int begin = run.begin; begin < run.end; begin += kCostBlock) {
+    const int count = std::min(kCostBlock, run.end - begin);
+    fill_planes(run, begin, count, scratch);
+    turn(scratch, count, stride,
+         run.costs + static_cast<std::ptrdiff_t>(begin - run.begin) * stride);
   }
 }
 
@@ -244,6 +275,14 @@ namespace raystage {
 
 HWY_EXPORT(fill);
 HWY_EXPORT(target);
+
+CostScratch::CostScratch(int planes, int cameras)
+    : stride_(static_cast<std::size_t>(plane_stride(planes))),
+      coefficients_((5 + kMostParts) * static_cast<std::size_t>(cameras) * stride_),
+      even_(static_cast<std::size_t>(cameras) * stride_),
+      columns_(kMostParts * static_cast<std::size_t>(cameras) * stride_),
+      rows_(columns_.size()),
+      costs_(kCostBlock * stride_) {}
 
 void fill_costs(const CostRun& run, CostScratch& scratch) {
   HWY_DYNAMIC_DISPATCH(fill)(run, scratch);

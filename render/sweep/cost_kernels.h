@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -8,32 +9,14 @@
 
 #include "render/sampling/depth_sampling.h"
 #include "render/sweep/camera_field.h"
-#include "store/frames/frame_cache.h"
+#include "render/sweep/matching_frame.h"
 
 namespace raystage {
-
-/// A frame as it is matched: 8-bit codes, R lowest, X = 255; its last column and row twice, so that
-/// the four neighbours of any position may be read.
-class MatchingFrame {
- public:
-  MatchingFrame() = default;
-  /// Codes are brought to sRGB's curve if they are linear.
-  MatchingFrame(const DecodedFrame& frame, BlendSpace space);
-
-  const std::uint32_t* pixels() const { return pixels_.data(); }
-  std::ptrdiff_t pitch() const { return pitch_; }  ///< pixels
-  static std::size_t bytes(int width, int height);
-
- private:
-  std::ptrdiff_t pitch_ = 0;
-  std::vector<std::uint32_t> pixels_;
-};
 
 /// A camera that takes part in the matching.
 struct MatchingCamera {
   DepthSource source;
-  const std::uint32_t* pixels = nullptr;
-  std::ptrdiff_t pitch = 0;
+  const MatchingFrame* frame = nullptr;
 };
 
 /// A run of pixels of one row whose costs come from the same cameras.
@@ -48,34 +31,55 @@ struct CostRun {
 inline constexpr int kMostMatched = 16;
 /// Where fewer than two cameras see a point, nothing can be said: half of the truncation.
 inline constexpr std::uint8_t kUnknownCost = 127;
+/// Pixels that are worked on at once: longer runs are cut from their beginning on.
+inline constexpr int kCostBlock = 32;
+
+/// Where a camera sees the pixels of a block, plane by plane: c0 + x (c1 + x c2), x pixels into the
+/// block. A block has parts, as many pixels as a vector holds; where something is told part by
+/// part, the next part's is `stride` on.
+struct BlockPositions {
+  std::array<float*, 3> u{}, v{};  ///< one a plane; 1/256 and 1/4096 pixel; v's c0 of each part
+  std::int32_t* even = nullptr;    ///< not 0: that is so, and all lies within the frame
+  /// Of each part: its least column; its least row, which v is told from, times 4, and by how many
+  /// rows others are further down: 2 for any more.
+  std::int32_t *column = nullptr, *row = nullptr;
+  std::ptrdiff_t stride = 0;
+};
 
 /// What fill_costs() works in; one a thread.
 class CostScratch {
  public:
-  explicit CostScratch(int planes);
+  /// For runs of so many cameras at most.
+  CostScratch(int planes, int cameras);
 
-  struct Camera {
-    std::uint32_t *red_blue, *green, *seen;
-  };
-  Camera camera(int i) {
-    std::uint32_t* first = samples_.data() + 3 * static_cast<std::size_t>(i) * stride_;
-    return {first, first + stride_, first + 2 * stride_};
+  BlockPositions positions(int camera) {
+    const auto i = static_cast<std::size_t>(camera);
+    const auto part = [&](std::size_t c) {
+      return &coefficients_[((5 + kMostParts) * i + c) * stride_];
+    };
+    return {{part(0), part(1), part(2)},
+            {part(5), part(3), part(4)},
+            &even_[i * stride_],
+            &columns_[i * kMostParts * stride_],
+            &rows_[i * kMostParts * stride_],
+            static_cast<std::ptrdiff_t>(stride_)};
   }
-  std::int32_t* offsets() { return offsets_.data(); }
-  std::uint32_t* right() { return right_.data(); }
-  std::uint32_t* down() { return down_.data(); }
-  std::uint32_t* upper() { return upper_.data(); }  ///< two a plane
-  std::uint32_t* lower() { return lower_.data(); }
+  std::uint8_t* costs() { return costs_.data(); }  ///< kCostBlock a plane
+  const std::uint8_t* costs() const { return costs_.data(); }
 
  private:
+  static constexpr std::size_t kMostParts = kCostBlock / 4;
+
   std::size_t stride_;
-  std::vector<std::uint32_t> samples_, right_, down_, upper_, lower_;
-  std::vector<std::int32_t> offsets_;
+  std::vector<float> coefficients_;
+  std::vector<std::int32_t> even_, columns_, rows_;
+  std::vector<std::uint8_t> costs_;
 };
 
 /// How badly the cameras that see a point agree on its colour: the mean over them of the absolute
 /// differences (mean of R, G, B) from their mean colour, each cut off at the truncation; the
-/// truncation becomes 255, so one camera's whole disagreement among many stays small. Bilinear.
+/// truncation becomes 255, so one camera's whole disagreement among many stays small. Bilinear,
+/// at positions that are exact to 1/256 pixel.
 void fill_costs(const CostRun& run, CostScratch& scratch);
 
 /// The slow, obvious one, of one point: `ray` in the world, scaled to planar depth 1.

@@ -1,12 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <algorithm>
+#include "render/sweep/matching_frame.h"
 
-#include "render/matching/matching.h"
-#include "render/sweep/cost_kernels.h"
+#include <algorithm>
+#include <array>
+#include <vector>
+
 #include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {
+
+constexpr std::size_t kChannels = 3;
+constexpr std::size_t kReadBeyond = 32;  // words
 
 std::vector<std::uint8_t> srgb_of_linear_codes() {
   std::vector<std::uint8_t> table(65536);
@@ -17,43 +22,81 @@ std::vector<std::uint8_t> srgb_of_linear_codes() {
   return table;
 }
 
-}  // namespace
+/// A row's codes, channel by channel; one pixel beyond the box.
+using CodeRow = std::array<std::vector<std::uint8_t>, kChannels>;
 
-std::size_t MatchingFrame::bytes(int width, int height) {
-  return (static_cast<std::size_t>(width) + 1) * (static_cast<std::size_t>(height) + 1) *
-         sizeof(std::uint32_t);
-}
+class CodeRows {
+ public:
+  CodeRows(const DecodedFrame& frame, BlendSpace space, const FrameBox& box)
+      : frame_(frame), box_(box) {
+    if (space == BlendSpace::kLinear) table_ = srgb_of_linear_codes();
+  }
 
-MatchingFrame::MatchingFrame(const DecodedFrame& frame, BlendSpace space)
-    : pitch_(frame.width + 1) {
-  pixels_.reserve(bytes(frame.width, frame.height) / sizeof(std::uint32_t));
-  const auto append_row = [&](int y, const auto& code) {
-    const std::uint16_t* from =
-        frame.rgbx.get() + static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) * 4;
-    for (int x = 0; x < frame.width; ++x, from += 4) {
-      pixels_.push_back(code(from[0]) | code(from[1]) << 8U | code(from[2]) << 16U | 0xFF000000U);
+  void read(int y, CodeRow& row) const {
+    const std::uint16_t* first =
+        frame_.rgbx.get() + (static_cast<std::size_t>(std::min(y, frame_.height - 1)) *
+                                 static_cast<std::size_t>(frame_.width) +
+                             static_cast<std::size_t>(box_.left)) *
+                                4;
+    const auto width = static_cast<std::size_t>(box_.right - box_.left);
+    const std::size_t within = width + (box_.right < frame_.width ? 1 : 0);
+    for (std::size_t c = 0; c < kChannels; ++c) {
+      row[c].resize(width + 1);
+      std::uint8_t* codes = row[c].data();
+      if (table_.empty()) {
+        for (std::size_t x = 0; x < within; ++x) {
+          codes[x] = static_cast<std::uint8_t>(first[4 * x + c] >> 8U);
+        }
+      } else {
+        for (std::size_t x = 0; x < within; ++x) codes[x] = table_[first[4 * x + c]];
+      }
+      if (within == width) codes[width] = codes[width - 1];
     }
-    pixels_.push_back(pixels_.back());
-  };
-  const auto append_rows = [&](const auto& code) {
-    for (int y = 0; y < frame.height; ++y) append_row(y, code);
-    append_row(frame.height - 1, code);
-  };
-  if (space == BlendSpace::kPerceptual) {
-    append_rows([](std::uint16_t code) { return static_cast<std::uint32_t>(code >> 8U); });
-  } else {
-    const std::vector<std::uint8_t> table = srgb_of_linear_codes();
-    append_rows([&](std::uint16_t code) { return static_cast<std::uint32_t>(table[code]); });
+  }
+
+ private:
+  const DecodedFrame& frame_;
+  const FrameBox& box_;
+  std::vector<std::uint8_t> table_;
+};
+
+void write_words(const std::vector<std::uint8_t>& upper, const std::vector<std::uint8_t>& lower,
+                 std::size_t width, std::uint32_t* words) {
+  const std::uint8_t *above = upper.data(), *below = lower.data();
+  for (std::size_t x = 0; x < width; ++x) {
+    words[x] = static_cast<std::uint32_t>(above[x]) |
+               static_cast<std::uint32_t>(above[x + 1]) << 8U |
+               static_cast<std::uint32_t>(below[x]) << 16U |
+               static_cast<std::uint32_t>(below[x + 1]) << 24U;
   }
 }
 
-CostScratch::CostScratch(int planes)
-    : stride_(static_cast<std::size_t>(plane_stride(planes))),
-      samples_(3 * kMostMatched * stride_),
-      right_(stride_),
-      down_(stride_),
-      upper_(2 * stride_),
-      lower_(2 * stride_),
-      offsets_(stride_) {}
+std::size_t words_of(const FrameBox& box) {
+  return kChannels * static_cast<std::size_t>(box.right - box.left) *
+             static_cast<std::size_t>(box.bottom - box.top) +
+         kReadBeyond;
+}
+
+}  // namespace
+
+std::size_t MatchingFrame::bytes(const FrameBox& box) {
+  return LargeBuffer<std::uint32_t>::bytes(words_of(box));
+}
+
+MatchingFrame::MatchingFrame(const DecodedFrame& frame, BlendSpace space, const FrameBox& box)
+    : box_(box), words_(words_of(box)) {
+  const CodeRows rows(frame, space, box_);
+  const auto width = static_cast<std::size_t>(pitch());
+  CodeRow upper, lower;
+  rows.read(box.top, upper);
+  std::uint32_t* words = words_.data();
+  for (int y = box.top; y < box.bottom; ++y) {
+    rows.read(y + 1, lower);
+    for (std::size_t c = 0; c < kChannels; ++c, words += width) {
+      write_words(upper[c], lower[c], width, words);
+    }
+    std::swap(upper, lower);
+  }
+}
 
 }  // namespace raystage

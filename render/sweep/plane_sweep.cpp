@@ -28,6 +28,7 @@ class Frame {
       : request_(request),
         view_(request.view),
         plan_(plan),
+        planes_(plan.planes.from_farthest()),
         sources_(request.instant.rig->cameras.size()) {}
 
   RenderedView render(Clock::time_point start) {
@@ -80,21 +81,34 @@ class Frame {
       Source& opened = sources_[i];
       if (!opened.used) return;
       const int camera = static_cast<int>(i);
-      opened.look_up = depth_source(view_, instant.rig->cameras[i]);
+      opened.look_up = depth_source(view_, instant.rig->cameras[i], plan_.planes.farthest);
       const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
       opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
       plan_into(opened.look_up.camera, *layout, opened.wanted.data());
       for_each_tile([&](const Tile& tile) {
         if (!has_camera(tile, camera)) return;
-        const ViewBlock block{tile.left,
-                              tile.right,
-                              tile.top,
-                              tile.bottom,
-                              plan_.planes.farthest,
-                              plan_.planes.nearest()};
+        const ViewBlock block{tile.left,   tile.right,       tile.top,
+                              tile.bottom, planes_.farthest, planes_.nearest()};
         mark_block(opened.look_up, block, plan_.settings.look_up);
       });
     });
+  }
+
+  /// The pixels around all that is wanted of a frame.
+  static FrameBox wanted_box(const Source& source) {
+    const SourceView& view = source.look_up.camera;
+    FrameBox mcus{view.mcus_per_row, 0, std::numeric_limits<int>::max(), 0};
+    for (std::size_t i = 0; i < source.wanted.size(); ++i) {
+      if (source.wanted[i] == 0) continue;
+      const int column = static_cast<int>(i) % view.mcus_per_row;
+      const int row = static_cast<int>(i) / view.mcus_per_row;
+      mcus = {std::min(mcus.left, column), std::max(mcus.right, column + 1),
+              std::min(mcus.top, row), std::max(mcus.bottom, row + 1)};
+    }
+    return {mcus.left << view.mcu_width_log2,
+            std::min(mcus.right << view.mcu_width_log2, view.width),
+            mcus.top << view.mcu_height_log2,
+            std::min(mcus.bottom << view.mcu_height_log2, view.height)};
   }
 
   void decode(RenderStatistics& statistics) {
@@ -108,8 +122,10 @@ class Frame {
       s.frame =
           cache.fetch(static_cast<int>(i), request_.instant.frame_of_camera[i], s.wanted, decoded);
       s.look_up.camera.rgbx = s.frame->rgbx.get();
-      if (plan_.planes.count > 1) s.matching_frame = MatchingFrame(*s.frame, cache.blend_space());
-      s.matching = {s.look_up, s.matching_frame.pixels(), s.matching_frame.pitch()};
+      if (plan_.planes.count > 1) {
+        s.matching_frame = MatchingFrame(*s.frame, cache.blend_space(), wanted_box(s));
+      }
+      s.matching = {s.look_up, &s.matching_frame};
       pixels += decoded;
       ++cameras;
     });
@@ -118,10 +134,10 @@ class Frame {
   }
 
   void fill_row(int y, std::uint8_t* costs) {
-    CostScratch scratch(plan_.planes.count);
+    CostScratch scratch(plan_.planes.count, plan_.settings.cameras);
     CostRun run;
     run.y = y;
-    run.planes = plan_.planes;
+    run.planes = planes_;
     run.truncation = plan_.settings.truncation;
     const std::ptrdiff_t stride = plane_stride(plan_.planes.count);
     std::vector<const MatchingCamera*> cameras;
@@ -159,19 +175,19 @@ class Frame {
     settings.sub_plane = s.sub_plane;
     std::size_t held = 0;
     for (const Source& opened : sources_) {
-      if (opened.frame) held += MatchingFrame::bytes(opened.frame->width, opened.frame->height);
+      if (opened.frame) held += MatchingFrame::bytes(opened.matching_frame.box());
     }
     settings.working_bytes = request_.working_bytes - std::min(request_.working_bytes, held);
     return semi_global_match(volume, fill, settings);
   }
 
+  /// From the farthest plane.
   void find_depths(const PlaneMap& map, const Tile& tile, int y, float* inverse_depth) const {
     const float* plane =
         &map.plane[static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
                    static_cast<std::size_t>(tile.left)];
     for (int i = 0; i < tile.right - tile.left; ++i) {
-      inverse_depth[i] =
-          static_cast<float>(plan_.planes.inverse_depth(static_cast<double>(plane[i])));
+      inverse_depth[i] = static_cast<float>(planes_.inverse_depth(static_cast<double>(plane[i])));
     }
   }
 
@@ -207,8 +223,9 @@ class Frame {
       const float alpha = rgba[4 * i + 3];
       const float absent = absent_share(plan_, request_.instant, x + static_cast<int>(i), y);
       image.coverage[at + i] = alpha * (1 - absent);
-      image.z[at + i] = alpha > 0 && inverse_depth[i] > 0 ? 1 / inverse_depth[i]
-                                                          : std::numeric_limits<float>::infinity();
+      const double depth = 1 / (plan_.planes.farthest + static_cast<double>(inverse_depth[i]));
+      image.z[at + i] =
+          alpha > 0 ? static_cast<float>(depth) : std::numeric_limits<float>::infinity();
     }
   }
 
@@ -243,7 +260,7 @@ class Frame {
           mark(tile, y, plan_.settings.look_up);
           share.fill(1);
           for (int plane = 0; matched && plane < plan_.planes.count; ++plane) {
-            inverse_depth.fill(static_cast<float>(plan_.planes.inverse_depth(plane)));
+            inverse_depth.fill(static_cast<float>(planes_.inverse_depth(plane)));
             mark(tile, y, LookUp::kLinear);
           }
         }
@@ -256,6 +273,7 @@ class Frame {
   const ViewRequest& request_;
   const VirtualCamera& view_;
   const Plan& plan_;
+  const SweepPlanes planes_;     // as sources are told
   std::vector<Source> sources_;  // per camera of the rig
 };
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
+#include <span>
 #include <vector>
 
 #include "render/planar/aperture_lens.h"
@@ -93,8 +95,9 @@ class ApertureFrame {
       for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
         corners.push_back(place(cell.camera[i]));
       }
+      const Disc disc = disc_around(corners);
       for (std::size_t i = 0; i < used.size(); ++i) {
-        if (may_gather(static_cast<int>(i), corners)) {
+        if (may_gather(static_cast<int>(i), disc)) {
           gathering_[c].push_back(static_cast<int>(i));
           used[i] = true;
         }
@@ -125,17 +128,32 @@ class ApertureFrame {
             present ? &sources_.view(index) : nullptr};
   }
 
-  /// Whether a camera's weight may be above 0 for a ray that crosses the array between `points`.
-  bool may_gather(int camera, const std::vector<Eigen::Vector2d>& points) const {
+  /// A disc of the array's plane.
+  struct Disc {
+    Eigen::Vector2d middle = Eigen::Vector2d::Zero();
+    double radius = 0;
+  };
+  /// Around points, of which there are some.
+  static Disc disc_around(std::span<const Eigen::Vector2d> points) {
+    Disc disc;
+    for (const Eigen::Vector2d& point : points) {
+      disc.middle += point / static_cast<double>(points.size());
+    }
+    double squared = 0;
+    for (const Eigen::Vector2d& point : points) {
+      squared = std::max(squared, (point - disc.middle).squaredNorm());
+    }
+    disc.radius = std::sqrt(squared) * (1 + 1e-6);
+    return disc;
+  }
+
+  /// Whether a camera's weight may be above 0 for a ray that crosses the array within `disc`.
+  bool may_gather(int camera, const Disc& disc) const {
     const double reach = lens_.cameras()[static_cast<std::size_t>(camera)].reach;
     if (reach == 0) return false;
-    Eigen::Vector2d middle = Eigen::Vector2d::Zero();
-    for (const Eigen::Vector2d& point : points)
-      middle += point / static_cast<double>(points.size());
-    double size = 0;
-    for (const Eigen::Vector2d& point : points) size = std::max(size, (point - middle).norm());
     const double to_corner = lens_.sides().empty() ? 1 : 1.4143;  // a square's, the longest
-    return (place(camera) - middle).norm() <= reach * to_corner + size * (1 + 1e-6);
+    const double within = reach * to_corner + disc.radius;
+    return (place(camera) - disc.middle).squaredNorm() <= within * within;
   }
 
   ApertureRun run_of(const RayCells::Span& span, int y) const {
@@ -179,9 +197,9 @@ class ApertureFrame {
     rows_.for_each_cell(first, end, [&](int cell, int x_begin, int x_end, int y_begin, int y_end) {
       for (int x = x_begin; x < x_end; x += kColumnsPerBlock) {
         const PixelBlock part{x, std::min(x + kColumnsPerBlock, x_end), y_begin, y_end};
-        const std::vector<Eigen::Vector2d> points = crossings(cell, part);
+        const Disc disc = disc_around(crossings(cell, part));
         for (const int camera : gathering_[static_cast<std::size_t>(cell)]) {
-          if (!instant_.is_present(camera) || !may_gather(camera, points)) continue;
+          if (!instant_.is_present(camera) || !may_gather(camera, disc)) continue;
           PixelBlock& block = blocks[static_cast<std::size_t>(camera)];
           if (block.x_end == 0) {
             block = part;

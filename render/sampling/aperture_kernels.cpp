@@ -20,10 +20,10 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Where the rays of a chunk cross the array, and whose weights sum to what there.
+/// Where the rays of a chunk cross the array, and what the weights of the cameras there sum to.
 struct Crossings {
   HWY_ALIGN float x[kChunk], y[kChunk];
-  HWY_ALIGN float present[kChunk], complete[kChunk];
+  HWY_ALIGN float present[kChunk], absent[kChunk];
 };
 
 void find_crossings(const ApertureRun& run, int begin, int n, Weights& weights,
@@ -43,23 +43,25 @@ void find_crossings(const ApertureRun& run, int begin, int n, Weights& weights,
     hn::Store(sum(0, i), d, crossings.x + i);
     hn::Store(sum(1, i), d, crossings.y + i);
     hn::Store(hn::Zero(d), d, crossings.present + i);
-    hn::Store(hn::Zero(d), d, crossings.complete + i);
+    hn::Store(hn::Zero(d), d, crossings.absent + i);
   }
 }
 
 /// A camera's weight for each ray, added to the sums; false where it has none.
-bool find_aperture_weights(const ApertureCamera& camera, const ApertureShape& shape, int n,
-                           Crossings& crossings, float* weight) {
+HWY_INLINE bool find_aperture_weights(const ApertureCamera& camera, const ApertureShape& shape,
+                                      int n, Crossings& crossings, float* weight) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F);
   const auto scale = hn::Set(d, camera.inverse_reach);
-  const auto x = hn::Set(d, camera.x), y = hn::Set(d, camera.y);
+  const auto x = hn::Set(d, -camera.x * camera.inverse_reach);
+  const auto y = hn::Set(d, -camera.y * camera.inverse_reach);
   const auto steepness = hn::Set(d, shape.steepness);
+  float* sum = camera.present ? crossings.present : crossings.absent;
   auto largest = zero;
   for (int i = 0; i < n; i += lanes) {
-    const auto right = hn::Mul(hn::Sub(hn::Load(d, crossings.x + i), x), scale);
-    const auto up = hn::Mul(hn::Sub(hn::Load(d, crossings.y + i), y), scale);
+    const auto right = hn::MulAdd(hn::Load(d, crossings.x + i), scale, x);
+    const auto up = hn::MulAdd(hn::Load(d, crossings.y + i), scale, y);
     auto q_squared = hn::MulAdd(right, right, hn::Mul(up, up));
     if (!shape.sides.empty()) {
       auto q = zero;
@@ -69,26 +71,24 @@ bool find_aperture_weights(const ApertureCamera& camera, const ApertureShape& sh
       }
       q_squared = hn::Mul(q, q);
     }
-    const auto t = hn::Min(one, hn::Max(zero, hn::Mul(hn::Sub(one, q_squared), steepness)));
+    const auto t = hn::Min(one, hn::Max(zero, hn::NegMulAdd(q_squared, steepness, steepness)));
     const auto f = hn::Mul(hn::Mul(t, t), hn::NegMulAdd(hn::Set(d, 2.0F), t, hn::Set(d, 3.0F)));
     hn::Store(f, d, weight + i);
     largest = hn::Max(largest, f);
-    const auto add_to = [&](float* sum)
-                            HWY_ATTR { hn::Store(hn::Add(f, hn::Load(d, sum + i)), d, sum + i); };
-    add_to(crossings.complete);
-    if (camera.present) add_to(crossings.present);
+    hn::Store(hn::Add(f, hn::Load(d, sum + i)), d, sum + i);
   }
-  return hn::GetLane(hn::MaxOfLanes(d, largest)) > 0;
+  return !hn::AllFalse(d, hn::Gt(largest, zero));
 }
 
-/// Sums of weights become what sums of samples are multiplied by, and the part of those present.
+/// Sums of weights become what sums of samples are multiplied by (`present`), and the part that
+/// cameras present have in all (`absent`).
 void find_shares(bool at_infinity, Ramp along, int n, Crossings& crossings) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto least = hn::Set(d, 1e-30F), zero = hn::Zero(d);
   for (int i = 0; i < n; i += lanes) {
     const auto present = hn::Load(d, crossings.present + i);
-    const auto complete = hn::Load(d, crossings.complete + i);
+    const auto complete = hn::Add(present, hn::Load(d, crossings.absent + i));
     auto counts = hn::Gt(present, least);
     if (!at_infinity) {  // rays that never meet the focal plane count for nothing
       const auto slope = values(d, along, counting_from(d, i - along.start));
@@ -96,7 +96,7 @@ void find_shares(bool at_infinity, Ramp along, int n, Crossings& crossings) {
     }
     hn::Store(hn::IfThenElseZero(counts, reciprocal(d, present)), d, crossings.present + i);
     hn::Store(hn::IfThenElseZero(counts, hn::Mul(present, reciprocal(d, complete))), d,
-              crossings.complete + i);
+              crossings.absent + i);
   }
 }
 
@@ -136,7 +136,7 @@ void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, 
     if (waiting > 0 || first) add_waiting();
     find_shares(cell.at_infinity, along, n, crossings);
     const std::size_t at = static_cast<std::size_t>(begin - cell.begin);
-    write_pixels(sums, crossings.present, crossings.complete, n,
+    write_pixels(sums, crossings.present, crossings.absent, n,
                  std::max(cell.end, cell.room_end) - begin, space, full_scale, along,
                  cell.at_infinity, rgba + 4 * at, coverage + at, z + at);
   }

@@ -80,50 +80,39 @@ HWY_INLINE void drop_unmet(Ramp along, int n, Weights& weights) {
   }
 }
 
-/// Adds the samples of kCount cameras to `sums`, in whole vectors of pixels: 4 floats a pixel, in
+/// Adds the samples of `count` cameras to `sums`, in whole vectors of pixels: 4 floats a pixel, in
 /// the order of transpose_blocks(). kFirst: sums are not set yet.
-template <int kCount, bool kFirst>
-HWY_INLINE void add_samples_of(const SourceView* const* sources, const Taps* taps, int n,
-                               float* sums) {
-  namespace hn = hwy::HWY_NAMESPACE;
-  const SumTag d;
-  const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
-  const std::uint16_t* frame[kCount];
-  std::size_t row[kCount];
-  for (int c = 0; c < kCount; ++c) {
-    frame[c] = sources[c]->rgbx;
-    row[c] = std::size_t{4} * static_cast<std::size_t>(sources[c]->width);
-  }
-  for (int begin = 0; begin < n; begin += lanes) {
-    int slot = begin;
-    for (int first = begin; first < begin + 4; ++first) {
-      for (int i = first; i < begin + lanes; i += 4, ++slot) {
-        auto sum = hn::Zero(d);
-        for (int c = 0; c < kCount; ++c) {
-          sum = add_tap(frame[c], row[c], taps[c].pixel[i], taps[c].weight + 4 * slot, sum);
-        }
-        float* to = sums + 4 * slot;
-        auto pixel = fold(sum);
-        if constexpr (!kFirst) pixel = hn::Add(pixel, hn::Load(hn::FixedTag<float, 4>(), to));
-        hn::Store(pixel, hn::FixedTag<float, 4>(), to);
-      }
-    }
-  }
-}
-
-/// The same for up to three cameras; none leave the sums as they are, or 0.
 template <bool kFirst>
 HWY_INLINE void add_samples(const SourceView* const* sources, const Taps* taps, int count, int n,
                             float* sums) {
   namespace hn = hwy::HWY_NAMESPACE;
-  if (count == 3) {
-    add_samples_of<3, kFirst>(sources, taps, n, sums);
-  } else if (count == 2) {
-    add_samples_of<2, kFirst>(sources, taps, n, sums);
-  } else if (count == 1) {
-    add_samples_of<1, kFirst>(sources, taps, n, sums);
-  } else if (kFirst) {
-    std::fill_n(sums, 4 * kChunk, 0.0F);
+  const hn::ScalableTag<float> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  for (int i = 0; i < n; i += lanes) {
+    float* to = sums + 4 * i;
+    auto sum0 = hn::Zero(d), sum1 = sum0, sum2 = sum0, sum3 = sum0;
+    if constexpr (!kFirst) {
+      sum0 = hn::Load(d, to);
+      sum1 = hn::Load(d, to + lanes);
+      sum2 = hn::Load(d, to + 2 * lanes);
+      sum3 = hn::Load(d, to + 3 * lanes);
+    }
+    for (int c = 0; c < count; ++c) {
+      const std::uint16_t* frame = sources[c]->rgbx;
+      const std::size_t row = std::size_t{4} * static_cast<std::size_t>(sources[c]->width);
+      const std::int32_t* pixel = taps[c].pixel + i;
+      const auto upper = hn::Load(di, taps[c].upper + i), lower = hn::Load(di, taps[c].lower + i);
+      const auto share = hn::Load(d, taps[c].share + i);
+      sum0 = add_taps<0>(d, frame, row, pixel, upper, lower, share, sum0);
+      sum1 = add_taps<1>(d, frame, row, pixel, upper, lower, share, sum1);
+      sum2 = add_taps<2>(d, frame, row, pixel, upper, lower, share, sum2);
+      sum3 = add_taps<3>(d, frame, row, pixel, upper, lower, share, sum3);
+    }
+    hn::Store(sum0, d, to);
+    hn::Store(sum1, d, to + lanes);
+    hn::Store(sum2, d, to + 2 * lanes);
+    hn::Store(sum3, d, to + 3 * lanes);
   }
 }
 
@@ -184,15 +173,16 @@ HWY_INLINE void write_pixels(const float* sums, const float* share, const float*
 /// Marks the pixels that taps read with a weight.
 HWY_INLINE void mark_pixels(const SourceView& source, const Taps& taps, int n) {
   for (int i = 0; i < n; ++i) {
+    if (!(taps.share[i] > 0)) continue;
     std::uint8_t* at = source.read_pixels + taps.pixel[i];
-    const float* weight = taps.weight + 4 * slot_of(hwy::HWY_NAMESPACE::ScalableTag<float>(), i);
-    const auto mark = [](std::uint8_t& pixel, float w) {
-      if (w > 0) std::atomic_ref(pixel).store(1, std::memory_order_relaxed);
+    const TapWeights weights = weights_of(taps, i);
+    const auto mark = [](std::uint8_t& pixel, int weight) {
+      if (weight != 0) std::atomic_ref(pixel).store(1, std::memory_order_relaxed);
     };
-    mark(at[0], weight[0]);
-    mark(at[1], weight[1]);
-    mark(at[source.width], weight[2]);
-    mark(at[source.width + 1], weight[3]);
+    mark(at[0], weights.upper_left);
+    mark(at[1], weights.upper_right);
+    mark(at[source.width], weights.lower_left);
+    mark(at[source.width + 1], weights.lower_right);
   }
 }
 

@@ -110,8 +110,7 @@ void mark_mcus(const SourceView& source, const Taps& taps, int n) {
   const auto column_of = [&](int x) { return x >> source.mcu_width_log2; };
   const auto row_of = [&](int y) { return (y >> source.mcu_height_log2) * source.mcus_per_row; };
   for (int i = 0; i < n; ++i) {
-    const float* weight = taps.weight + 4 * slot_of(hn::ScalableTag<float>(), i);
-    if (!(weight[0] + weight[1] + weight[2] + weight[3] > 0)) continue;
+    if (!(taps.share[i] > 0)) continue;
     const int x = taps.pixel[i] % source.width, y = taps.pixel[i] / source.width;
     const int left = column_of(std::max(x - source.chroma_reach, 0));
     const int right = column_of(std::min(x + 1 + source.chroma_reach, source.width - 1));

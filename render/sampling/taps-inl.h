@@ -31,13 +31,29 @@ namespace HWY_NAMESPACE {
 /// and colours.
 constexpr int kChunk = 128;
 
-/// For each pixel of a chunk: the upper left of four neighbours, counted through the frame, and the
-/// weights of upper left, upper right, lower left, lower right (interpolation times the camera's
-/// share of the ray). The weights stand in the order of transpose_blocks(): see slot_of().
+/// Whole numbers that a tap's interpolation weights sum to, exactly: products of them and codes add
+/// up in 32 bits. A position is so rounded to 1/32768 of a pixel.
+constexpr float kUnit = 16384.0F;
+
+/// For each pixel of a chunk: the upper left of four neighbours, counted through the frame; the
+/// weights of the upper two and of the lower two, the left one in the lower half of each word; and
+/// the camera's share of the ray, by kUnit.
 struct Taps {
   HWY_ALIGN std::int32_t pixel[kChunk];
-  HWY_ALIGN float weight[4 * kChunk];
+  HWY_ALIGN std::int32_t upper[kChunk], lower[kChunk];
+  HWY_ALIGN float share[kChunk];
 };
+
+/// Of a tap's four neighbours.
+struct TapWeights {
+  int upper_left, upper_right, lower_left, lower_right;
+};
+HWY_INLINE TapWeights weights_of(const Taps& taps, int i) {
+  const std::uint32_t upper = static_cast<std::uint32_t>(taps.upper[i]);
+  const std::uint32_t lower = static_cast<std::uint32_t>(taps.lower[i]);
+  const auto half = [](std::uint32_t word) { return static_cast<std::int16_t>(word & 0xFFFF); };
+  return {half(upper), half(upper >> 16), half(lower), half(lower >> 16)};
+}
 
 /// Four vectors of one quantity each become four vectors of whole pixels, and back: 4 x 4 values
 /// within every 128 bits. Values never leave their 128 bits, which is what makes it cheap, and why
@@ -70,7 +86,7 @@ HWY_INLINE int slot_of(D d, int i) {
 inline int anchor_of(const double* function, int begin, int y, int n) {
   if (function[0] == 0) return 0;
   const double at_begin = function[0] * (begin + 0.5) + (function[1] * (y + 0.5) + function[2]);
-  return static_cast<int>(std::clamp(std::round(-at_begin / function[0]), 0.0, n - 1.0));
+  return static_cast<int>(std::clamp(std::floor(0.5 - at_begin / function[0]), 0.0, n - 1.0));
 }
 
 /// A linear function of the pixel: `base` at pixel `start` of the chunk, found in double, and the
@@ -99,36 +115,45 @@ HWY_INLINE V values(D d, Ramp r, V steps) {
   return hn::MulAdd(steps, hn::Set(d, r.step), hn::Set(d, r.base));
 }
 
-/// Taps of a vector of pixels around the position (left, top), in pixel centres, >= 0. Those of
-/// pixels beyond n read the frame's first pixel, to no end.
+/// Taps of a vector of pixels around a position that is (left, top) + 1/2 in pixel centres, >= 0
+/// there.
 template <class D, class V>
-HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i, int n,
-                           Taps& taps) {
+HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i, Taps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::RebindToSigned<D> di;
   // Numbers added to this one are rounded to whole numbers, which stand in the last bits. A
   // position on a pixel's centre may so be its left neighbour's right end: which is the same.
-  const auto rounder = hn::Set(d, 12582912.0F), half = hn::Set(d, 0.5F);  // 1.5 * 2^23
-  const auto x_rounded = hn::Add(hn::Sub(left, half), rounder);
-  const auto y_rounded = hn::Add(hn::Sub(top, half), rounder);
-  const auto right_part = hn::Sub(left, hn::Sub(x_rounded, rounder));
-  const auto lower_part = hn::Sub(top, hn::Sub(y_rounded, rounder));
-  const auto lower = hn::Mul(weight, lower_part), upper = hn::Sub(weight, lower);
-  auto upper_right = hn::Mul(upper, right_part), lower_right = hn::Mul(lower, right_part);
-  auto upper_left = hn::Sub(upper, upper_right), lower_left = hn::Sub(lower, lower_right);
-  transpose_blocks(d, upper_left, upper_right, lower_left, lower_right);
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  float* to = taps.weight + 4 * i;
-  hn::Store(upper_left, d, to);
-  hn::Store(upper_right, d, to + lanes);
-  hn::Store(lower_left, d, to + 2 * lanes);
-  hn::Store(lower_right, d, to + 3 * lanes);
-  const auto zero_bits = hn::BitCast(di, rounder);
+  constexpr float kRounder = 12582912.0F;  // 1.5 * 2^23
+  constexpr std::int32_t kRounderBits = 0x4B400000;
+  constexpr std::int32_t kWhole = static_cast<std::int32_t>(kUnit);
+  const auto rounder = hn::Set(d, kRounder), unit = hn::Set(d, kUnit);
+  const auto half_unit = hn::Set(d, kUnit / 2);
+  const auto column = hn::Add(left, rounder), line = hn::Add(top, rounder);
+  // How far the position lies from the neighbours on the upper left, in units.
+  const auto right_units = hn::MulAdd(hn::Sub(left, hn::Sub(column, rounder)), unit, half_unit);
+  const auto lower_units = hn::MulAdd(hn::Sub(top, hn::Sub(line, rounder)), unit, half_unit);
+  const auto both_units =
+      hn::MulAdd(hn::Mul(right_units, hn::Set(d, 1 / kUnit)), lower_units, rounder);
+  const auto right = hn::BitCast(di, hn::Add(right_units, rounder));
+  const auto lower = hn::BitCast(di, hn::Add(lower_units, rounder));
+  const auto both = hn::BitCast(di, both_units);
+  const auto upper_right = hn::Sub(right, both), lower_left = hn::Sub(lower, both);
+  const auto upper_left = hn::Sub(hn::Sub(hn::Set(di, kRounderBits + kWhole), lower), upper_right);
+  const hn::Repartition<std::int16_t, D> d16;
+  const auto store_pair = [&](auto of_left, auto of_right, std::int32_t* to) HWY_ATTR {
+    const auto shifted = hn::BitCast(d16, hn::ShiftLeft<16>(of_right));
+    hn::Store(hn::BitCast(di, hn::OddEven(shifted, hn::BitCast(d16, of_left))), di, to + i);
+  };
+  store_pair(upper_left, upper_right, taps.upper);
+  store_pair(lower_left, both, taps.lower);  // the rounder's own bits are shifted out
+  hn::Store(hn::Mul(weight, hn::Set(d, 1 / kUnit)), d, taps.share + i);
+  // The rounder's bits, times the width and once more, wrap around and are taken off.
+  const auto rounders =
+      hn::Set(di, static_cast<std::int32_t>(static_cast<std::uint32_t>(kRounderBits) *
+                                            (static_cast<std::uint32_t>(frame_width) + 1)));
   const auto pixel =
-      hn::Add(hn::Mul(hn::Sub(hn::BitCast(di, y_rounded), zero_bits), hn::Set(di, frame_width)),
-              hn::Sub(hn::BitCast(di, x_rounded), zero_bits));
-  const auto counts = hn::Lt(counting_from(di, i), hn::Set(di, n));
-  hn::Store(hn::IfThenElseZero(counts, pixel), di, taps.pixel + i);
+      hn::Add(hn::Mul(hn::BitCast(di, line), hn::Set(di, frame_width)), hn::BitCast(di, column));
+  hn::Store(hn::Sub(pixel, rounders), di, taps.pixel + i);
 }
 
 /// Whether a camera without distortion sees the whole run of n pixels well within its frame. On its
@@ -147,6 +172,13 @@ inline bool sees_whole_run(const SourceView& source, int begin, int y, int n) {
   return true;
 }
 
+/// Taps of pixels beyond n, which vectors reach, read the frame's first pixel, to no end.
+HWY_INLINE void end_taps(int n, Taps& taps) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
+  for (int i = n; i % lanes != 0; ++i) taps.pixel[i] = 0;
+}
+
 /// `share`: the camera's weight for each pixel of the chunk; vectors may reach beyond n.
 HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, const float* share,
                           Taps& taps) {
@@ -162,25 +194,26 @@ HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, con
   const Ramp ramp_y = ramp(m + 3, begin, anchor, y, scale);
   const Ramp ramp_w = ramp(m + 6, begin, anchor, y, scale);
   const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
-  const auto one = set(1), zero = hn::Zero(d);
+  const auto one = set(1), zero = hn::Zero(d), stride = set(static_cast<float>(lanes));
 
   if (sees_whole_run(source, begin, y, n)) {
     const auto fx = set(source.fx), fy = set(source.fy);
-    const auto left_of = set(source.cx - 0.5F), top_of = set(source.cy - 0.5F);
-    for (int i = 0; i < n; i += lanes) {
-      const auto steps = counting_from(d, i - anchor);
+    const auto left_of = set(source.cx - 1), top_of = set(source.cy - 1);
+    auto steps = counting_from(d, -anchor);
+    for (int i = 0; i < n; i += lanes, steps = hn::Add(steps, stride)) {
       const auto inverse = reciprocal(d, values(d, ramp_w, steps));
       const auto left = hn::MulAdd(hn::Mul(values(d, ramp_x, steps), inverse), fx, left_of);
       const auto top = hn::MulAdd(hn::Mul(values(d, ramp_y, steps), inverse), fy, top_of);
-      store_taps(d, source.width, left, top, hn::Load(d, share + i), i, n, taps);
+      store_taps(d, source.width, left, top, hn::Load(d, share + i), i, taps);
     }
+    end_taps(n, taps);
     return;
   }
   const auto half = set(0.5F);
   const auto last_x = set(static_cast<float>(source.width - 1));
   const auto last_y = set(static_cast<float>(source.height - 1));
-  for (int i = 0; i < n; i += lanes) {
-    const auto steps = counting_from(d, i - anchor);
+  auto steps = counting_from(d, -anchor);
+  for (int i = 0; i < n; i += lanes, steps = hn::Add(steps, stride)) {
     const auto w = values(d, ramp_w, steps);
     const auto in_front = hn::Gt(w, zero);
     const auto inverse = reciprocal(d, hn::IfThenElse(in_front, w, one));
@@ -189,8 +222,10 @@ HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, con
     const auto sight = through_lens(d, source, x_ideal, y_ideal, in_front);
     const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
     const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
-    store_taps(d, source.width, left, top, hn::Mul(sight.seen, hn::Load(d, share + i)), i, n, taps);
+    store_taps(d, source.width, hn::Sub(left, half), hn::Sub(top, half),
+               hn::Mul(sight.seen, hn::Load(d, share + i)), i, taps);
   }
+  end_taps(n, taps);
 }
 
 /// Asks for the memory that a chunk's taps lie in: rows of many cameras take turns, which the
@@ -201,61 +236,51 @@ HWY_INLINE void prefetch_taps(const SourceView& source, const Taps& taps, int n)
   for (int i = 0; i < n; i += kPixelsPerLine) {
     const std::uint16_t* upper =
         source.rgbx + std::size_t{4} * static_cast<std::uint32_t>(taps.pixel[i]);
-    hwy::Prefetch(upper + row);  // the upper one was the lower one of the row before
+    hwy::Prefetch(upper + 2 * row);  // what the view's next row will want
   }
 }
 
-/// What a sum of samples is held in until fold(): R, G, B, weight of one pixel, or where vectors
-/// are longer the left neighbours' and the right ones' side by side.
-using SumTag = hwy::HWY_NAMESPACE::CappedTag<float, 8>;
-
-/// One of a tap's rows: two neighbours of four channels, each times its own of the tap's weights,
-/// the first of which is weight kFirst.
-template <int kFirst, class V>
-HWY_INLINE V add_neighbours(const std::uint16_t* left, const float* tap_weight, V sum) {
+/// Codes of a row's left and right neighbours, side by side for each channel, less 32768: of a tap
+/// in every 128 bits, taps 4 pixels apart. `row`: of the frame, 4 channels a pixel.
+template <class D16>
+HWY_INLINE hwy::HWY_NAMESPACE::Vec<D16> load_neighbours(D16 d, const std::uint16_t* row,
+                                                        const std::int32_t* pixel) {
   namespace hn = hwy::HWY_NAMESPACE;
-  const SumTag d;
-  const hn::Rebind<std::uint16_t, SumTag> d16;
-  const hn::Rebind<std::int32_t, SumTag> d32;
-  const auto pixels = [&](const std::uint16_t* at) HWY_ATTR {
-    return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, at)));
+  if constexpr (hn::MaxLanes(d) == 8) {
+    return hn::LoadU(d, row + std::size_t{4} * static_cast<std::uint32_t>(*pixel));
+  } else {
+    const hn::Half<D16> half;
+    const std::int32_t* upper_half = pixel + hn::MaxLanes(d) / 4;
+    return hn::Combine(d, load_neighbours(half, row, upper_half),
+                       load_neighbours(half, row, pixel));
+  }
+}
+
+/// Adds the samples of every fourth tap from kFirst on, of as many as a vector has lanes, to `sum`:
+/// R, G, B, weight in every 128 bits. `upper`, `lower`, `share`: of all those taps.
+template <int kFirst, class D, class V, class VI>
+HWY_INLINE V add_taps(D d, const std::uint16_t* frame, std::size_t row, const std::int32_t* pixel,
+                      VI upper, VI lower, V share, V sum) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::RebindToSigned<D> d32;
+  const hn::Repartition<std::int16_t, D> d16;
+  const hn::Repartition<std::uint16_t, D> du16;
+  const hn::Repartition<std::uint8_t, D> bytes;
+  alignas(16) static constexpr std::uint8_t kPairs[16] = {0, 1, 8,  9,  2, 3, 10, 11,
+                                                          4, 5, 12, 13, 6, 7, 14, 15};
+  const auto pairs = hn::LoadDup128(bytes, kPairs);
+  const auto middle = hn::Set(du16, std::uint16_t{32768});
+  const auto codes = [&](const std::uint16_t* of_row) HWY_ATTR {
+    const auto neighbours = hn::Xor(load_neighbours(du16, of_row, pixel + kFirst), middle);
+    return hn::BitCast(d16, hn::TableLookupBytes(hn::BitCast(bytes, neighbours), pairs));
   };
-  const auto weights = hn::LoadDup128(d, tap_weight);
-  if constexpr (hn::MaxLanes(d) == 8) {
-    constexpr std::uint8_t l = 4 * kFirst, r = l + 4;
-    alignas(32) static constexpr std::uint8_t kSpread[32] = {
-        l,     l + 1, l + 2, l + 3, l,     l + 1, l + 2, l + 3, l,     l + 1, l + 2,
-        l + 3, l,     l + 1, l + 2, l + 3, r,     r + 1, r + 2, r + 3, r,     r + 1,
-        r + 2, r + 3, r,     r + 1, r + 2, r + 3, r,     r + 1, r + 2, r + 3};
-    const hn::Repartition<std::uint8_t, SumTag> bytes;
-    const auto spread = hn::TableLookupBytes(hn::BitCast(bytes, weights), hn::Load(bytes, kSpread));
-    return hn::MulAdd(hn::BitCast(d, spread), pixels(left), sum);
-  } else {
-    sum = hn::MulAdd(hn::Broadcast<kFirst>(weights), pixels(left), sum);
-    return hn::MulAdd(hn::Broadcast<kFirst + 1>(weights), pixels(left + 4), sum);
-  }
-}
-
-/// Adds the weighted neighbours of a tap: its pixel, and its four weights. `row`: of the frame, in
-/// 16-bit words.
-template <class V>
-HWY_INLINE V add_tap(const std::uint16_t* frame, std::size_t row, std::int32_t pixel,
-                     const float* weight, V sum) {
-  const std::uint16_t* upper = frame + std::size_t{4} * static_cast<std::uint32_t>(pixel);
-  sum = add_neighbours<0>(upper, weight, sum);
-  return add_neighbours<2>(upper + row, weight, sum);
-}
-
-/// R, G, B, weight.
-template <class V>
-HWY_INLINE auto fold(V sum) {
-  namespace hn = hwy::HWY_NAMESPACE;
-  const SumTag d;
-  if constexpr (hn::MaxLanes(d) == 8) {
-    return hn::Add(hn::LowerHalf(sum), hn::UpperHalf(hn::Half<SumTag>(), sum));
-  } else {
-    return sum;
-  }
+  const auto of_tap = [&](VI weights)
+                          HWY_ATTR { return hn::BitCast(d16, hn::Broadcast<kFirst>(weights)); };
+  auto unused = hn::Zero(d32);
+  auto total = hn::Set(d32, 32768 * static_cast<std::int32_t>(kUnit));
+  total = hn::ReorderWidenMulAccumulate(d32, codes(frame), of_tap(upper), total, unused);
+  total = hn::ReorderWidenMulAccumulate(d32, codes(frame + row), of_tap(lower), total, unused);
+  return hn::MulAdd(hn::ConvertTo(d, total), hn::Broadcast<kFirst>(share), sum);
 }
 
 // NOLINTNEXTLINE(google-readability-namespace-comments)

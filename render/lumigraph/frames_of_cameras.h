@@ -3,7 +3,6 @@
 
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <vector>
 
 #include "render/sampling/source_view.h"
@@ -24,17 +23,10 @@ class FramesOfCameras {
   /// Whether decode() needs no plan: every frame is in memory already, and nobody counts.
   bool are_whole() const;
 
-  /// Private copies of what is wanted, for one thread to mark in.
-  struct Masks {
-    std::vector<McuMask> mcus;
-    std::vector<std::vector<std::uint8_t>> pixels;
-  };
-  Masks masks() const { return {std::vector<McuMask>(used_.size()), {}}; }
-  /// Makes a camera's lens mark into `masks`; false where there is nothing to mark.
-  bool plan_into(int camera, Masks& masks, SourceView& lens) const;
-  void join(const Masks& masks);  ///< thread-safe
+  /// Makes a camera's lens mark what is wanted of its frame; to no end where it is not used.
+  void plan_into(int camera, SourceView& lens);
 
-  /// What is wanted of each frame; where nothing was marked for any, all.
+  /// What is wanted of each frame; all of those that were not planned.
   void decode(RenderStatistics& statistics);
   /// Null for a camera that is not used.
   const std::uint16_t* pixels(int camera) const {
@@ -47,9 +39,8 @@ class FramesOfCameras {
   bool count_needed_;
   std::vector<bool> used_;
   std::vector<std::shared_ptr<const JpegLayout>> layouts_;
-  Masks wanted_;
-  bool planned_ = false;
-  std::mutex joining_;
+  std::vector<McuMask> wanted_;                         // empty: all
+  std::vector<std::vector<std::uint8_t>> read_pixels_;  // empty: nobody counts
   std::vector<std::shared_ptr<const DecodedFrame>> frames_;
 };
 

@@ -244,37 +244,23 @@ class LumigraphFrame {
     }
   }
 
-  /// Strips of blocks go through private copies of the masks, joined afterwards.
   void mark_wanted() {
-    constexpr int kStrips = 8;
-    raystage::parallel_for(0, kStrips, [&](int strip) {
-      Scratch scratch;
-      FramesOfCameras::Masks masks = frames_.masks();
-      const auto strip_end = [&](int s) {
-        return blocks_.size() * static_cast<std::size_t>(s) / kStrips;
-      };
-      for (std::size_t b = strip_end(strip); b < strip_end(strip + 1); ++b) {
-        for_each_row(blocks_[b], scratch, [&](int) {
-          for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
-            SourceView lens = scratch.cameras[c]->lens;
-            if (!frames_.plan_into(scratch.cameras[c]->camera, masks, lens)) continue;
-            mark_camera(lens, scratch.weights[c], scratch.chunk.count);
-          }
-        });
-      }
-      frames_.join(masks);
+    for (ChunkCamera& camera : cameras_) frames_.plan_into(camera.camera, camera.lens);
+    for_each_block([&](const Block& block, Scratch& scratch) {
+      for_each_row(block, scratch, [&](int) {
+        for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
+          mark_camera(scratch.cameras[c]->lens, scratch.weights[c], scratch.chunk.count);
+        }
+      });
     });
   }
 
   void blend_row(const Block& block, int y, Scratch& scratch, RenderedView& image) const {
     const RayChunk& chunk = scratch.chunk;
-    alignas(64) std::array<float, 4 * RayChunk::kSize> sums{};
-    for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
-      add_camera(scratch.cameras[c]->lens, scratch.weights[c], chunk.count, sums.data());
-    }
     const std::size_t first = at(block.x0, y);
-    finish_chunk(sums.data(), chunk.count, request_.instant.cache->blend_space(),
-                 static_cast<float>(request_.instant.cache->full_scale()), &image.rgba[first * 4]);
+    blend_chunk(scratch.cameras, scratch.weights, chunk.count,
+                request_.instant.cache->blend_space(),
+                static_cast<float>(request_.instant.cache->full_scale()), &image.rgba[first * 4]);
     const Vector3d forward = view_.pose.viewing_direction();
     for (std::size_t i = 0; i < static_cast<std::size_t>(chunk.count); ++i) {
       const float alpha = image.rgba[(first + i) * 4 + 3];

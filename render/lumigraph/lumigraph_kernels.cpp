@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
+#include <atomic>
 #include <cstddef>
 #include <limits>
 
@@ -11,8 +12,8 @@
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
-#include "render/sampling/finish-inl.h"
 #include "render/sampling/lens-inl.h"
+#include "render/sampling/run-inl.h"
 // clang-format on
 
 HWY_BEFORE_NAMESPACE();
@@ -22,7 +23,8 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-constexpr int kChunk = RayChunk::kSize;
+constexpr int kRays = RayChunk::kSize;
+static_assert(kRays <= kChunk);
 constexpr float kNever = 1e30F;  // the penalty of a camera that does not see the point
 constexpr float kTiny = 1e-20F;
 
@@ -37,7 +39,7 @@ struct Beside {
 template <class D>
 Beside<hn::Vec<D>> beside(D d, const RayChunk& chunk, const ChunkCamera& camera, int i) {
   Beside<hn::Vec<D>> b;
-  const auto load = [&](const std::array<float, kChunk>& values)
+  const auto load = [&](const std::array<float, kRays>& values)
                         HWY_ATTR { return hn::Load(d, values.data() + i); };
   for (std::size_t axis = 0; axis < 3; ++axis) {
     b.offset[axis] = hn::Sub(hn::Set(d, camera.centre[axis]), load(chunk.base[axis]));
@@ -116,8 +118,8 @@ void weigh(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
   const auto one = set(1), zero = hn::Zero(d), never = set(kNever);
   const int kept = weighing.cameras + 1;
   // The least penalties so far, sorted, for all rays of the chunk.
-  HWY_ALIGN float least[(kMostCameras + 1) * kChunk];
-  for (int i = 0; i < kept * kChunk; i += lanes) hn::Store(never, d, least + i);
+  HWY_ALIGN float least[(kMostCameras + 1) * kRays];
+  for (int i = 0; i < kept * kRays; i += lanes) hn::Store(never, d, least + i);
 
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const ChunkCamera& camera = *cameras[c];
@@ -143,7 +145,7 @@ void weigh(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
       penalty = hn::IfThenElse(hn::And(sees, hn::Lt(penalty, never)), penalty, never);
       hn::Store(penalty, d, weights[c].weight.data() + i);
       for (int k = 0; k < kept; ++k) {
-        float* at = least + k * kChunk + i;
+        float* at = least + k * kRays + i;
         const auto known = hn::Load(d, at);
         hn::Store(hn::Min(known, penalty), d, at);
         penalty = hn::Max(known, penalty);
@@ -152,7 +154,7 @@ void weigh(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
   }
 
   for (int i = 0; i < chunk.count; i += lanes) {
-    const auto next = hn::Load(d, least + (kept - 1) * kChunk + i);
+    const auto next = hn::Load(d, least + (kept - 1) * kRays + i);
     const auto per_threshold = hn::IfThenElseZero(
         hn::Lt(next, never), hn::Div(one, hn::Mul(next, set(1 + static_cast<float>(kSoftening)))));
     for (ChunkWeights& camera : weights) {
@@ -214,78 +216,116 @@ bool any(const ChunkWeights& weights, int count) {
   return false;
 }
 
-/// Upper left of the four neighbours of a position, and how far it lies from there.
-struct Corner {
-  int x, y;
-  float right, down;
-};
-HWY_INLINE Corner corner_of(const SourceView& lens, float u, float v) {
-  const float left = std::min(std::max(u - 0.5F, 0.0F), static_cast<float>(lens.width - 1));
-  const float top = std::min(std::max(v - 0.5F, 0.0F), static_cast<float>(lens.height - 1));
-  const int x = static_cast<int>(left), y = static_cast<int>(top);
-  return {x, y, left - static_cast<float>(x), top - static_cast<float>(y)};
+/// Where rays [i, i + lanes) are looked up: from the first pixel's centre, pixels.
+template <class D>
+Sight<hn::Vec<D>> position(D d, const SourceView& lens, const ChunkWeights& weights, int i) {
+  const auto half = hn::Set(d, 0.5F), zero = hn::Zero(d);
+  const auto within = [&](const std::array<float, kRays>& at, int size) HWY_ATTR {
+    const auto last = hn::Set(d, static_cast<float>(size - 1));
+    return hn::Min(hn::Max(hn::Sub(hn::Load(d, at.data() + i), half), zero), last);
+  };
+  return {within(weights.u, lens.width), within(weights.v, lens.height),
+          hn::Load(d, weights.weight.data() + i)};
 }
 
-void add(const SourceView& lens, const ChunkWeights& weights, int count, float* HWY_RESTRICT sums) {
-  const hn::FixedTag<float, 4> d;
-  const hn::Rebind<std::uint16_t, decltype(d)> d16;
-  const hn::Rebind<std::int32_t, decltype(d)> d32;
-  const auto pixel = [&](const std::uint16_t* at) HWY_ATTR {
-    return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, at)));
-  };
-  const std::size_t row = static_cast<std::size_t>(lens.width) * 4;
-  for (int i = 0; i < count; ++i) {
-    const float weight = weights.weight[static_cast<std::size_t>(i)];
-    if (weight == 0) continue;
-    const Corner corner = corner_of(lens, weights.u[static_cast<std::size_t>(i)],
-                                    weights.v[static_cast<std::size_t>(i)]);
-    const std::uint16_t* upper = lens.rgbx + static_cast<std::size_t>(corner.y) * row +
-                                 static_cast<std::size_t>(corner.x) * 4;
-    const std::uint16_t* lower = upper + row;
-    const float below = weight * corner.down, above = weight - below;
-    const float above_right = above * corner.right, below_right = below * corner.right;
-    auto sum = hn::Load(d, sums + 4 * i);
-    sum = hn::MulAdd(hn::Set(d, above - above_right), pixel(upper), sum);
-    sum = hn::MulAdd(hn::Set(d, above_right), pixel(upper + 4), sum);
-    sum = hn::MulAdd(hn::Set(d, below - below_right), pixel(lower), sum);
-    sum = hn::MulAdd(hn::Set(d, below_right), pixel(lower + 4), sum);
-    hn::Store(sum, d, sums + 4 * i);
+void find_taps_of(const SourceView& lens, const ChunkWeights& weights, int count, Taps& taps) {
+  const hn::ScalableTag<float> d;
+  const auto half = hn::Set(d, 0.5F);
+  for (int i = 0; i < count; i += static_cast<int>(hn::Lanes(d))) {
+    const auto at = position(d, lens, weights, i);
+    store_taps(d, lens.width, hn::Sub(at.u, half), hn::Sub(at.v, half), at.seen, i, taps);
+  }
+  end_taps(count, taps);
+}
+
+void blend_all(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
+               int count, BlendSpace space, float full_scale, float* HWY_RESTRICT rgba) {
+  constexpr int kTogether = 4;
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  HWY_ALIGN float sums[4 * kRays] = {};
+  Taps taps[kTogether];
+  const SourceView* sources[kTogether];
+  int waiting = 0;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const SourceView& lens = cameras[c]->lens;
+    if (lens.rgbx == nullptr || !any(weights[c], count)) continue;
+    find_taps_of(lens, weights[c], count, taps[waiting]);
+    sources[waiting++] = &lens;
+    if (waiting < kTogether) continue;
+    add_samples<false>(sources, taps, waiting, count, sums);
+    waiting = 0;
+  }
+  add_samples<false>(sources, taps, waiting, count, sums);
+  for (int i = 0; i < count; i += lanes) {
+    const float* from = sums + 4 * i;
+    auto r = hn::Load(d, from), g = hn::Load(d, from + lanes);
+    auto b = hn::Load(d, from + 2 * lanes), weight = hn::Load(d, from + 3 * lanes);
+    transpose_blocks(d, r, g, b, weight);
+    finish(d, space, full_scale, r, g, b, weight);
+    if (i + lanes <= count) {
+      hn::StoreInterleaved4(r, g, b, weight, d, rgba + 4 * i);
+    } else {
+      Pixels last;
+      hn::StoreInterleaved4(r, g, b, weight, d, last.rgba);
+      std::copy_n(last.rgba, 4 * (count - i), rgba + 4 * i);
+    }
+  }
+}
+
+/// Some of a frame's pixels, the last ones included.
+struct PixelBox {
+  float left, top, right, bottom;
+};
+
+void mark_box(const SourceView& lens, const PixelBox& box) {
+  const int reach = lens.chroma_reach;
+  const int first_x = std::max(0, static_cast<int>(box.left) - reach) >> lens.mcu_width_log2;
+  const int first_y = std::max(0, static_cast<int>(box.top) - reach) >> lens.mcu_height_log2;
+  const int last_x = std::min(lens.width - 1, static_cast<int>(box.right) + 1 + reach);
+  const int last_y = std::min(lens.height - 1, static_cast<int>(box.bottom) + 1 + reach);
+  for (int y = first_y; y <= last_y >> lens.mcu_height_log2; ++y) {
+    for (int x = first_x; x <= last_x >> lens.mcu_width_log2; ++x) {
+      std::atomic_ref(lens.wanted_mcus[y * lens.mcus_per_row + x])
+          .store(1, std::memory_order_relaxed);
+    }
   }
 }
 
 void mark(const SourceView& lens, const ChunkWeights& weights, int count) {
-  int previous_x = -1, previous_y = -1;
-  for (int i = 0; i < count; ++i) {
-    if (weights.weight[static_cast<std::size_t>(i)] == 0) continue;
-    const Corner corner = corner_of(lens, weights.u[static_cast<std::size_t>(i)],
-                                    weights.v[static_cast<std::size_t>(i)]);
-    const int right = std::min(corner.x + 1, lens.width - 1);
-    const int below = std::min(corner.y + 1, lens.height - 1);
-    if (lens.read_pixels != nullptr) {
-      std::uint8_t* at = lens.read_pixels + static_cast<std::ptrdiff_t>(corner.y) * lens.width;
-      std::uint8_t* under = lens.read_pixels + static_cast<std::ptrdiff_t>(below) * lens.width;
-      at[corner.x] = 1;
-      if (corner.right > 0) at[right] = 1;
-      if (corner.down > 0) under[corner.x] = 1;
-      if (corner.right > 0 && corner.down > 0) under[right] = 1;
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  HWY_ALIGN float left[kRays], top[kRays];
+  const auto never = hn::Set(d, kNever);
+  for (int i = 0; i < count; i += lanes) {
+    const auto at = position(d, lens, weights, i);
+    const auto is_ray = hn::Lt(counting_from(d, i), hn::Set(d, static_cast<float>(count)));
+    const auto counts = hn::And(is_ray, hn::Gt(at.seen, hn::Zero(d)));
+    if (hn::AllFalse(d, counts)) continue;
+    const auto least = [&](auto values) HWY_ATTR {
+      return hn::GetLane(hn::MinOfLanes(d, hn::IfThenElse(counts, values, never)));
+    };
+    const auto most = [&](auto values) HWY_ATTR {
+      return hn::GetLane(hn::MaxOfLanes(d, hn::IfThenElseZero(counts, values)));
+    };
+    const PixelBox box{least(at.u), least(at.v), most(at.u), most(at.v)};
+    // Rays side by side mostly read pixels side by side; where they do not, one by one.
+    const float wide = 2.0F * static_cast<float>(lanes);
+    if (box.right - box.left <= wide && box.bottom - box.top <= wide) {
+      mark_box(lens, box);
+      continue;
     }
-    if (lens.wanted_mcus == nullptr || (corner.x == previous_x && corner.y == previous_y)) continue;
-    previous_x = corner.x;
-    previous_y = corner.y;
-    const int reach = lens.chroma_reach;
-    const int first_column = std::max(0, corner.x - reach) >> lens.mcu_width_log2;
-    const int last_column = std::min(lens.width - 1, right + reach) >> lens.mcu_width_log2;
-    const int first_row = std::max(0, corner.y - reach) >> lens.mcu_height_log2;
-    const int last_row = std::min(lens.height - 1, below + reach) >> lens.mcu_height_log2;
-    for (const int r : {first_row, last_row}) {
-      lens.wanted_mcus[r * lens.mcus_per_row + first_column] = 1;
-      lens.wanted_mcus[r * lens.mcus_per_row + last_column] = 1;
+    hn::Store(at.u, d, left + i);
+    hn::Store(at.v, d, top + i);
+    for (int k = i; k < std::min(i + lanes, count); ++k) {
+      if (!(weights.weight[static_cast<std::size_t>(k)] > 0)) continue;
+      mark_box(lens, {left[k], top[k], left[k], top[k]});
     }
   }
-}
-
-void finish_all(const float* sums, int count, BlendSpace space, float full_scale, float* rgba) {
-  finish(sums, count, space, full_scale, rgba);
+  if (lens.read_pixels == nullptr) return;
+  Taps taps;
+  find_taps_of(lens, weights, count, taps);
+  mark_pixels(lens, taps, count);
 }
 
 }  // namespace
@@ -300,9 +340,8 @@ HWY_EXPORT(weigh);
 HWY_EXPORT(share);
 HWY_EXPORT(measure);
 HWY_EXPORT(any);
-HWY_EXPORT(add);
+HWY_EXPORT(blend_all);
 HWY_EXPORT(mark);
-HWY_EXPORT(finish_all);
 
 void weigh_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
                    const ChunkWeighing& weighing, std::span<ChunkWeights> weights) {
@@ -319,15 +358,12 @@ void measure_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> 
 bool counts(const ChunkWeights& weights, int count) {
   return HWY_DYNAMIC_DISPATCH(any)(weights, count);
 }
-void add_camera(const SourceView& lens, const ChunkWeights& weights, int count, float* sums) {
-  HWY_DYNAMIC_DISPATCH(add)(lens, weights, count, sums);
+void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
+                 int count, BlendSpace space, float full_scale, float* rgba) {
+  HWY_DYNAMIC_DISPATCH(blend_all)(cameras, weights, count, space, full_scale, rgba);
 }
 void mark_camera(const SourceView& lens, const ChunkWeights& weights, int count) {
   HWY_DYNAMIC_DISPATCH(mark)(lens, weights, count);
 }
-void finish_chunk(const float* sums, int count, BlendSpace space, float full_scale, float* rgba) {
-  HWY_DYNAMIC_DISPATCH(finish_all)(sums, count, space, full_scale, rgba);
-}
-
 }  // namespace raystage
 #endif

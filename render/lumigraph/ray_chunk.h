@@ -77,14 +77,14 @@ void measure_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> 
 /// Whether a camera has a weight for any of the rays.
 bool counts(const ChunkWeights& weights, int count);
 
-/// Adds bilinear samples: `sums` grows by weight * (R, G, B, 65535), 4 floats a ray, aligned.
-void add_camera(const SourceView& lens, const ChunkWeights& weights, int count, float* sums);
+/// The cameras' samples, bilinear, by their weights: premultiplied linear light (R, G, B, A; code
+/// 65535 being `full_scale`) of `count` rays. Cameras without a frame (SourceView::rgbx) count for
+/// nothing.
+void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
+                 int count, BlendSpace space, float full_scale, float* rgba);
 
-/// Marks what add_camera() will read in the lens's wanted_mcus and read_pixels, as far as there are
-/// any.
+/// Marks in the lens's wanted_mcus all that blend_chunk() will read, and in its read_pixels, if
+/// there are any, exactly that. Many threads may mark the same bytes.
 void mark_camera(const SourceView& lens, const ChunkWeights& weights, int count);
-
-/// Sums of weighted codes become premultiplied linear light, code 65535 being `full_scale`.
-void finish_chunk(const float* sums, int count, BlendSpace space, float full_scale, float* rgba);
 
 }  // namespace raystage

@@ -48,15 +48,17 @@ class FramesOnDemand {
   std::vector<std::shared_ptr<const DecodedFrame>> held_;
 };
 
-/// Weights of the chunk's rays over some cameras.
+/// Weights of the chunk's rays over some cameras. One thread's: their frames come on demand.
 class Weigher {
  public:
   Weigher(const std::vector<ChunkCamera>& all, const std::vector<int>& cameras)
       : weights_(cameras.size()) {
-    for (const int camera : cameras) {
-      cameras_.push_back(&all[static_cast<std::size_t>(camera)]);
-    }
+    for (const int camera : cameras) own_.push_back(all[static_cast<std::size_t>(camera)]);
+    for (const ChunkCamera& camera : own_) cameras_.push_back(&camera);
   }
+  Weigher(const Weigher&) = delete;
+  Weigher& operator=(const Weigher&) = delete;
+  void set_frame(std::size_t camera, const std::uint16_t* rgbx) { own_[camera].lens.rgbx = rgbx; }
   void weigh(const RayChunk& chunk, const ChunkWeighing& weighing) {
     weigh_cameras(chunk, cameras_, weighing, weights_);
   }
@@ -64,7 +66,8 @@ class Weigher {
   const std::vector<ChunkWeights>& weights() const { return weights_; }
 
  private:
-  std::vector<const ChunkCamera*> cameras_;
+  std::vector<ChunkCamera> own_;
+  std::vector<const ChunkCamera*> cameras_;  // each of those
   std::vector<ChunkWeights> weights_;
 };
 
@@ -104,16 +107,14 @@ class Answers {
 
  private:
   void blend(std::span<RaySample> samples) {
-    alignas(64) std::array<float, 4 * RayChunk::kSize> sums{}, rgba{};
+    alignas(64) std::array<float, 4 * RayChunk::kSize> rgba{};
     alignas(64) std::array<float, RayChunk::kSize> effective{}, nearest{};
     for (std::size_t c = 0; c < present_.cameras().size(); ++c) {
       if (!counts(present_.weights()[c], chunk_.count)) continue;
-      SourceView lens = present_.cameras()[c]->lens;
-      lens.rgbx = frames_.pixels(present_.cameras()[c]->camera);
-      add_camera(lens, present_.weights()[c], chunk_.count, sums.data());
+      present_.set_frame(c, frames_.pixels(present_.cameras()[c]->camera));
     }
-    finish_chunk(sums.data(), chunk_.count, instant_.cache->blend_space(),
-                 static_cast<float>(instant_.cache->full_scale()), rgba.data());
+    blend_chunk(present_.cameras(), present_.weights(), chunk_.count, instant_.cache->blend_space(),
+                static_cast<float>(instant_.cache->full_scale()), rgba.data());
     measure_cameras(chunk_, present_.cameras(), present_.weights(), effective.data(),
                     nearest.data());
     for (std::size_t i = 0; i < samples.size(); ++i) {

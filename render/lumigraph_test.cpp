@@ -13,6 +13,7 @@
 
 #include "render/lumigraph/camera_choice.h"
 #include "render/lumigraph/ray_chunk.h"
+#include "render/lumigraph/view_rays.h"
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
 #include "render/view/ray_cells.h"
@@ -151,6 +152,49 @@ TEST(LumigraphWeights, AgreeWithTheReferenceOnEveryInstructionSet) {
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().DeInit();
   EXPECT_GE(seen.size(), 1U);
+}
+
+TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
+  const Vector3d eye(12.3, -4.5, 60.7), middle(12, -4, 60);
+  VirtualCamera view = virtual_camera_with_fov(300, 200, 1.2, {});
+  view.pose.position = eye;
+  view.pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(kernel_target());
+    for (const int count : {1, 7, 61, RayChunk::kSize}) {
+      RayRow row;
+      find_directions(ray_from_pixel, 200, 17, count, row);
+      std::vector<WorldRay> rays;
+      std::vector<float> inverse;
+      for (int i = 0; i < count; ++i) {
+        rays.push_back({eye, (ray_from_pixel * Vector3d(200.5 + i, 17.5, 1)).normalized()});
+        inverse.push_back(0.1F * static_cast<float>(i));
+        ASSERT_NEAR((row[i] - rays.back().direction).norm(), 0, 1e-15);
+      }
+      RayChunk of_rays, of_row;
+      fill_chunk(rays, inverse, middle, of_rays);
+      fill_chunk(eye, row, inverse, middle, of_row);
+      ASSERT_EQ(of_row.count, count);
+      for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          ASSERT_NEAR(of_row.base[axis][i], of_rays.base[axis][i], 1e-7);
+          ASSERT_NEAR(of_row.direction[axis][i], of_rays.direction[axis][i], 1e-7);
+        }
+        ASSERT_NEAR(of_row.eye[i], of_rays.eye[i], 1e-7);
+        ASSERT_NEAR(of_row.point[i] / of_rays.point[i], 1, 1e-6);
+        ASSERT_EQ(of_row.inverse_distance[i], of_rays.inverse_distance[i]);
+      }
+      for (std::size_t i = static_cast<std::size_t>(count); i < RayChunk::kSize; ++i) {
+        ASSERT_TRUE(std::isnan(of_row.inverse_distance[i]));
+      }
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
 }
 
 TEST(LumigraphWeights, AreFiniteAndSumToWhatIsSeenAtTheExtremes) {

@@ -10,6 +10,7 @@
 #include "render/lumigraph/camera_choice.h"
 #include "render/lumigraph/frames_of_cameras.h"
 #include "render/lumigraph/ray_chunk.h"
+#include "render/lumigraph/view_rays.h"
 #include "render/view/ray_cells.h"
 #include "schemas/parallel.h"
 
@@ -36,6 +37,7 @@ struct Block {
 struct Scratch {
   std::vector<WorldRay> rays;
   std::vector<double> inverse_distance;
+  RayRow row;
   RayChunk chunk, corners;
   std::vector<const ChunkCamera*> cameras, in_field;
   std::vector<ChunkWeights> weights, corner_weights;
@@ -128,9 +130,10 @@ class LumigraphFrame {
     for_each_block([&](Block& block, Scratch& scratch) {
       double least = std::numeric_limits<double>::infinity(), most = 0;
       for (int y = block.y0; y < block.y1; ++y) {
+        find_directions(world_ray_, block.x0, y, block.x1 - block.x0, scratch.row);
         scratch.rays.clear();
-        for (int x = block.x0; x < block.x1; ++x) {
-          scratch.rays.push_back({view_.pose.position, direction(x + 0.5, y + 0.5)});
+        for (int i = 0; i < scratch.row.count; ++i) {
+          scratch.rays.push_back({view_.pose.position, scratch.row[i]});
         }
         scratch.inverse_distance.resize(scratch.rays.size());
         surface_(scratch.rays, scratch.inverse_distance);
@@ -172,11 +175,10 @@ class LumigraphFrame {
   }
 
   void set_chunk(const Block& block, int y, Scratch& scratch) const {
-    scratch.rays.clear();
-    for (int x = block.x0; x < block.x1; ++x) {
-      scratch.rays.push_back({view_.pose.position, direction(x + 0.5, y + 0.5)});
-    }
-    fill_chunk(scratch.rays, std::span(&inverse_distance_[at(block.x0, y)], scratch.rays.size()),
+    const int count = block.x1 - block.x0;
+    find_directions(world_ray_, block.x0, y, count, scratch.row);
+    fill_chunk(view_.pose.position, scratch.row,
+               std::span(&inverse_distance_[at(block.x0, y)], static_cast<std::size_t>(count)),
                middle_, scratch.chunk);
   }
 
@@ -266,8 +268,8 @@ class LumigraphFrame {
       const float alpha = image.rgba[(first + i) * 4 + 3];
       image.coverage[first + i] = alpha;
       if (!(alpha > 0)) continue;
-      image.z[first + i] =
-          static_cast<float>(forward.dot(scratch.rays[i].direction)) / chunk.inverse_distance[i];
+      image.z[first + i] = static_cast<float>(forward.dot(scratch.row[static_cast<int>(i)])) /
+                           chunk.inverse_distance[i];
     }
     if (request_.measure_coverage) measure(first, scratch, image);
     if (!block.complete.empty()) lower_coverage(block, first, scratch, image);

@@ -5,12 +5,16 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <span>
 #include <vector>
 
 #include "render/planar/aperture_lens.h"
+#include "render/planar/depth_map.h"
 #include "render/planar/view_rows.h"
 #include "render/sampling/aperture_run.h"
+#include "render/sampling/depth_planning.h"
+#include "render/sampling/depth_sampling.h"
 #include "render/sampling/needed_mcus.h"
 #include "render/sampling/source_frames.h"
 #include "render/view/plane_projection.h"
@@ -46,9 +50,9 @@ class ApertureFrame {
       : request_(request),
         view_(request.view),
         instant_(request.instant),
-        plane_(plane_of(request)),
-        lens_(view_, instant_, plane_, request.options),
-        projection_(view_, plane_),
+        lens_(view_, instant_, plane_of(request), request.options),
+        depths_(depth_map_of(request)),
+        projection_(view_, depths_ ? Eigen::Vector4d(0, 0, 0, 1) : plane_of(request)),
         cells_(view_, *instant_.rig, *instant_.present),
         rows_(view_, cells_),
         sources_(instant_, projection_, request.count_needed_pixels) {
@@ -120,12 +124,18 @@ class ApertureFrame {
     return lens_.cameras()[static_cast<std::size_t>(camera)].place;
   }
 
+  /// DepthSource::per_inverse_depth.
+  std::array<double, 3> way_to_eye(int camera) const {
+    return depth_source(view_, instant_.rig->cameras[static_cast<std::size_t>(camera)])
+        .per_inverse_depth;
+  }
+
   ApertureCamera as_seen(int index) {
     const ApertureLens::Camera& camera = lens_.cameras()[static_cast<std::size_t>(index)];
     const bool present = instant_.is_present(index);
-    return {static_cast<float>(camera.place.x()), static_cast<float>(camera.place.y()),
-            static_cast<float>(1 / camera.reach), present,
-            present ? &sources_.view(index) : nullptr};
+    return {static_cast<float>(camera.place.x()),      static_cast<float>(camera.place.y()),
+            static_cast<float>(1 / camera.reach),      present,
+            present ? &sources_.view(index) : nullptr, way_to_eye(index)};
   }
 
   /// A disc of the array's plane.
@@ -175,6 +185,7 @@ class ApertureFrame {
     run.cell.at_infinity = projection_.at_infinity();
     run.cameras = cameras_[index];
     run.shape = {sides_, static_cast<float>(lens_.steepness())};
+    if (depths_) run.inverse_depth = depths_->row(y) + span.begin;
     return run;
   }
 
@@ -200,6 +211,10 @@ class ApertureFrame {
         const Disc disc = disc_around(crossings(cell, part));
         for (const int camera : gathering_[static_cast<std::size_t>(cell)]) {
           if (!instant_.is_present(camera) || !may_gather(camera, disc)) continue;
+          if (depths_) {
+            mark_at_depths(camera, part);
+            continue;
+          }
           PixelBlock& block = blocks[static_cast<std::size_t>(camera)];
           if (block.x_end == 0) {
             block = part;
@@ -215,6 +230,29 @@ class ApertureFrame {
       const SourceView& camera = sources_.view(static_cast<int>(i));
       if (camera.wanted_mcus != nullptr) mark_block(camera, blocks[i]);
     }
+  }
+
+  /// What the block needs of a camera at the depths that it has.
+  void mark_at_depths(int camera, const PixelBlock& part) {
+    ViewBlock block{part.x_begin,
+                    part.x_end,
+                    part.y_begin,
+                    part.y_end,
+                    std::numeric_limits<double>::infinity(),
+                    0};
+    for (int y = part.y_begin; y < part.y_end; ++y) {
+      for (int x = part.x_begin; x < part.x_end; ++x) {
+        const auto inverse = static_cast<double>(depths_->row(y)[x]);
+        if (!(inverse >= 0)) continue;
+        block.farthest = std::min(block.farthest, inverse);
+        block.nearest = std::max(block.nearest, inverse);
+      }
+    }
+    if (!(block.farthest <= block.nearest)) return;  // nothing there
+    const SourceView& opened = sources_.view(camera);
+    if (opened.wanted_mcus == nullptr) return;
+    const DepthSource source{opened, way_to_eye(camera)};
+    mark_block(source, block, LookUp::kLinear);
   }
 
   /// Points between which all rays of a block that pass through a cell cross the array: the
@@ -245,8 +283,8 @@ class ApertureFrame {
   const ViewRequest& request_;
   const VirtualCamera& view_;
   const Instant& instant_;
-  Eigen::Vector4d plane_;
   ApertureLens lens_;
+  std::shared_ptr<const DepthMap> depths_;  // null: on a plane
   PlaneProjection projection_;
   RayCells cells_;
   ViewRows rows_;
@@ -258,13 +296,27 @@ class ApertureFrame {
 
 }  // namespace
 
+namespace {
+
+std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
+                                              const FrameSelection&) {
+  const std::filesystem::path map = depth_map_file(options, take);
+  return map.empty() ? std::vector<std::filesystem::path>{} : std::vector{map};
+}
+
+}  // namespace
+
 RenderedView render_aperture(const ViewRequest& request) { return ApertureFrame(request).render(); }
 
 Method aperture_method() {
-  return {"aperture",
-          "all cameras within an aperture around the ray, where it meets the focal plane: blurs "
-          "the rest",
-          aperture_options(), render_aperture, render_aperture_reference};
+  return {
+      "aperture",
+      "all cameras within an aperture around the ray, where it meets the focal plane or a depth "
+      "map: blurs the rest",
+      aperture_options(),
+      render_aperture,
+      render_aperture_reference,
+      files_read};
 }
 
 }  // namespace raystage

@@ -24,6 +24,9 @@ constexpr std::array kOptions{
     number_option("film_width", 36, 0.1, 1e6, "of the camera that f_number is meant for, mm"),
     number_option("focus_distance", 0, 0, 1e9,
                   "along the view's axis, m; 0: the focal plane that all methods use"),
+    text_option("depth_map", "",
+                "EXR file of the view's size, relative to the take's folder: focus follows its Z "
+                "(planar depth in the view, m) instead of a plane"),
     choice_option("shape", "round", "round|square|hexagon|octagon", "of the aperture"),
     number_option("soft_edge", 1, 0.01, 1, "part of the radius in which the weight falls to 0"),
 };

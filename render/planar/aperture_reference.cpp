@@ -5,6 +5,7 @@
 
 #include "render/planar/aperture.h"
 #include "render/planar/aperture_lens.h"
+#include "render/planar/depth_map.h"
 #include "render/planar/reference_look_up.h"
 #include "render/view/ray_cells.h"
 #include "schemas/parallel.h"
@@ -23,6 +24,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
   const Eigen::Vector4d plane =
       focus_distance > 0 ? plane_across(view, focus_distance) : request.focal_plane;
   const ApertureLens lens(view, instant, plane, request.options);
+  const auto depths = depth_map_of(request);
 
   const std::size_t count = instant.rig->cameras.size();
   std::vector<std::shared_ptr<const DecodedFrame>> frames(count);
@@ -56,7 +58,9 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
         cells.locate(ray_in_view->x() * k.fx + k.cx, -ray_in_view->y() * k.fy + k.cy);
     if (!crossing) return;
     const Vector3d ray = view.pose.world_from_camera_rotation * *ray_in_view;
-    const PlaneHit hit(view.pose.position, ray, plane);
+    const PlaneHit hit =
+        depths ? PlaneHit(view.pose.position, ray, 1 / static_cast<double>(depths->row(y)[x]))
+               : PlaneHit(view.pose.position, ray, plane);
     if (!hit.ahead()) return;
     const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
     Vector2d place = Vector2d::Zero();

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -48,6 +49,11 @@ class PlaneHit {
     depth_ = -height_above_plane(plane, eye) / normal.normalized().dot(ray);
     from_eye_ = depth_ * ray;
     eye_ = eye;
+  }
+  /// The point at a planar depth, m; may be infinite, or not-a-number for none.
+  PlaneHit(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray, double depth)
+      : from_eye_(depth * ray), eye_(eye), depth_(depth) {
+    if (std::isinf(depth)) direction_ = ray;
   }
   bool ahead() const { return depth_ > 0; }
   double depth() const { return depth_; }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <cstddef>
+#include <limits>
 
 #include "render/sampling/aperture_run.h"
 
@@ -80,6 +81,24 @@ HWY_INLINE bool find_aperture_weights(const ApertureCamera& camera, const Apertu
   return !hn::AllFalse(d, hn::Gt(largest, zero));
 }
 
+/// Where the camera is read for the chunk from pixel `begin` on.
+void find_taps_of(const ApertureRun& run, const ApertureCamera& camera, int begin, int n,
+                  const float* weight, Taps& taps) {
+  if (run.inverse_depth == nullptr) {
+    find_taps(*camera.source, begin, run.cell.y, n, weight, taps);
+  } else {
+    find_taps_at_depth(*camera.source, camera.per_inverse_depth.data(), begin, run.cell.y, n,
+                       run.inverse_depth + (begin - run.cell.begin), weight, taps);
+  }
+}
+
+/// The depths of pixels with depths of their own; +infinity where nothing is seen.
+void write_depths(const float* inverse_depth, const float* alpha, int n, float* z) {
+  for (int i = 0; i < n; ++i) {
+    z[i] = alpha[i] > 0 ? 1 / inverse_depth[i] : std::numeric_limits<float>::infinity();
+  }
+}
+
 /// Sums of weights become what sums of samples are multiplied by (`present`), and the part that
 /// cameras present have in all (`absent`).
 void find_shares(bool at_infinity, Ramp along, int n, Crossings& crossings) {
@@ -128,7 +147,7 @@ void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, 
     for (const ApertureCamera& camera : run.cameras) {
       if (!find_aperture_weights(camera, run.shape, n, crossings, weight)) continue;
       if (!camera.present || camera.source->rgbx == nullptr) continue;
-      find_taps(*camera.source, begin, cell.y, n, weight, taps[waiting]);
+      find_taps_of(run, camera, begin, n, weight, taps[waiting]);
       prefetch_taps(*camera.source, taps[waiting], n);
       sources[waiting++] = camera.source;
       if (waiting == kTogether) add_waiting();
@@ -139,6 +158,9 @@ void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, 
     write_pixels(sums, crossings.present, crossings.absent, n,
                  std::max(cell.end, cell.room_end) - begin, space, full_scale, along,
                  cell.at_infinity, rgba + 4 * at, coverage + at, z + at);
+    if (run.inverse_depth != nullptr) {
+      write_depths(run.inverse_depth + at, coverage + at, n, z + at);
+    }
   }
 }
 
@@ -160,7 +182,7 @@ void mark_aperture(const ApertureRun& run) {
           if (!(along.base + static_cast<float>(i - along.start) * along.step > 0)) weight[i] = 0;
         }
       }
-      find_taps(*camera.source, begin, cell.y, n, weight, taps);
+      find_taps_of(run, camera, begin, n, weight, taps);
       mark_pixels(*camera.source, taps, n);
     }
   }

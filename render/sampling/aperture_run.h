@@ -13,6 +13,8 @@ struct ApertureCamera {
   float inverse_reach = 0;       ///< 1 / R; 0 where the camera counts everywhere
   bool present = true;           ///< counts for alpha; others only for coverage
   SourceView* source = nullptr;  ///< of those present; without a frame where it sees nothing
+  /// DepthSource::per_inverse_depth, for runs whose pixels have depths of their own.
+  std::array<double, 3> per_inverse_depth{};
 };
 
 /// A synthetic aperture.
@@ -28,6 +30,10 @@ struct ApertureRun {
   std::array<std::array<float, 2>, 3> corner{};  ///< where the cell's cameras stand
   std::span<const ApertureCamera> cameras;       ///< all whose weight may be above 0
   ApertureShape shape;
+  /// Of the run's pixels, 1 / planar depth, per metre (not-a-number: none), then at least a
+  /// vector's room; null: they lie on the cell's plane. `cell.at_infinity` and the sources are then
+  /// as for a plane at infinity.
+  const float* inverse_depth = nullptr;
 };
 
 /// Marks, in `read_pixels` of the cameras that have them, what blend_aperture_run() reads.

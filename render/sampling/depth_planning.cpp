@@ -2,6 +2,7 @@
 #include "render/sampling/depth_planning.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 namespace raystage {
@@ -62,8 +63,10 @@ void mark_pixels(const SourceView& c, double left, double right, double top, dou
   const int first_row = clipped(top, c.height) >> c.mcu_height_log2;
   const int last_row = clipped(bottom, c.height) >> c.mcu_height_log2;
   for (int row = first_row; row <= last_row; ++row) {
-    std::fill_n(c.wanted_mcus + static_cast<std::ptrdiff_t>(row) * c.mcus_per_row + first_column,
-                last_column - first_column + 1, std::uint8_t{1});
+    for (int column = first_column; column <= last_column; ++column) {
+      std::atomic_ref(c.wanted_mcus[row * c.mcus_per_row + column])
+          .store(1, std::memory_order_relaxed);
+    }
   }
 }
 

@@ -228,6 +228,39 @@ HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, con
   end_taps(n, taps);
 }
 
+/// The same for pixels with depths of their own: `source` as for a plane at infinity, from which
+/// each of `inverse_depth` (1/m) leads by `per_inverse_depth` (DepthSource).
+HWY_INLINE void find_taps_at_depth(const SourceView& source, const double* per_inverse_depth,
+                                   int begin, int y, int n, const float* inverse_depth,
+                                   const float* share, Taps& taps) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const double* m = source.ideal_from_pixel.data();
+  const int anchor = anchor_of(m, begin, y, n);
+  const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F), half = hn::Set(d, 0.5F);
+  const auto last_x = hn::Set(d, static_cast<float>(source.width - 1));
+  const auto last_y = hn::Set(d, static_cast<float>(source.height - 1));
+  for (int i = 0; i < n; i += lanes) {
+    const auto steps = counting_from(d, i - anchor);
+    const auto inverse = hn::LoadU(d, inverse_depth + i);
+    const auto along = [&](int axis) HWY_ATTR {
+      const auto way = hn::Set(d, static_cast<float>(per_inverse_depth[axis]));
+      return hn::MulAdd(inverse, way, values(d, ramp(m + 3 * axis, begin, anchor, y, 1), steps));
+    };
+    const auto w = along(2);
+    const auto in_front = hn::Gt(w, zero);
+    const auto scale = reciprocal(d, hn::IfThenElse(in_front, w, one));
+    const auto sight =
+        through_lens(d, source, hn::Mul(along(0), scale), hn::Mul(along(1), scale), in_front);
+    const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
+    const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
+    store_taps(d, source.width, hn::Sub(left, half), hn::Sub(top, half),
+               hn::Mul(sight.seen, hn::Load(d, share + i)), i, taps);
+  }
+  end_taps(n, taps);
+}
+
 /// Asks for the memory that a chunk's taps lie in: rows of many cameras take turns, which the
 /// processor does not foresee.
 HWY_INLINE void prefetch_taps(const SourceView& source, const Taps& taps, int n) {

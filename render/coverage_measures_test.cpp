@@ -21,7 +21,7 @@ class CoverageMeasures : public ::testing::Test {
     write_synthetic_take(settings, folder_.path() / "take");
   }
   RenderedView render(const std::string& method, const Vector3d& eye, bool reference = false,
-                      bool measured = true) const {
+                      bool measured = true, const OptionValues& options = {}) const {
     const Take take(folder_.path() / "take");
     VirtualCamera view = virtual_camera_with_fov(91, 71, 0.8, {});
     view.pose.position = eye;
@@ -29,14 +29,14 @@ class CoverageMeasures : public ::testing::Test {
     settings.measure_coverage = measured;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)
-        .render(view, select_frames(take, 0, 1), {method, {0, 0, 1, 4}});
+        .render(view, select_frames(take, 0, 1), {method, {0, 0, 1, 4}, options});
   }
   static constexpr std::size_t kMiddle = 35 * 91 + 45;
   TestFolder folder_;
 };
 
 TEST_F(CoverageMeasures, AgreeWithTheReferenceForEveryMethod) {
-  for (const char* method : {"focal_plane", "nearest", "lumigraph"}) {
+  for (const char* method : {"focal_plane", "nearest", "aperture", "lumigraph", "slabs"}) {
     for (const Vector3d& eye : {Vector3d(0.01, 0.02, 0.05), Vector3d(0.02, 0, -0.1)}) {
       const RenderedView fast = render(method, eye), reference = render(method, eye, true);
       std::size_t compared = 0, differ = 0;
@@ -66,10 +66,44 @@ TEST_F(CoverageMeasures, CountCamerasAndDistances) {
   EXPECT_NEAR(render("lumigraph", between).nearest_ray[kMiddle], std::hypot(0.02, 0.02), 1e-5);
 }
 
+TEST_F(CoverageMeasures, CountTheCamerasOfAnAperture) {
+  // Within 0.1 m of the middle camera the other eight, of which one is absent: four and three
+  // alike.
+  const RenderedView image = render("aperture", {0, 0, 0}, false, true, {{"radius", 0.1}});
+  const auto weight = [](double q_squared) {
+    const double t = 1 - q_squared;
+    return t * t * (3 - 2 * t);
+  };
+  const double beside = weight(0.36), across = weight(0.72);
+  const double sum = 1 + 4 * beside + 3 * across;
+  const double squares = 1 + 4 * beside * beside + 3 * across * across;
+  EXPECT_NEAR(image.cameras[kMiddle], sum * sum / squares, 1e-3);
+  EXPECT_NEAR(image.nearest_ray[kMiddle], 0, 1e-6);
+}
+
+TEST_F(CoverageMeasures, CountTheCamerasBehindASlabsNodes) {
+  // At a quarter of the way between four cameras that are nodes themselves.
+  const RenderedView image = render("slabs", {0.015, 0.015, 0});
+  const double sum = 1, squares = 0.75 * 0.75 * 0.75 * 0.75 + 2 * 0.75 * 0.75 * 0.25 * 0.25 +
+                                  0.25 * 0.25 * 0.25 * 0.25;
+  EXPECT_NEAR(image.cameras[kMiddle], sum / squares, 1e-3);
+  EXPECT_NEAR(image.nearest_ray[kMiddle], std::hypot(0.015, 0.015), 1e-5);
+}
+
+TEST_F(CoverageMeasures, AutoPassesThemThrough) {
+  const RenderedView image = render("auto", {0.02, 0.02, 0}),
+                     chosen = render("focal_plane", {0.02, 0.02, 0});
+  ASSERT_EQ(image.notes.size(), 1U);
+  EXPECT_EQ(image.cameras, chosen.cameras);  // the take has no depth range: a plane
+  EXPECT_EQ(image.nearest_ray, chosen.nearest_ray);
+}
+
 TEST_F(CoverageMeasures, AreOnlyThereOnRequestAndSayWhereNobodySees) {
   EXPECT_TRUE(render("focal_plane", {0, 0, 0}, false, false).cameras.empty());
   EXPECT_TRUE(render("lumigraph", {0, 0, 0}, false, false).nearest_ray.empty());
-  for (const char* method : {"focal_plane", "nearest", "lumigraph"}) {
+  EXPECT_TRUE(render("aperture", {0, 0, 0}, false, false).cameras.empty());
+  EXPECT_TRUE(render("slabs", {0, 0, 0}, false, false).nearest_ray.empty());
+  for (const char* method : {"focal_plane", "nearest", "aperture", "lumigraph", "slabs", "auto"}) {
     const RenderedView image = render(method, {60, 0, 0});
     ASSERT_EQ(image.rgba[4 * kMiddle + 3], 0) << method;
     EXPECT_EQ(image.cameras[kMiddle], 0) << method;

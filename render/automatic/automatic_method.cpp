@@ -37,11 +37,15 @@ std::vector<Candidate> candidates() {
 RenderedView render_with(const ViewRequest& request, bool reference) {
   const Target target{request.options.number("target_error"),
                       request.options.number("target_time")};
-  const std::vector<Candidate> all = candidates();
+  std::vector<Candidate> all = candidates();
+  if (request.measure_coverage) {
+    std::erase_if(all, [](const Candidate& c) { return !c.method.measures_coverage; });
+  }
   // Within a renderer take and cameras are the same throughout.
-  const std::string key = fmt::format("auto {} {} {}x{}", target.psnr_db, target.seconds_per_frame,
-                                      request.view.width / request.supersampling,
-                                      request.view.height / request.supersampling);
+  const std::string key =
+      fmt::format("auto {} {} {}x{} of {}", target.psnr_db, target.seconds_per_frame,
+                  request.view.width / request.supersampling,
+                  request.view.height / request.supersampling, all.size());
   const auto choice = request.kept.get<Choice>(key, [&](std::size_t& bytes) {
     bytes = 0;  // stays: what is rendered must not depend on the memory that others need
     return std::make_shared<const Choice>(choose(all, target, request));
@@ -73,7 +77,7 @@ Method automatic_method() {
           [](const ViewRequest& request) { return render_with(request, false); },
           [](const ViewRequest& request) { return render_with(request, true); },
           nullptr,
-          false,
+          true,
           {},
           false,
           false};

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "render/planar/aperture_lens.h"
+#include "render/planar/coverage_measures.h"
 #include "render/planar/depth_map.h"
 #include "render/planar/view_rows.h"
 #include "render/sampling/aperture_run.h"
@@ -62,7 +63,9 @@ class ApertureFrame {
   RenderedView render() {
     const auto start = Clock::now();
     if (!projection_.at_infinity() && projection_.distance() == 0) {
-      return empty_view(view_);  // eye on the plane
+      RenderedView nothing = empty_view(view_);  // eye on the plane
+      if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, nothing);
+      return nothing;
     }
     RenderedView image = unset_view(view_);
     open_cameras();
@@ -78,6 +81,7 @@ class ApertureFrame {
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
+    if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, image);
     return image;
   }
 
@@ -316,7 +320,8 @@ Method aperture_method() {
       aperture_options(),
       render_aperture,
       render_aperture_reference,
-      files_read};
+      files_read,
+      true};
 }
 
 }  // namespace raystage

@@ -8,6 +8,7 @@
 #include "render/planar/depth_map.h"
 #include "render/planar/reference_look_up.h"
 #include "render/view/ray_cells.h"
+#include "render/view/ray_coverage.h"
 #include "schemas/parallel.h"
 #include "schemas/transfer_function.h"
 
@@ -50,7 +51,13 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
   const RayCells cells(ideal_view, *instant.rig, *instant.present);
   const bool perceptual = instant.cache->blend_space() == BlendSpace::kPerceptual;
 
-  const auto reconstruct = [&](int x, int y, float* rgba, float& coverage, float& z) {
+  if (request.measure_coverage) {
+    image.cameras.assign(image.coverage.size(), 0.0F);
+    image.nearest_ray = image.z;  // infinity
+  }
+
+  const auto reconstruct = [&](int x, int y, float* rgba, float& coverage, float& z,
+                               RayCoverage& behind) {
     const auto ray_in_view = view_model.unproject({x + 0.5, y + 0.5});
     if (!ray_in_view) return;
     const Intrinsics& k = view.intrinsics;
@@ -84,6 +91,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
       const Sample sample = look_up(*frames[i], pixel, seen, read[i]);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * seen * sample.rgb[c];
       seen_weight += weight * seen;
+      behind.add(weight * seen, ray, source.pose.position - view.pose.position);
     }
     if (!(seen_weight > 0)) return;
     const double alpha = seen_weight / present;
@@ -101,7 +109,11 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
     for (int x = 0; x < view.width; ++x) {
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
                              static_cast<std::size_t>(x);
-      reconstruct(x, y, &image.rgba[at * 4], image.coverage[at], image.z[at]);
+      RayCoverage behind;
+      reconstruct(x, y, &image.rgba[at * 4], image.coverage[at], image.z[at], behind);
+      if (!request.measure_coverage) continue;
+      image.cameras[at] = behind.cameras();
+      image.nearest_ray[at] = behind.nearest_ray();
     }
   });
   for (const ReadPixels& pixels : read) {

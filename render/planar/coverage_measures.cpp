@@ -2,63 +2,113 @@
 #include "render/planar/coverage_measures.h"
 
 #include <Eigen/Geometry>
-#include <algorithm>
 #include <limits>
 
 #include "render/sampling/sight.h"
 #include "render/view/ray_cells.h"
+#include "render/view/ray_coverage.h"
 #include "schemas/parallel.h"
 
 namespace raystage {
+namespace {
 
-void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
-                             RenderedView& image) {
+using Eigen::Vector3d;
+
+/// A ray of a view, as it crosses the array and meets what the view shows.
+struct ViewRay {
+  RayCells::Crossing crossing;
+  Vector3d direction;    ///< world, planar depth 1
+  double inverse_depth;  ///< per metre
+};
+
+/// In parallel, for every pixel that shows something: measure(ray, coverage) adds its cameras.
+template <class Measure>
+void for_each_ray(const ViewRequest& request, const RayCells& cells, const Measure& measure,
+                  RenderedView& image) {
   image.cameras.assign(image.coverage.size(), 0.0F);
   image.nearest_ray.assign(image.coverage.size(), std::numeric_limits<float>::infinity());
   const VirtualCamera& view = request.view;
-  const Rig& rig = *request.instant.rig;
-  VirtualCamera ideal_view = view;
-  ideal_view.intrinsics.distortion = {};
   const CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
-  const RayCells cells(ideal_view, rig, *request.instant.present);
-
-  const auto measure = [&](int x, int y, std::size_t at) {
+  const auto measure_pixel = [&](int x, int y, std::size_t at) {
     const auto in_view = view_model.unproject({x + 0.5, y + 0.5});
     if (!in_view || !(image.rgba[at * 4 + 3] > 0)) return;
     const Intrinsics& k = view.intrinsics;
-    auto crossing = cells.locate(in_view->x() * k.fx + k.cx, -in_view->y() * k.fy + k.cy);
+    const auto crossing = cells.locate(in_view->x() * k.fx + k.cx, -in_view->y() * k.fy + k.cy);
     if (!crossing) return;
-    if (weights == CornerWeights::kNearest) crossing = cells.nearest(*crossing);
-    const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
-    const Eigen::Vector3d ray = view.pose.world_from_camera_rotation * *in_view;
-    const double inverse_depth = 1 / static_cast<double>(image.z[at]);
-    double sum = 0, squares = 0, nearest = std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
-      const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(cell.camera[i])];
-      const Eigen::Vector3d to_camera = camera.pose.position - view.pose.position;
-      Eigen::Vector2d pixel;
-      const double weight =
-          crossing->weight[i] * seen_along(camera.model,
-                                           camera.pose.world_from_camera_rotation.transpose() *
-                                               (ray - to_camera * inverse_depth),
-                                           pixel);
-      if (!(weight > 0)) continue;
-      sum += weight;
-      squares += weight * weight;
-      nearest = std::min(nearest, to_camera.cross(ray).norm() / ray.norm());
-    }
-    if (!(squares > 0)) return;
-    image.cameras[at] = static_cast<float>(sum * sum / squares);
-    image.nearest_ray[at] = static_cast<float>(nearest);
+    RayCoverage coverage;
+    measure({*crossing, view.pose.world_from_camera_rotation * *in_view,
+             1 / static_cast<double>(image.z[at])},
+            coverage);
+    image.cameras[at] = coverage.cameras();
+    image.nearest_ray[at] = coverage.nearest_ray();
   };
-
   raystage::parallel_for(0, view.height, [&](int y) {
     for (int x = 0; x < view.width; ++x) {
-      measure(x, y,
-              static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
-                  static_cast<std::size_t>(x));
+      measure_pixel(x, y,
+                    static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
+                        static_cast<std::size_t>(x));
     }
   });
+}
+
+RayCells cells_of(const ViewRequest& request) {
+  VirtualCamera ideal_view = request.view;
+  ideal_view.intrinsics.distortion = {};
+  return {ideal_view, *request.instant.rig, *request.instant.present};
+}
+
+/// Adds a camera by its weight and how far it sees the ray's point.
+void add_camera(const ViewRequest& request, const ViewRay& ray, std::size_t camera, double weight,
+                RayCoverage& coverage) {
+  const Rig::Camera& source = request.instant.rig->cameras[camera];
+  const Vector3d to_camera = source.pose.position - request.view.pose.position;
+  Eigen::Vector2d pixel;
+  const double seen = seen_along(source.model,
+                                 source.pose.world_from_camera_rotation.transpose() *
+                                     (ray.direction - to_camera * ray.inverse_depth),
+                                 pixel);
+  coverage.add(weight * seen, ray.direction, to_camera);
+}
+
+}  // namespace
+
+void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
+                             RenderedView& image) {
+  const RayCells cells = cells_of(request);
+  for_each_ray(
+      request, cells,
+      [&](const ViewRay& ray, RayCoverage& coverage) {
+        const RayCells::Crossing crossing =
+            weights == CornerWeights::kNearest ? cells.nearest(ray.crossing) : ray.crossing;
+        const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing.cell)];
+        for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+          add_camera(request, ray, static_cast<std::size_t>(cell.camera[i]), crossing.weight[i],
+                     coverage);
+        }
+      },
+      image);
+}
+
+void measure_aperture_coverage(const ViewRequest& request, const ApertureLens& lens,
+                               RenderedView& image) {
+  const RayCells cells = cells_of(request);
+  for_each_ray(
+      request, cells,
+      [&](const ViewRay& ray, RayCoverage& coverage) {
+        const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(ray.crossing.cell)];
+        Eigen::Vector2d place = Eigen::Vector2d::Zero();
+        for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+          place += ray.crossing.weight[i] *
+                   lens.cameras()[static_cast<std::size_t>(cell.camera[i])].place;
+        }
+        for (const int camera : request.instant.members) {
+          if (!request.instant.is_present(camera)) continue;
+          const auto i = static_cast<std::size_t>(camera);
+          const double weight = lens.weight(lens.cameras()[i], place);
+          if (weight > 0) add_camera(request, ray, i, weight, coverage);
+        }
+      },
+      image);
 }
 
 }  // namespace raystage

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "render/planar/aperture_lens.h"
 #include "render/planar/focal_plane.h"
 #include "render/view/method.h"
 
@@ -11,5 +12,9 @@ namespace raystage {
 /// are worked out again, pixel by pixel, in double.
 void measure_planar_coverage(const ViewRequest& request, CornerWeights weights,
                              RenderedView& image);
+
+/// The same for a view of which render_aperture() has made colour, alpha and depth.
+void measure_aperture_coverage(const ViewRequest& request, const ApertureLens& lens,
+                               RenderedView& image);
 
 }  // namespace raystage

@@ -90,7 +90,7 @@ Method slabs_method() {
           render_slabs,
           render_slabs_reference,
           nullptr,
-          false,
+          true,
           kPresets};
 }
 

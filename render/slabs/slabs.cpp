@@ -7,6 +7,7 @@
 #include <chrono>
 
 #include "render/slabs/node_image.h"
+#include "render/slabs/slab_coverage.h"
 #include "render/slabs/slab_rays.h"
 #include "render/view/plane_projection.h"
 #include "schemas/error.h"
@@ -255,14 +256,16 @@ RenderedView render_slabs(const ViewRequest& request) {
   RenderedView image = empty_view(request.view);
   const auto start = Clock::now();
   const PlaneProjection projection(request.view, request.focal_plane);
-  if (!projection.at_infinity() && projection.distance() == 0) return image;  // eye on the plane
   const auto slabs = slabs_of(request);
   image.statistics.plan_ms = milliseconds(Clock::now() - start);
+  const bool eye_on_plane = !projection.at_infinity() && projection.distance() == 0;
   // A ray on the border of two slabs is the first one's: it comes last.
   for (std::size_t i = slabs->slabs.size(); i-- > 0;) {
-    if (slabs->slabs[i].width == 0) continue;  // its cameras see nothing of its image plane
+    // Its cameras may see nothing of its image plane.
+    if (eye_on_plane || slabs->slabs[i].width == 0) continue;
     SlabFrame(request, projection, slabs->slabs[i], slabs->nodes[i]).render(image);
   }
+  if (request.measure_coverage) measure_slab_coverage(request, *slabs, image);
   return image;
 }
 

@@ -4,9 +4,11 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <optional>
 
 #include "render/sampling/source_view.h"
+#include "render/slabs/slab_coverage.h"
 #include "render/slabs/slab_rays.h"
 #include "render/slabs/slabs.h"
 #include "render/view/plane_projection.h"
@@ -46,6 +48,10 @@ class ReferenceFrame {
 
   RenderedView render() {
     RenderedView image = empty_view(request_.view);
+    if (request_.measure_coverage) {
+      image.cameras.assign(image.coverage.size(), 0.0F);
+      image.nearest_ray = image.z;  // infinity
+    }
     const auto start = std::chrono::steady_clock::now();
     decode(image.statistics);
     const auto decoded = std::chrono::steady_clock::now();
@@ -54,7 +60,15 @@ class ReferenceFrame {
       for (int x = 0; x < image.width; ++x) {
         const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
                                static_cast<std::size_t>(x);
-        reconstruct(x, y, projection, &image.rgba[at * 4], image.coverage[at], image.z[at]);
+        std::map<int, double> behind;
+        const Vector3d ray = reconstruct(x, y, projection, &image.rgba[at * 4], image.coverage[at],
+                                         image.z[at], behind);
+        if (!request_.measure_coverage) continue;
+        std::vector<CameraBehind> cameras;
+        for (const auto& [camera, weight] : behind) cameras.push_back({camera, weight});
+        const RayCoverage coverage = coverage_by(cameras, request_, ray);
+        image.cameras[at] = coverage.cameras();
+        image.nearest_ray[at] = coverage.nearest_ray();
       }
     });
     const auto end = std::chrono::steady_clock::now();
@@ -77,28 +91,30 @@ class ReferenceFrame {
     if (request_.count_needed_pixels) statistics.pixels_needed = statistics.pixels_decoded;
   }
 
-  void reconstruct(int x, int y, const PlaneProjection& projection, float* rgba, float& coverage,
-                   float& z) const {
+  /// Returns the ray; `behind`: what weight each camera has in it.
+  Vector3d reconstruct(int x, int y, const PlaneProjection& projection, float* rgba,
+                       float& coverage, float& z, std::map<int, double>& behind) const {
     const auto ray_in_view = view_model_.unproject({x + 0.5, y + 0.5});
-    if (!ray_in_view) return;
+    if (!ray_in_view) return Vector3d::Zero();
     const Intrinsics& k = request_.view.intrinsics;
     const double ideal_x = ray_in_view->x() * k.fx + k.cx;
     const double ideal_y = -ray_in_view->y() * k.fy + k.cy;
     const Vector3d ray = request_.view.pose.world_from_camera_rotation * *ray_in_view;
     const double depth = projection.depth(ideal_x, ideal_y);
-    if (!(depth > 0) || (!projection.at_infinity() && projection.distance() == 0)) return;
+    if (!(depth > 0) || (!projection.at_infinity() && projection.distance() == 0)) return ray;
     for (std::size_t i = 0; i < rays_.size(); ++i) {
       if (slabs_->slabs[i].width == 0 || !rays_[i].answers(ideal_x, ideal_y)) continue;
       const SlabRays::Crossing crossing = rays_[i].crossing(ideal_x, ideal_y);
-      answer(i, crossing, ray, depth, rgba, coverage);
+      answer(i, crossing, ray, depth, rgba, coverage, behind);
       if (rgba[3] > 0) z = static_cast<float>(depth);
-      return;
+      return ray;
     }
+    return ray;
   }
 
   /// From the four nodes around the crossing.
   void answer(std::size_t slab_index, const SlabRays::Crossing& crossing, const Vector3d& ray,
-              double depth, float* rgba, float& coverage) const {
+              double depth, float* rgba, float& coverage, std::map<int, double>& behind) const {
     const Slab& slab = slabs_->slabs[slab_index];
     Sum sum{};
     double lacking = 0;
@@ -111,8 +127,11 @@ class ReferenceFrame {
         if (weight == 0) continue;
         const NodeSources& sources =
             slabs_->nodes[slab_index][static_cast<std::size_t>(row * slab.columns + column)];
-        const Sum seen = look_up(slab, slab.node_position(column, row), sources, ray, depth);
+        std::array<double, 3> seen_by{};
+        const Sum seen =
+            look_up(slab, slab.node_position(column, row), sources, ray, depth, seen_by);
         for (std::size_t c = 0; c < 4; ++c) sum[c] += weight * seen[c];
+        for (std::size_t c = 0; c < 3; ++c) behind[sources.camera[c]] += weight * seen_by[c];
         lacking += weight * (1 - sources.present_share);
       }
     }
@@ -135,9 +154,10 @@ class ReferenceFrame {
     return offset == 0 ? 1 - second : second;
   }
 
-  /// What a node sees of the ray's point, from the frames of its cameras.
+  /// What a node sees of the ray's point, from the frames of its cameras; `seen_by`: the weight of
+  /// each.
   Sum look_up(const Slab& slab, const Vector3d& node, const NodeSources& sources,
-              const Vector3d& ray, double depth) const {
+              const Vector3d& ray, double depth, std::array<double, 3>& seen_by) const {
     const Vector3d& eye = request_.view.pose.position;
     const auto seen_from = [&](const Vector3d& centre) {
       return std::isinf(depth) ? ray : Vector3d(depth * ray + (eye - centre));
@@ -163,8 +183,10 @@ class ReferenceFrame {
       const auto towards =
           sources.at_camera ? from_node : point_from(node, from_node, pose.position);
       if (!towards) continue;
+      const double before = sum[3];
       add(camera, pose.world_from_camera_rotation.transpose() * *towards, sources.weight[i],
           in_image, sum);
+      seen_by[i] = sum[3] - before;
     }
     return sum;
   }

@@ -1,0 +1,141 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/slabs/slab_coverage.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "render/sampling/sight.h"
+#include "render/sampling/source_view.h"
+#include "render/slabs/slab_rays.h"
+#include "render/view/ray_cells.h"
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr std::size_t kMost = 4 * 3;  // nodes, and cameras of each
+
+/// The point on a ray, from some place, over its depth: also at infinity.
+struct ViewPoint {
+  Vector3d eye, direction;
+  double inverse_depth;
+  Vector3d seen_from(const Vector3d& place) const {
+    return direction - (place - eye) * inverse_depth;
+  }
+};
+
+/// How far a node's image holds the point, 0 to 1.
+double within_image(const Slab& slab, const Vector3d& in_node) {
+  if (!(in_node.z() < 0)) return 0;
+  const Intrinsics& k = slab.image;
+  const double u = k.fx * in_node.x() / -in_node.z() + k.cx;
+  const double v = k.fy * in_node.y() / in_node.z() + k.cy;
+  return std::clamp(std::min({u, slab.width - u, v, slab.height - v}) * kBorderFade, 0.0, 1.0);
+}
+
+class SlabCoverage {
+ public:
+  SlabCoverage(const ViewRequest& request, const Slab& slab, const std::vector<NodeSources>& nodes)
+      : request_(request),
+        slab_(slab),
+        nodes_(nodes),
+        nearest_(interpolation_of(request.options) == SlabInterpolation::kNearest),
+        rays_(request.view, slab) {}
+
+  bool answers(double x, double y) const { return slab_.width > 0 && rays_.answers(x, y); }
+
+  RayCoverage measure(double x, double y, const ViewPoint& point) const {
+    const SlabRays::Crossing crossing = rays_.crossing(x, y);
+    const int left = std::min(static_cast<int>(crossing.column), std::max(0, slab_.columns - 2));
+    const int upper = std::min(static_cast<int>(crossing.row), std::max(0, slab_.rows - 2));
+    const double right_part = part_of(crossing.column - left);
+    const double lower_part = part_of(crossing.row - upper);
+    std::array<CameraBehind, kMost> cameras;
+    std::size_t count = 0;
+    for (int row = upper; row < std::min(upper + 2, slab_.rows); ++row) {
+      for (int column = left; column < std::min(left + 2, slab_.columns); ++column) {
+        const double weight = (column == left ? 1 - right_part : right_part) *
+                              (row == upper ? 1 - lower_part : lower_part);
+        if (weight > 0) add_node(column, row, weight, point, cameras, count);
+      }
+    }
+    return coverage_by(std::span(cameras).first(count), request_, point.direction);
+  }
+
+ private:
+  double part_of(double place) const { return nearest_ ? (place >= 0.5 ? 1.0 : 0.0) : place; }
+
+  void add_node(int column, int row, double weight, const ViewPoint& point,
+                std::array<CameraBehind, kMost>& cameras, std::size_t& count) const {
+    const Vector3d in_node = slab_.pose.world_from_camera_rotation.transpose() *
+                             point.seen_from(slab_.node_position(column, row));
+    const double held = within_image(slab_, in_node);
+    if (!(held > 0)) return;
+    const NodeSources& sources = nodes_[static_cast<std::size_t>(row * slab_.columns + column)];
+    for (std::size_t i = 0; i < static_cast<std::size_t>(sources.count); ++i) {
+      const int index = sources.camera[i];
+      const Rig::Camera& camera = request_.instant.rig->cameras[static_cast<std::size_t>(index)];
+      Eigen::Vector2d pixel;
+      const double seen = seen_along(camera.model,
+                                     camera.pose.world_from_camera_rotation.transpose() *
+                                         point.seen_from(camera.pose.position),
+                                     pixel);
+      const auto known = std::find_if(cameras.begin(), cameras.begin() + count,
+                                      [&](const CameraBehind& c) { return c.camera == index; });
+      if (known == cameras.begin() + count) cameras[count++] = {index, 0};
+      known->weight += weight * sources.weight[i] * std::min(seen, held);
+    }
+  }
+
+  const ViewRequest& request_;
+  const Slab& slab_;
+  const std::vector<NodeSources>& nodes_;
+  bool nearest_;
+  SlabRays rays_;
+};
+
+}  // namespace
+
+RayCoverage coverage_by(std::span<const CameraBehind> cameras, const ViewRequest& request,
+                        const Vector3d& ray) {
+  RayCoverage coverage;
+  for (const CameraBehind& behind : cameras) {
+    const Pose& pose = request.instant.rig->cameras[static_cast<std::size_t>(behind.camera)].pose;
+    coverage.add(behind.weight, ray, pose.position - request.view.pose.position);
+  }
+  return coverage;
+}
+
+void measure_slab_coverage(const ViewRequest& request, const RigSlabs& slabs, RenderedView& image) {
+  image.cameras.assign(image.coverage.size(), 0.0F);
+  image.nearest_ray.assign(image.coverage.size(), std::numeric_limits<float>::infinity());
+  const VirtualCamera& view = request.view;
+  const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+  std::vector<SlabCoverage> parts;
+  for (std::size_t i = 0; i < slabs.slabs.size(); ++i) {
+    parts.emplace_back(request, slabs.slabs[i], slabs.nodes[i]);
+  }
+  raystage::parallel_for(0, view.height, [&](int row) {
+    for (int column = 0; column < view.width; ++column) {
+      const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(view.width) +
+                             static_cast<std::size_t>(column);
+      if (!(image.rgba[at * 4 + 3] > 0)) continue;
+      const double x = column + 0.5, y = row + 0.5;
+      const auto part =
+          std::ranges::find_if(parts, [&](const SlabCoverage& p) { return p.answers(x, y); });
+      if (part == parts.end()) continue;
+      const RayCoverage coverage =
+          part->measure(x, y,
+                        {view.pose.position, ray_from_pixel * Vector3d(x, y, 1),
+                         1 / static_cast<double>(image.z[at])});
+      image.cameras[at] = coverage.cameras();
+      image.nearest_ray[at] = coverage.nearest_ray();
+    }
+  });
+}
+
+}  // namespace raystage

@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "render/slabs/slabs.h"
+#include "render/view/ray_coverage.h"
+
+namespace raystage {
+
+/// A camera behind a ray; by way of several nodes it counts once, with the sum of its weights.
+struct CameraBehind {
+  int camera = 0;
+  double weight = 0;
+};
+RayCoverage coverage_by(std::span<const CameraBehind> cameras, const ViewRequest& request,
+                        const Eigen::Vector3d& ray);
+
+/// Fills RenderedView::cameras and nearest_ray of a view that render_slabs() has made: the cameras
+/// that the nodes around each ray are made of, worked out again, pixel by pixel, in double.
+void measure_slab_coverage(const ViewRequest& request, const RigSlabs& slabs, RenderedView& image);
+
+}  // namespace raystage

@@ -405,6 +405,23 @@ TEST_F(Lumigraph, AgreesWithTheReferenceFromEverywhere) {
   }
 }
 
+TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryInstructionSet) {
+  const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(kernel_target());
+    expect_equal(render_both(
+        take, virtual_camera_with_fov(117, 83, 45 * kDegree, looking({0, 0.01, 0.1}, 2, 40)),
+        {0.1, 0, 1, 3.7}));
+    // Neighbours in the view that are far apart in the frames.
+    expect_equal(render_both(
+        take, virtual_camera_with_fov(40, 30, 1, looking({0, 0.01, 0.1}, 2, 1)), {0, 0, 1, 4}));
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+}
+
 TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryPlane) {
   const Take take = write(grid_take(3, 3));
   const VirtualCamera view =

@@ -2,6 +2,7 @@
 #include "render/rays/ray_query.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
@@ -83,6 +84,20 @@ TEST_F(RayQuery, AgreesWithTheReference) {
                         {"cameras", 2.0}}}}) {
     expect_equal(ask(take, rays, reconstruction), ask(take, rays, reconstruction, true));
   }
+}
+
+TEST_F(RayQuery, AgreesWithTheReferenceOnEveryInstructionSet) {
+  const Take take = write();
+  const std::vector<WorldRay> rays = some_rays(500);
+  const Reconstruction reconstruction{"lumigraph", {0, 0, 1, 4}};
+  const std::vector<RaySample> reference = ask(take, rays, reconstruction, true);
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    expect_equal(ask(take, rays, reconstruction), reference);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
 }
 
 TEST_F(RayQuery, AnswersAViewsRaysAsTheViewIsRendered) {

@@ -13,10 +13,12 @@
 #include <limits>
 #include <numbers>
 #include <numeric>
+#include <random>
 
 #include "render/evaluation/trade.h"
 #include "render/methods.h"
 #include "render/renderer.h"
+#include "render/view/ray_cells.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/test_folder.h"
 
@@ -108,6 +110,57 @@ void BM_Threads(benchmark::State& state, const TradeSetting& setting) {
   state.counters["plan_ms"] = statistics.plan_ms;
   state.counters["cameras"] = statistics.cameras_used;
 }
+
+/// Rays of a view, or as a rough surface in front of the array reflects them: from many places in
+/// many directions, in no order.
+std::vector<WorldRay> some_rays(bool of_view) {
+  constexpr int kRays = 1 << 17;
+  std::vector<WorldRay> rays;
+  if (of_view) {
+    const VirtualCamera view = bench_view();
+    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+    for (int i = 0; i < kRays; ++i) {
+      const Eigen::Vector3d pixel(i % view.width + 0.5, i / view.width + 200.5, 1);
+      rays.push_back({view.pose.position, (ray_from_pixel * pixel).normalized()});
+    }
+    return rays;
+  }
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> any(-1, 1);
+  const Rig& rig = take().rig();
+  for (int i = 0; i < kRays; ++i) {
+    const Eigen::Vector3d place(0.2 * any(random), 0.2 * any(random), 0.05 * any(random));
+    const Eigen::Vector3d direction(0.3 * any(random), 0.2 * any(random), -1);
+    rays.push_back({rig.centre() + place, direction.normalized()});
+  }
+  return rays;
+}
+
+void BM_RayQuery(benchmark::State& state) {
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism,
+                                  static_cast<std::size_t>(state.range(0)));
+  const LightFieldRenderer renderer(take(), {});
+  const FrameSelection frames = select_frames(take(), 0, kNanosecondsPerSecond);
+  const Reconstruction reconstruction{
+      "lumigraph",
+      plane_in_front_of(take().rig(), best_focal_depth(*take().document().depth_range))};
+  const std::vector<WorldRay> rays = some_rays(state.range(1) != 0);
+  std::vector<RaySample> samples(rays.size());
+  renderer.query(rays, frames, reconstruction, samples);  // decodes
+  for (auto _ : state) renderer.query(rays, frames, reconstruction, samples);
+  state.counters["rays_per_s"] = benchmark::Counter(static_cast<double>(rays.size()),
+                                                    benchmark::Counter::kIsIterationInvariantRate);
+  state.counters["answered"] =
+      static_cast<double>(std::ranges::count_if(
+          samples, [](const RaySample& sample) { return sample.coverage > 0; })) /
+      static_cast<double>(samples.size());
+}
+BENCHMARK(BM_RayQuery)
+    ->ArgsProduct({{1, 2}, {0, 1}})
+    ->ArgNames({"threads", "of_view"})
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime()
+    ->UseRealTime();
 
 constexpr std::size_t kProbeBytes = std::size_t{256} << 20;  // far beyond the caches
 constexpr std::size_t kProbePiece = std::size_t{1} << 20;

@@ -7,6 +7,7 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <random>
 #include <set>
@@ -360,6 +361,9 @@ void expect_equal(const Pair& pair) {
   EXPECT_LT(worst, 2e-3);
   for (std::size_t i = 0; i < pair.fast.coverage.size(); ++i) {
     ASSERT_NEAR(pair.fast.coverage[i], pair.reference.coverage[i], 2e-3) << "pixel " << i;
+    if (!(pair.fast.rgba[4 * i + 3] > 0)) {
+      ASSERT_EQ(pair.fast.z[i], std::numeric_limits<float>::infinity()) << "pixel " << i;
+    }
     if (std::isfinite(pair.fast.z[i]) && std::isfinite(pair.reference.z[i])) {
       ASSERT_NEAR(pair.fast.z[i] / pair.reference.z[i], 1, 1e-4) << "pixel " << i;
     }

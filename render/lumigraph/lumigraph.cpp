@@ -21,6 +21,7 @@ using Clock = std::chrono::steady_clock;
 using Eigen::Vector3d;
 
 constexpr int kBlockWidth = RayChunk::kSize, kBlockHeight = kFieldTile;
+constexpr float kNowhere = std::numeric_limits<float>::infinity();
 constexpr int kFieldColumns = kBlockWidth / kFieldTile + 1;
 
 double milliseconds(Clock::duration duration) {
@@ -67,10 +68,10 @@ class LumigraphFrame {
   }
 
   RenderedView render() {
-    RenderedView image = empty_view(view_);
+    RenderedView image = unset_view(view_);
     if (request_.measure_coverage) {
       image.cameras.assign(image.coverage.size(), 0.0F);
-      image.nearest_ray = image.z;  // infinity
+      image.nearest_ray.assign(image.coverage.size(), kNowhere);
     }
     const auto start = Clock::now();
     make_blocks();
@@ -82,6 +83,7 @@ class LumigraphFrame {
     for (ChunkCamera& camera : cameras_) camera.lens.rgbx = frames_.pixels(camera.camera);
     const auto decoded = Clock::now();
     for_each_block([&](const Block& block, Scratch& scratch) {
+      if (block.present.empty()) leave_empty(block, image);
       for_each_row(block, scratch, [&](int y) { blend_row(block, y, scratch, image); });
     });
     image.statistics.plan_ms = milliseconds(planned - start);
@@ -257,6 +259,16 @@ class LumigraphFrame {
     });
   }
 
+  void leave_empty(const Block& block, RenderedView& image) const {
+    for (int y = block.y0; y < block.y1; ++y) {
+      const std::size_t first = at(block.x0, y);
+      const int count = block.x1 - block.x0;
+      std::fill_n(&image.rgba[first * 4], 4 * count, 0.0F);
+      std::fill_n(&image.coverage[first], count, 0.0F);
+      std::fill_n(&image.z[first], count, kNowhere);
+    }
+  }
+
   void blend_row(const Block& block, int y, Scratch& scratch, RenderedView& image) const {
     const RayChunk& chunk = scratch.chunk;
     const std::size_t first = at(block.x0, y);
@@ -267,9 +279,8 @@ class LumigraphFrame {
     for (std::size_t i = 0; i < static_cast<std::size_t>(chunk.count); ++i) {
       const float alpha = image.rgba[(first + i) * 4 + 3];
       image.coverage[first + i] = alpha;
-      if (!(alpha > 0)) continue;
-      image.z[first + i] = static_cast<float>(forward.dot(scratch.row[static_cast<int>(i)])) /
-                           chunk.inverse_distance[i];
+      const auto ahead = static_cast<float>(forward.dot(scratch.row[static_cast<int>(i)]));
+      image.z[first + i] = alpha > 0 ? ahead / chunk.inverse_distance[i] : kNowhere;
     }
     if (request_.measure_coverage) measure(first, scratch, image);
     if (!block.complete.empty()) lower_coverage(block, first, scratch, image);

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "schemas/parallel.h"
+
 namespace raystage {
 
 VirtualCamera virtual_camera_from_geometry(const CameraGeometry& geometry) {
@@ -20,9 +22,20 @@ VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_f
 
 RenderedView empty_view(const VirtualCamera& view) {
   RenderedView image = unset_view(view);
-  std::ranges::fill(image.rgba, 0.0F);
-  std::ranges::fill(image.coverage, 0.0F);
-  std::ranges::fill(image.z, std::numeric_limits<float>::infinity());
+  // By all threads: memory that is new to the process is fetched page by page as it is written.
+  constexpr int kRowsPerTask = 64;
+  const auto width = static_cast<std::ptrdiff_t>(view.width);
+  raystage::parallel_for(tbb::blocked_range<int>(0, view.height, kRowsPerTask),
+                         [&](const tbb::blocked_range<int>& rows) {
+                           const auto fill = [&](PixelValues& values, std::ptrdiff_t channels,
+                                                 float value) {
+                             std::fill(values.begin() + rows.begin() * width * channels,
+                                       values.begin() + rows.end() * width * channels, value);
+                           };
+                           fill(image.rgba, 4, 0.0F);
+                           fill(image.coverage, 1, 0.0F);
+                           fill(image.z, 1, std::numeric_limits<float>::infinity());
+                         });
   return image;
 }
 

@@ -107,11 +107,12 @@ std::shared_ptr<const DepthMap> depth_map_of(const ViewRequest& request) {
   };
   const auto map = request.kept.get<DepthMap>("depth map " + file.string(), read);
   const VirtualCamera& view = request.view;
-  const int factor = view.width / map->width;
-  if (factor < 1 || view.width != factor * map->width || view.height != factor * map->height) {
-    throw Error::bad_input(fmt::format("the depth map has {} x {} pixels, the view {} x {}",
-                                       map->width, map->height, view.width, view.height),
-                           file.string(), "Give a depth map of the view's own size");
+  const int factor = request.supersampling;
+  if (view.width != factor * map->width || view.height != factor * map->height) {
+    throw Error::bad_input(
+        fmt::format("the depth map has {} x {} pixels, the view {} x {}", map->width, map->height,
+                    view.width / factor, view.height / factor),
+        file.string(), "Give a depth map of the view's own size");
   }
   return factor == 1 ? map : std::make_shared<const DepthMap>(repeated(*map, factor));
 }

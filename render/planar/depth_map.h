@@ -34,9 +34,9 @@ DepthMap repeated(const DepthMap& map, int factor);
 /// The file that the option `depth_map` names, relative to the take's folder; empty: none.
 std::filesystem::path depth_map_file(const MethodOptions& options, const Take& take);
 
-/// What the option `depth_map` names, of the size of the view asked for; null: nothing. Throws
-/// Error (bad input) also where the view is no whole number of times as large: of a view that is
-/// rendered finer and averaged, the map may have the final size.
+/// What the option `depth_map` names, of the size of the view asked for; null: nothing. The map has
+/// the size of the picture that is wanted, also where that is rendered finer and averaged
+/// (ViewRequest::supersampling). Throws Error (bad input) also where the sizes differ.
 std::shared_ptr<const DepthMap> depth_map_of(const ViewRequest& request);
 
 }  // namespace raystage

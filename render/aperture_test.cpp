@@ -290,6 +290,12 @@ TEST_F(Aperture, IsNamedAsPhotographersDo) {
   EXPECT_EQ(render(take, ours, {{{"f_number", 0.25}, {"focus_distance", 3.5}}}).rgba,
             render(take, ours, {{{"radius", radius}}, plane_across(ours, 3.5)}).rgba);
   EXPECT_THROW(render(take, ours, {{{"f_number", 2.0}, {"radius", 0.1}}}), Error);
+  // A lens that no array can have is not taken in silence.
+  const RenderedView tiny = render(take, ours, {{{"f_number", 22.0}}});
+  ASSERT_EQ(tiny.notes.size(), 1U);
+  EXPECT_NE(tiny.notes[0].find("smaller than the way between cameras"), std::string::npos);
+  EXPECT_TRUE(render(take, ours, {{{"radius", 0.3}}}).notes.empty());
+  EXPECT_TRUE(render(take, ours, {}).notes.empty());
 }
 
 }  // namespace

@@ -82,6 +82,7 @@ class ApertureFrame {
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
     if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, image);
+    if (!lens_.note().empty()) image.notes.push_back(lens_.note());
     return image;
   }
 
@@ -321,6 +322,8 @@ Method aperture_method() {
       render_aperture,
       render_aperture_reference,
       files_read,
+      true,
+      {},
       true};
 }
 

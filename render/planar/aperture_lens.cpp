@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/planar/aperture_lens.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -106,6 +108,16 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const Instant& instant,
     if (!is_present && complete[i] == 0) camera.reach = 0;  // left out, or another stands for it
     if (alone && is_present) camera.reach = std::numeric_limits<double>::infinity();
     cameras_.push_back(camera);
+  }
+  double least = 0;
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    if (instant.is_present(static_cast<int>(i))) least = std::max(least, present[i]);
+  }
+  if (radius > 0 && radius < least) {
+    note_ = fmt::format(
+        "the aperture asked for, {:.3g} mm in radius, is smaller than the way between cameras: it "
+        "is up to {:.3g} mm, below which the array has no rays",
+        radius * 1e3, least * 1e3);
   }
 }
 

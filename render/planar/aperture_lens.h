@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 #include <vector>
 
 #include "render/view/method.h"
@@ -38,6 +39,10 @@ class ApertureLens {
   /// 1 / (1 - (1 - soft_edge)^2).
   double steepness() const { return steepness_; }
 
+  /// Where the aperture asked for is smaller than the array can make: a line that says so, and how
+  /// wide it is instead; else empty.
+  const std::string& note() const { return note_; }
+
   /// f for a camera and a ray that crosses the array at `crossing`, 0 to 1.
   double weight(const Camera& camera, const Eigen::Vector2d& crossing) const;
 
@@ -45,6 +50,7 @@ class ApertureLens {
   std::vector<Camera> cameras_;
   std::vector<Eigen::Vector2d> sides_;
   double steepness_ = 1;
+  std::string note_;
 };
 
 /// Radius in metres of a lens that a photographer names by its f-number, on a film back

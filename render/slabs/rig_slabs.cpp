@@ -2,10 +2,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <optional>
 
 #include "render/slabs/slabs.h"
+#include "render/view/plane_projection.h"
 
 namespace raystage {
 namespace {
@@ -49,6 +51,16 @@ RigSlabs make_slabs(const Instant& instant, const SlabSettings& settings) {
 }
 
 }  // namespace
+
+Eigen::Vector4d focal_plane_of(const Slab& slab, const ViewRequest& request) {
+  const Eigen::Vector4d& plane = request.focal_plane;
+  const double normal = plane.head<3>().norm();
+  if (slab.rivals.empty() || normal == 0) return plane;
+  const Eigen::Vector3d middle = request.instant.rig->centre();
+  const double distance = std::abs(height_above_plane(plane, middle));
+  const Eigen::Vector3d ahead = slab.pose.viewing_direction();
+  return {ahead.x(), ahead.y(), ahead.z(), -(ahead.dot(middle) + distance)};
+}
 
 SlabInterpolation interpolation_of(const MethodOptions& options) {
   const std::string& name = options.text("interpolation");

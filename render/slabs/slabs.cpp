@@ -255,15 +255,26 @@ class SlabFrame {
 RenderedView render_slabs(const ViewRequest& request) {
   RenderedView image = empty_view(request.view);
   const auto start = Clock::now();
-  const PlaneProjection projection(request.view, request.focal_plane);
   const auto slabs = slabs_of(request);
   image.statistics.plan_ms = milliseconds(Clock::now() - start);
-  const bool eye_on_plane = !projection.at_infinity() && projection.distance() == 0;
   // A ray on the border of two slabs is the first one's: it comes last.
   for (std::size_t i = slabs->slabs.size(); i-- > 0;) {
-    // Its cameras may see nothing of its image plane.
-    if (eye_on_plane || slabs->slabs[i].width == 0) continue;
-    SlabFrame(request, projection, slabs->slabs[i], slabs->nodes[i]).render(image);
+    const Slab& slab = slabs->slabs[i];
+    if (slab.width == 0) continue;  // its cameras see nothing of its image plane
+    const Eigen::Vector4d plane = focal_plane_of(slab, request);
+    const PlaneProjection projection(request.view, plane);
+    if (!projection.at_infinity() && projection.distance() == 0) continue;  // eye on the plane
+    const ViewRequest on_face{request.view,
+                              request.instant,
+                              plane,
+                              request.options,
+                              request.kept,
+                              request.working_bytes,
+                              request.count_needed_pixels,
+                              request.measure_coverage,
+                              request.use_take_folder,
+                              request.supersampling};
+    SlabFrame(on_face, projection, slab, slabs->nodes[i]).render(image);
   }
   if (request.measure_coverage) measure_slab_coverage(request, *slabs, image);
   return image;

@@ -19,6 +19,9 @@ struct RigSlabs {
 
 /// The slabs that the request's options ask for, worked out once and kept.
 std::shared_ptr<const RigSlabs> slabs_of(const ViewRequest& request);
+/// Where a slab's rays are looked up: on the focal plane asked for; of a box each face on a plane
+/// of its own, as far from the middle of the rig as that.
+Eigen::Vector4d focal_plane_of(const Slab& slab, const ViewRequest& request);
 SlabInterpolation interpolation_of(const MethodOptions& options);
 
 /// Two-plane light field rendering (thesis 2.3 and appendix A; Levoy and Hanrahan 1996). The

@@ -43,7 +43,10 @@ class ReferenceFrame {
     // Which nodes a ray passes is a question about the ray, so it is asked of an undistorted twin
     // of the view at the pixel that the ray has there.
     ideal_view_.intrinsics.distortion = {};
-    for (const Slab& slab : slabs_->slabs) rays_.emplace_back(ideal_view_, slab);
+    for (const Slab& slab : slabs_->slabs) {
+      rays_.emplace_back(ideal_view_, slab);
+      projections_.emplace_back(ideal_view_, focal_plane_of(slab, request));
+    }
   }
 
   RenderedView render() {
@@ -55,14 +58,13 @@ class ReferenceFrame {
     const auto start = std::chrono::steady_clock::now();
     decode(image.statistics);
     const auto decoded = std::chrono::steady_clock::now();
-    const PlaneProjection projection(ideal_view_, request_.focal_plane);
     raystage::parallel_for(0, image.height, [&](int y) {
       for (int x = 0; x < image.width; ++x) {
         const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
                                static_cast<std::size_t>(x);
         std::map<int, double> behind;
-        const Vector3d ray = reconstruct(x, y, projection, &image.rgba[at * 4], image.coverage[at],
-                                         image.z[at], behind);
+        const Vector3d ray =
+            reconstruct(x, y, &image.rgba[at * 4], image.coverage[at], image.z[at], behind);
         if (!request_.measure_coverage) continue;
         std::vector<CameraBehind> cameras;
         for (const auto& [camera, weight] : behind) cameras.push_back({camera, weight});
@@ -92,18 +94,19 @@ class ReferenceFrame {
   }
 
   /// Returns the ray; `behind`: what weight each camera has in it.
-  Vector3d reconstruct(int x, int y, const PlaneProjection& projection, float* rgba,
-                       float& coverage, float& z, std::map<int, double>& behind) const {
+  Vector3d reconstruct(int x, int y, float* rgba, float& coverage, float& z,
+                       std::map<int, double>& behind) const {
     const auto ray_in_view = view_model_.unproject({x + 0.5, y + 0.5});
     if (!ray_in_view) return Vector3d::Zero();
     const Intrinsics& k = request_.view.intrinsics;
     const double ideal_x = ray_in_view->x() * k.fx + k.cx;
     const double ideal_y = -ray_in_view->y() * k.fy + k.cy;
     const Vector3d ray = request_.view.pose.world_from_camera_rotation * *ray_in_view;
-    const double depth = projection.depth(ideal_x, ideal_y);
-    if (!(depth > 0) || (!projection.at_infinity() && projection.distance() == 0)) return ray;
     for (std::size_t i = 0; i < rays_.size(); ++i) {
       if (slabs_->slabs[i].width == 0 || !rays_[i].answers(ideal_x, ideal_y)) continue;
+      const PlaneProjection& projection = projections_[i];
+      const double depth = projection.depth(ideal_x, ideal_y);
+      if (!(depth > 0) || (!projection.at_infinity() && projection.distance() == 0)) return ray;
       const SlabRays::Crossing crossing = rays_[i].crossing(ideal_x, ideal_y);
       answer(i, crossing, ray, depth, rgba, coverage, behind);
       if (rgba[3] > 0) z = static_cast<float>(depth);
@@ -181,7 +184,7 @@ class ReferenceFrame {
       const auto camera = static_cast<std::size_t>(sources.camera[i]);
       const Pose& pose = rig_.cameras[camera].pose;
       const auto towards =
-          sources.at_camera ? from_node : point_from(node, from_node, pose.position);
+          sources.at_camera ? from_node : point_from(slab, node, from_node, pose.position);
       if (!towards) continue;
       const double before = sum[3];
       add(camera, pose.world_from_camera_rotation.transpose() * *towards, sources.weight[i],
@@ -193,11 +196,12 @@ class ReferenceFrame {
 
   /// Direction from `centre` to where the node's ray meets the focal plane; nullopt where it does
   /// not.
-  std::optional<Vector3d> point_from(const Vector3d& node, const Vector3d& from_node,
-                                     const Vector3d& centre) const {
-    const Vector3d normal = request_.focal_plane.head<3>();
+  std::optional<Vector3d> point_from(const Slab& slab, const Vector3d& node,
+                                     const Vector3d& from_node, const Vector3d& centre) const {
+    const Eigen::Vector4d plane = focal_plane_of(slab, request_);
+    const Vector3d normal = plane.head<3>();
     if (normal.isZero(0)) return from_node;
-    const double along = -(normal.dot(node) + request_.focal_plane.w()) / normal.dot(from_node);
+    const double along = -(normal.dot(node) + plane.w()) / normal.dot(from_node);
     if (!(along > 0)) return std::nullopt;
     return along * from_node + (node - centre);
   }
@@ -240,7 +244,8 @@ class ReferenceFrame {
   SlabInterpolation interpolation_;
   VirtualCamera ideal_view_ = request_.view;
   CameraModel view_model_;
-  std::vector<SlabRays> rays_;  // per slab
+  std::vector<SlabRays> rays_;                // per slab
+  std::vector<PlaneProjection> projections_;  // per slab
   std::vector<std::shared_ptr<const DecodedFrame>> frames_;
 };
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 #include "render/depth/fusion.h"
@@ -264,9 +265,17 @@ class Solver {
 
 }  // namespace
 
+void CameraDepths::find_nearest() {
+  nearest.resize(maps.size());
+  raystage::parallel_for(std::size_t{0}, maps.size(),
+                         [&](std::size_t i) { nearest[i] = nearest_of_blocks(maps[i]); });
+}
+
 std::size_t CameraDepths::bytes() const {
   std::size_t sum = 0;
-  for (const InverseDepthMap& map : maps) sum += map.values.size() * sizeof(float);
+  for (const auto& kept : {std::cref(maps), std::cref(nearest)}) {
+    for (const InverseDepthMap& map : kept.get()) sum += map.values.size() * sizeof(float);
+  }
   return sum;
 }
 

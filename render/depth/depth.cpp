@@ -173,9 +173,7 @@ class Frame {
       if (!from.frame) continue;
       const std::size_t i = scratch.sample_of.size();
       auto& share = scratch.shares[i];
-      for (std::size_t x = 0; x < n; ++x) {
-        share[x] = CameraField::share(tile, camera, tile.left + static_cast<int>(x), y);
-      }
+      CameraField::shares(tile, camera, y, {share.data(), n});
       auto& samples = scratch.samples[i];
       std::fill_n(samples.begin(), 4 * n, 0.0F);
       add_samples_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
@@ -184,6 +182,7 @@ class Frame {
                        y,
                        from.transfer,
                        &plan_.depths->maps[static_cast<std::size_t>(camera.camera)],
+                       &plan_.depths->nearest[static_cast<std::size_t>(camera.camera)],
                        depths,
                        visibility_tolerance(plan_),
                        {scratch.visible[i].data(), n}});

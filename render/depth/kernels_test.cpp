@@ -260,12 +260,13 @@ TEST_F(DepthKernels, OfEqualReportsTheNearerWins) {
 
 TEST_F(DepthKernels, SeesAsTheReference) {
   const InverseDepthMap of_view = random_depths(3, 0.05F, 0.6F);
+  const InverseDepthMap nearest = nearest_of_blocks(depths_[1]);
   std::vector<float> visible(kWidth);
   on_every_instruction_set([&] {
     int part = 0;
     for (const int y : {0, 14, kHeight - 1}) {
       const std::span<const float> depths(of_view.values.data() + y * kWidth, kWidth);
-      find_visibility({0, y, partners_[1].transfer, &depths_[1], depths, 0.1F, visible});
+      find_visibility({0, y, partners_[1].transfer, &depths_[1], &nearest, depths, 0.1F, visible});
       for (int x = 0; x < kWidth; ++x) {
         const Place p =
             place_of(partners_[1].transfer, x + 0.5, y + 0.5, depths[static_cast<std::size_t>(x)]);
@@ -283,18 +284,18 @@ TEST_F(DepthKernels, SeesAsTheReference) {
 
 TEST_F(DepthKernels, ACameraThatDiffersCountsLess) {
   constexpr std::size_t kCameras = 5;
-  std::array<std::array<float, 4>, kCameras> samples{};
-  std::array<float, kCameras> shares{}, visible{};
+  std::array<std::array<float, 4 * kMostRun>, kCameras> samples{};
+  std::array<std::array<float, kMostRun>, kCameras> shares{}, visible{};
   std::vector<const float*> sample_of, share_of, visible_of;
   for (std::size_t i = 0; i < kCameras; ++i) {
     const float seen = i == 4 ? 0.5F * 65535 : 65535.0F;
     const float code = i == 0 ? 0.9F : 0.4F;  // the first sees something else
     samples[i] = {code * seen, 0.5F * seen, 0.2F * seen, seen};
-    shares[i] = 0.2F;
-    visible[i] = i == 3 ? 0.0F : 1.0F;
+    shares[i][0] = 0.2F;
+    visible[i][0] = i == 3 ? 0.0F : 1.0F;
     sample_of.push_back(samples[i].data());
-    share_of.push_back(&shares[i]);
-    visible_of.push_back(&visible[i]);
+    share_of.push_back(shares[i].data());
+    visible_of.push_back(visible[i].data());
   }
   on_every_instruction_set([&] {
     std::array<float, 4> sums{};
@@ -305,17 +306,17 @@ TEST_F(DepthKernels, ACameraThatDiffersCountsLess) {
     const double red = sums[0] / 65535 / alpha;  // the plain mean of those who see: 0.543
     EXPECT_GT(red, 0.4);
     EXPECT_LT(red, 0.45);
-    visible.fill(0);  // hidden from all: all count again
+    for (auto& camera : visible) camera[0] = 0;  // hidden from all: all count again
     blend_agreeing({sample_of, share_of, visible_of, 1, 100 * 65535}, sums);
     EXPECT_NEAR(sums[0] / 65535 / alpha, (0.9 + 3.5 * 0.4) / 4.5, 1e-3);
-    visible = {1, 1, 1, 0, 1};
+    for (std::size_t i = 0; i < kCameras; ++i) visible[i][0] = i == 3 ? 0.0F : 1.0F;
   });
-  const std::array<float, 4> nothing{};
+  const std::array<float, 4 * kMostRun> nothing{};
   const std::vector<const float*> none{nothing.data()};
   std::array<float, 4> sums{1, 1, 1, 1};
   blend_agreeing({none, std::span(share_of).first(1), std::span(visible_of).first(1), 1, 655},
                  sums);
-  EXPECT_EQ(sums, nothing);
+  EXPECT_EQ(sums, (std::array<float, 4>{}));
 }
 
 }  // namespace

@@ -78,6 +78,7 @@ std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResu
   return kept_results.get<KeptDepths>(key_of(instant, solving), [&](std::size_t& bytes) {
     auto kept = std::make_shared<KeptDepths>();
     kept->depths = kept_camera_depths(instant, solving, working_bytes, keep, kept->note);
+    kept->depths.find_nearest();
     bytes = kept->depths.bytes();
     return kept;
   });

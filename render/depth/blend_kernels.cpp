@@ -82,8 +82,7 @@ void blend(const BlendRun& run, std::span<float> sums) {
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto zero = hn::Zero(d), tiny = hn::Set(d, 1e-30F), hidden = hn::Set(d, kHiddenShare);
   // Samples are premultiplied by seen * 65535; so is the mean that they are held against.
-  const auto per_agreement =
-      hn::Set(d, 65535.0F * 65535.0F / (3 * run.agreement * run.agreement));
+  const auto per_agreement = hn::Set(d, 65535.0F * 65535.0F / (3 * run.agreement * run.agreement));
   const std::size_t cameras = run.samples.size();
   HWY_ALIGN float last[4 * kMostRun];
   for (int i = 0; i < run.count; i += lanes) {
@@ -127,8 +126,8 @@ void blend(const BlendRun& run, std::span<float> sums) {
         add(hn::Mul(weight_of(c), trust), sample, sum);
       }
     }
-    const auto scale = hn::IfThenElseZero(hn::Gt(sum.seen, zero),
-                                          hn::Div(alpha, hn::Max(sum.seen, tiny)));
+    const auto scale =
+        hn::IfThenElseZero(hn::Gt(sum.seen, zero), hn::Div(alpha, hn::Max(sum.seen, tiny)));
     const bool whole = i + lanes <= run.count;
     hn::StoreInterleaved4(hn::Mul(sum.r, scale), hn::Mul(sum.g, scale), hn::Mul(sum.b, scale),
                           hn::Mul(sum.seen, scale), d, whole ? sums.data() + 4 * i : last);

@@ -13,11 +13,11 @@ inline constexpr int kMostRun = 64;  ///< pixels worked on at once
 /// `tolerance` (1/m) behind them, falling to 0 at kHiddenBehind times that; bilinear between the
 /// camera's pixels, so soft at edges. 1 outside its image, and where it knows no depth.
 struct VisibilityRun {
-  int x = 0, y = 0;                         ///< first pixel of the view
-  PixelTransfer transfer;                   ///< from the view to the camera
+  int x = 0, y = 0;                          ///< first pixel of the view
+  PixelTransfer transfer;                    ///< from the view to the camera
   const InverseDepthMap* depths = nullptr;   ///< the camera's
   const InverseDepthMap* nearest = nullptr;  ///< nearest_of_blocks() of them
-  std::span<const float> inverse_depth;     ///< of the view's pixels, kMostRun at most
+  std::span<const float> inverse_depth;      ///< of the view's pixels, kMostRun at most
   float tolerance = 0;
   std::span<float> visible;
 };

@@ -174,12 +174,13 @@ class Solver {
   InverseDepthMap agreed(int camera) const {
     // A camera knows its own pixels a little better than others' warped ones.
     constexpr float kOwn = 1.5F;
-    std::vector<DepthReport> reports{{&map(camera), &pinhole(camera), kOwn}};
+    const VirtualCamera& view = pinhole(camera);
+    std::vector<DepthReport> reports{{&map(camera), &view, even_weights(view, kOwn)}};
     for (const int other : neighbours(camera, settings_.neighbours)) {
-      reports.push_back({&map(other), &pinhole(other), 1});
+      reports.push_back({&map(other), &pinhole(other), even_weights(view, 1)});
     }
     constexpr float kQuarter = 0.25F;
-    return fuse_depths(pinhole(camera), reports, {tolerance(), kQuarter});
+    return fuse_depths(view, reports, {tolerance(), kQuarter});
   }
 
   PixelLinks links(const InverseDepthMap& depths, const MatchingImage& picture) const {

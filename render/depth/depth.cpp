@@ -32,7 +32,7 @@ class Frame {
         sources_(request.instant.rig->cameras.size()) {}
 
   RenderedView render(Clock::time_point start) {
-    RenderedView image = empty_view(view_);
+    RenderedView image = unset_view(view_);
     find_sources();
     const auto planned = Clock::now();
     decode(image.statistics);

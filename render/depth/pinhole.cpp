@@ -9,8 +9,9 @@
 namespace raystage {
 
 InverseDepthMap nearest_of_blocks(const InverseDepthMap& map) {
-  InverseDepthMap nearest{
-      (map.width + kSightBlock - 1) / kSightBlock, (map.height + kSightBlock - 1) / kSightBlock, {}};
+  InverseDepthMap nearest{(map.width + kSightBlock - 1) / kSightBlock,
+                          (map.height + kSightBlock - 1) / kSightBlock,
+                          {}};
   for (int top = 0; top < map.height; top += kSightBlock) {
     for (int left = 0; left < map.width; left += kSightBlock) {
       float most = kUnknownDepth;

@@ -8,6 +8,7 @@
 #include "render/depth/depth_file.h"
 #include "render/depth/fusion.h"
 #include "render/depth/solve_kernels.h"
+#include "render/depth/warp.h"
 #include "render/view/scene_depths.h"
 
 namespace raystage {
@@ -84,44 +85,38 @@ std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResu
   });
 }
 
-/// The cameras that a view's depths are taken from: the best few everywhere in it, with their part
-/// of all shares.
+/// What cameras say of a view's depths: they count as they would if its rays were blended from few
+/// of them.
 std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepths& depths) {
-  constexpr std::size_t kBest = 6;
-  std::map<int, double> total;  // by camera
-  std::set<int> wanted;
-  for (int row = 0; row <= field.rows(); ++row) {
-    for (int column = 0; column <= field.columns(); ++column) {
-      const std::vector<CameraShare>& chosen = field.corner(column, row);
-      for (std::size_t i = 0; i < chosen.size(); ++i) {
-        total[chosen[i].camera] += chosen[i].share;
-        if (i < kBest) wanted.insert(chosen[i].camera);
-      }
+  static_assert(kDepthTile == CameraField::kTile);
+  const auto tiles = static_cast<std::size_t>(field.columns() * field.rows());
+  std::map<int, DepthReport> reports;  // by camera
+  for (std::size_t tile = 0; tile < tiles; ++tile) {
+    const int at = static_cast<int>(tile), columns = field.columns();
+    for (const CameraField::TileCamera& chosen : field.tile(at % columns, at / columns).cameras) {
+      const auto i = static_cast<std::size_t>(chosen.camera);
+      DepthReport& report = reports[chosen.camera];
+      report.map = &depths.maps[i];
+      report.camera = &depths.pinholes[i];
+      report.weights.resize(tiles);
+      report.weights[tile] = chosen.share;
     }
   }
-  std::vector<std::pair<double, int>> by_share;
-  double sum = 0;
-  for (const int camera : wanted) {
-    by_share.emplace_back(-total[camera], camera);
-    sum += total[camera];
-  }
-  std::ranges::sort(by_share);
-  by_share.resize(std::min<std::size_t>(by_share.size(), kMostReports));
-  std::vector<DepthReport> reports;
-  for (const auto& [share, camera] : by_share) {
-    const auto i = static_cast<std::size_t>(camera);
-    reports.push_back({&depths.maps[i], &depths.pinholes[i], static_cast<float>(-share / sum)});
-  }
-  return reports;
+  std::vector<DepthReport> all;
+  for (auto& [camera, report] : reports) all.push_back(std::move(report));
+  return all;
 }
 
-InverseDepthMap depths_of_view(const Plan& plan) {
+InverseDepthMap depths_of_view(const Plan& plan, const Instant& instant) {
   const VirtualCamera& view = plan.pinhole;
   // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
   // alike and any tolerance will do.
   const double pixel = plan.depths->pixel > 0 ? plan.depths->pixel : 1;
   constexpr float kLeastShare = 0.2F;
-  InverseDepthMap map = fuse_depths(view, reports_for(plan.field, *plan.depths),
+  constexpr int kBest = 8;
+  static_assert(4 * kBest <= kMostReports, "a tile's corners may all choose others");
+  const CameraField field(view, *instant.rig, cameras_of(instant, false), plan.range, kBest);
+  InverseDepthMap map = fuse_depths(view, reports_for(field, *plan.depths),
                                     {static_cast<float>(pixel / 2), kLeastShare});
   const auto behind = static_cast<float>(plan.range.farthest);
   for (float& depth : map.values) {
@@ -155,7 +150,7 @@ std::optional<Plan> plan(const ViewRequest& request) {
     result.complete.emplace(field_of(true));
   }
   if (!kept->note.empty()) result.notes.push_back(kept->note);
-  result.view_depths = depths_of_view(result);
+  result.view_depths = depths_of_view(result, request.instant);
   return result;
 }
 

@@ -115,10 +115,10 @@ HWY_INLINE void add_cubic_sample(const std::uint16_t* from, std::ptrdiff_t row, 
       return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, from + r * row + begin)));
     };
     // In pairs, which need not wait for each other.
-    const auto upper = hn::MulAdd(hn::Set(d, down[1]), pixels(1),
-                                  hn::Mul(hn::Set(d, down[0]), pixels(0)));
-    const auto lower = hn::MulAdd(hn::Set(d, down[3]), pixels(3),
-                                  hn::Mul(hn::Set(d, down[2]), pixels(2)));
+    const auto upper =
+        hn::MulAdd(hn::Set(d, down[1]), pixels(1), hn::Mul(hn::Set(d, down[0]), pixels(0)));
+    const auto lower =
+        hn::MulAdd(hn::Set(d, down[3]), pixels(3), hn::Mul(hn::Set(d, down[2]), pixels(2)));
     const auto of_pixel = hn::ShiftRight<2>(hn::Add(lane, hn::Set(d32, begin)));
     const auto weights = hn::TableLookupLanes(across_all, hn::IndicesFromVec(d, of_pixel));
     total = hn::MulAdd(hn::Add(upper, lower), weights, total);

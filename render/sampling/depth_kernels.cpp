@@ -74,15 +74,16 @@ void find_positions(const DepthSource& source, int x, int y, int n, const Inputs
   }
 }
 
-/// Keys' kernel, a = -1/2, at a position `f` behind the second of four pixels; times `scale`.
+/// Keys' kernel at a position `f` behind the second of four pixels; times `scale`.
 template <class D, class V>
 HWY_INLINE void store_cubic(D d, V f, V scale, float* HWY_RESTRICT weights) {
   const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
-  const auto ff = hn::Mul(f, f);
-  const auto w0 = hn::Mul(f, hn::MulAdd(f, hn::NegMulAdd(set(0.5F), f, set(1)), set(-0.5F)));
-  const auto w1 = hn::MulAdd(ff, hn::MulAdd(set(1.5F), f, set(-2.5F)), set(1));
-  const auto w2 = hn::Mul(f, hn::MulAdd(f, hn::NegMulAdd(set(1.5F), f, set(2)), set(0.5F)));
-  const auto w3 = hn::Mul(ff, hn::MulAdd(set(0.5F), f, set(-0.5F)));
+  constexpr float a = kCubicSlope;
+  const auto g = hn::Sub(set(1), f), fg = hn::Mul(hn::Mul(f, g), set(a));
+  const auto inner = [&](V x) HWY_ATTR {
+    return hn::MulAdd(hn::Mul(x, x), hn::MulAdd(set(a + 2), x, set(-a - 3)), set(1));
+  };
+  const auto w0 = hn::Mul(fg, g), w1 = inner(f), w2 = inner(g), w3 = hn::Mul(fg, f);
   hn::StoreInterleaved4(hn::Mul(w0, scale), hn::Mul(w1, scale), hn::Mul(w2, scale),
                         hn::Mul(w3, scale), d, weights);
 }

@@ -13,6 +13,7 @@
 #include <set>
 
 #include "render/depth/solve_kernels.h"
+#include "render/quality/image_quality.h"
 #include "render/renderer.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
@@ -193,6 +194,50 @@ TEST_F(Depth, FindsASlantedPlane) {
   }
   EXPECT_LT(disparity_error / count, 0.05);  // pixels
   EXPECT_LT(colour_error / count, 0.012);
+}
+
+/// A wall with round holes, before the back plane: edges at every angle and of every phase.
+std::array<double, 3> holes_scene(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+  const Eigen::Vector3d on_wall = from + kFront.distance(from, direction) * direction;
+  const bool wall = std::cos(5 * on_wall.x() + 1) + std::cos(5 * on_wall.y()) > 0.6;
+  const Plane& plane = wall ? kFront : kBack;
+  const Eigen::Vector3d hit = from + plane.distance(from, direction) * direction;
+  const auto coarse = texture(hit.x(), hit.y() + plane.c);
+  const auto fine = testing::painted_plane(9 * hit.x() + 2, 7 * hit.y() + hit.x());
+  return {(2 * coarse[0] + fine[2]) / 3, (2 * coarse[1] + fine[0]) / 3,
+          (2 * coarse[2] + fine[1]) / 3};
+}
+
+TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
+  SyntheticTake settings = slanted(3, 4);
+  settings.painting = holes_scene;
+  settings.samples = 3;
+  settings.jpeg = {75, JpegEncodeSettings::Chroma::k444, 0};
+  const Take take = write(settings);
+  const LightFieldRenderer renderer(take, {});
+  const FrameSelection frames = select_frames(take, 0, 30'000'000);
+  const auto largest_step = [&](const OptionValues& options) {
+    double before = 0, largest = 0;
+    for (int i = 0; i < 28; ++i) {
+      const double way = 0.008 * i;  // two camera spacings in all
+      CameraGeometry geometry = settings.cameras[0];
+      geometry.intrinsics.fx = geometry.intrinsics.fy = 130;
+      geometry.world_from_camera[3] = way - 0.13;
+      geometry.world_from_camera[7] = 0.02;
+      geometry.world_from_camera[11] = way / 3;
+      const RenderedView image = renderer.render(virtual_camera_from_geometry(geometry), frames,
+                                                 {"depth", {0, 0, 0, 1}, options});
+      const double psnr =
+          compare_images(srgb_image(image), photograph(geometry, settings), covered_pixels(image))
+              .psnr_db;
+      if (i > 0) largest = std::max(largest, std::abs(psnr - before));
+      before = psnr;
+    }
+    EXPECT_GT(before, 26);
+    return largest;
+  };
+  EXPECT_LT(largest_step({}), 0.3);                  // dB
+  EXPECT_GT(largest_step({{"cameras", 2.0}}), 0.3);  // too few to hide the change
 }
 
 TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {

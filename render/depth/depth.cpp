@@ -43,6 +43,7 @@ class Frame {
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
     if (request_.count_needed_pixels) count_needed(image.statistics);
+    if (request_.measure_coverage) measure_coverage(request_, plan_, image);
     return image;
   }
 

@@ -188,7 +188,7 @@ Method depth_method() {
           depth::render,
           depth::render_reference,
           nullptr,
-          false,
+          true,
           {},
           false,
           false};

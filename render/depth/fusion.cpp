@@ -129,7 +129,7 @@ InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthRepo
   raystage::parallel_for(std::size_t{0}, reports.size(), [&](std::size_t i) {
     std::vector<std::uint8_t> wanted;
     for (const CornerWeights& weights : reports[i].weights) wanted.push_back(counts(weights));
-    warped[i] = warp_depths(*reports[i].map, *reports[i].camera, view, wanted);
+    warped[i] = warp_depths(*reports[i].map, *reports[i].camera, view, wanted, reports[i].nearest);
   });
   InverseDepthMap fused{view.width, view.height, {}};
   fused.values.resize(pixels_of(view));

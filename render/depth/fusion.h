@@ -16,6 +16,7 @@ struct DepthReport {
   /// For each tile of the view (DepthTiles): weights, not negative, at its upper left, upper right,
   /// lower left and lower right corner; linear in between.
   std::vector<std::array<float, 4>> weights;
+  const InverseDepthMap* nearest = nullptr;  ///< nearest_of_blocks() of the map, if at hand
 };
 /// For all of a view.
 std::vector<std::array<float, 4>> even_weights(const VirtualCamera& view, float weight);

@@ -155,6 +155,28 @@ TEST(WarpDepths, OnlyWhereItIsWanted) {
   }
 }
 
+TEST(WarpDepths, WhatIsNotLookedAtIsNotMissed) {
+  const VirtualCamera camera = camera_at({0, 0, 0}, 170, 130);
+  InverseDepthMap map = flat(camera, 0);
+  std::mt19937 random(9);
+  for (std::size_t i = 0; i < map.values.size(); ++i) {
+    const bool known = random() % 5 != 0;
+    map.values[i] = known ? 0.1F + 0.003F * static_cast<float>(i % 170) : kUnknownDepth;
+  }
+  const InverseDepthMap nearest = nearest_of_blocks(map);
+  for (const VirtualCamera& view :
+       {camera_at({0.3, 0.1, 0.2}, 160, 100), camera_at({-0.2, 0, -1.2}, 200, 150),
+        camera_at({0, 0.1, -1.9}, 100, 100)}) {
+    for (std::size_t one = 0; one < depth_tile_count(view); ++one) {
+      std::vector<std::uint8_t> wanted(depth_tile_count(view));
+      wanted[one] = 1;
+      ASSERT_EQ(warp_depths(map, camera, view, wanted, &nearest).values,
+                warp_depths(map, camera, view, wanted).values)
+          << one;
+    }
+  }
+}
+
 TEST(FuseDepths, TheMajorityDecidesAndHolesAreFilledFromBehind) {
   const VirtualCamera view = camera_at({0, 0, 0});
   InverseDepthMap right = flat(view, 0.5F), also = right, wrong = flat(view, 0.9F);

@@ -98,6 +98,7 @@ std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepth
       DepthReport& report = reports[chosen.camera];
       report.map = &depths.maps[i];
       report.camera = &depths.pinholes[i];
+      report.nearest = &depths.nearest[i];
       report.weights.resize(tiles);
       report.weights[tile] = chosen.share;
     }

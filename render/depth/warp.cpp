@@ -42,8 +42,9 @@ HWY_INLINE void put_down(const VirtualCamera& view, DepthTiles& tiles, float u, 
   }
 }
 
+/// `needed`: by block of kDepthTile x kDepthTile pixels of the map.
 void warp(const InverseDepthMap& map, const VirtualCamera& camera, const VirtualCamera& view,
-          DepthTiles& tiles) {
+          const std::vector<std::uint8_t>& needed, DepthTiles& tiles) {
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> di;
   constexpr int kMostLanes = static_cast<int>(hn::MaxLanes(d));
@@ -67,12 +68,15 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
   const auto width = hn::Set(d, static_cast<float>(view.width));
   const auto height = hn::Set(d, static_cast<float>(view.height));
   const auto columns = hn::Set(di, depth_tile_columns(view)), within = hn::Set(di, kDepthTile - 1);
+  const int blocks_per_row = (map.width + kDepthTile - 1) / kDepthTile;
   HWY_ALIGN float depth[kMostLanes], u[kMostLanes], v[kMostLanes], extent[kMostLanes];
   HWY_ALIGN std::int32_t at[kMostLanes];
   for (int y = 0; y < map.height; ++y) {
     const RowTransfer along(shifted, y, view.width + kMostFootprint, view.height + kMostFootprint);
     const float* row = map.values.data() + static_cast<std::ptrdiff_t>(y) * map.width;
+    const std::uint8_t* blocks = needed.data() + (y >> kDepthTileLog2) * blocks_per_row;
     for (int x = 0; x < map.width; x += lanes) {
+      if (blocks[x >> kDepthTileLog2] == 0) continue;
       const int n = std::min(lanes, map.width - x);
       auto q = hn::Set(d, kUnknownDepth);
       if (n == lanes) {
@@ -145,8 +149,88 @@ std::size_t depth_tile_count(const VirtualCamera& view) {
          static_cast<std::size_t>((view.height + kDepthTile - 1) / kDepthTile);
 }
 
+namespace {
+
+/// Which blocks of kDepthTile x kDepthTile pixels of a map may come down in wanted tiles: a point
+/// lies between infinity and the nearest depth of its block, so where the block's corners come down
+/// at these bounds it.
+class BlockChoice {
+ public:
+  BlockChoice(const VirtualCamera& camera, const VirtualCamera& view,
+              std::span<const std::uint8_t> wanted)
+      : transfer_(pixel_transfer(view, camera)), view_(view), wanted_(wanted) {}
+
+  bool may_come_down(int left, int top, int right, int bottom, double nearest) const {
+    double u0 = view_.width, u1 = 0, v0 = view_.height, v1 = 0;
+    for (int i = 0; i < 8; ++i) {
+      const double x = (i & 1) != 0 ? right : left, y = (i & 2) != 0 ? bottom : top;
+      const double q = (i & 4) != 0 ? nearest : 0;
+      const auto part = [&](std::size_t r) {
+        const double* m = transfer_.direction.data() + 3 * r;
+        return m[0] * x + m[1] * y + m[2] + q * transfer_.parallax[r];
+      };
+      const double w = part(2);
+      if (!(w > 0)) return true;
+      u0 = std::min(u0, part(0) / w);
+      u1 = std::max(u1, part(0) / w);
+      v0 = std::min(v0, part(1) / w);
+      v1 = std::max(v1, part(1) / w);
+    }
+    constexpr double kMargin = kMostFootprint / 2.0 + 1;
+    const auto tile = [](double at, int size) {
+      return static_cast<int>(std::clamp(at, 0.0, size - 1.0)) >> kDepthTileLog2;
+    };
+    if (u1 < -kMargin || v1 < -kMargin || u0 > view_.width + kMargin ||
+        v0 > view_.height + kMargin) {
+      return false;
+    }
+    const int columns = depth_tile_columns(view_);
+    for (int row = tile(v0 - kMargin, view_.height); row <= tile(v1 + kMargin, view_.height);
+         ++row) {
+      for (int column = tile(u0 - kMargin, view_.width); column <= tile(u1 + kMargin, view_.width);
+           ++column) {
+        if (wanted_[static_cast<std::size_t>(row * columns + column)] != 0) return true;
+      }
+    }
+    return false;
+  }
+
+ private:
+  PixelTransfer transfer_;
+  const VirtualCamera& view_;
+  std::span<const std::uint8_t> wanted_;
+};
+
+std::vector<std::uint8_t> needed_blocks(const InverseDepthMap& map, const InverseDepthMap* nearest,
+                                        const BlockChoice& choice) {
+  std::vector<std::uint8_t> needed;
+  for (int top = 0; top < map.height; top += kDepthTile) {
+    for (int left = 0; left < map.width; left += kDepthTile) {
+      if (nearest == nullptr) {
+        needed.push_back(1);
+        continue;
+      }
+      const int right = std::min(left + kDepthTile, map.width);
+      const int bottom = std::min(top + kDepthTile, map.height);
+      float most = kUnknownDepth;
+      for (int y = top; y < bottom; y += kSightBlock) {
+        for (int x = left; x < right; x += kSightBlock) {
+          most = std::max(most, nearest->at(x >> kSightBlockLog2, y >> kSightBlockLog2));
+        }
+      }
+      const bool may =
+          most >= 0 && choice.may_come_down(left, top, right, bottom, static_cast<double>(most));
+      needed.push_back(may ? 1 : 0);
+    }
+  }
+  return needed;
+}
+
+}  // namespace
+
 DepthTiles warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
-                       const VirtualCamera& view, std::span<const std::uint8_t> wanted) {
+                       const VirtualCamera& view, std::span<const std::uint8_t> wanted,
+                       const InverseDepthMap* nearest) {
   constexpr std::int32_t kPixels = kDepthTile * kDepthTile;
   DepthTiles tiles;
   tiles.first.resize(wanted.size());
@@ -155,7 +239,9 @@ DepthTiles warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
     if (wanted[i] != 0) tiles.first[i] = kPixels * count++;
   }
   tiles.values.assign(static_cast<std::size_t>(count) * kPixels, kUnknownDepth);
-  if (count > 1) HWY_DYNAMIC_DISPATCH(warp)(map, camera, view, tiles);
+  if (count == 1) return tiles;
+  const auto needed = needed_blocks(map, nearest, BlockChoice(camera, view, wanted));
+  HWY_DYNAMIC_DISPATCH(warp)(map, camera, view, needed, tiles);
   return tiles;
 }
 

@@ -30,9 +30,11 @@ std::size_t depth_tile_count(const VirtualCamera& view);
 
 /// A camera's depths as seen from `view`: each of its pixels put down where the view sees its
 /// point, over as many pixels as it covers there (kMostFootprint a side at most), the nearest of
-/// several. `wanted`: by tile, 0 or not. Run-time dispatch.
+/// several. `wanted`: by tile, 0 or not. `nearest`: nearest_of_blocks() of the map; where given,
+/// what cannot come down in a wanted tile is not looked at. Run-time dispatch.
 DepthTiles warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
-                       const VirtualCamera& view, std::span<const std::uint8_t> wanted);
+                       const VirtualCamera& view, std::span<const std::uint8_t> wanted,
+                       const InverseDepthMap* nearest = nullptr);
 inline constexpr int kMostFootprint = 8;
 /// A point that covers no more than this is put down on one pixel: it leaves few holes.
 inline constexpr float kOnePixel = 1.25F;

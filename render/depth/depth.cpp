@@ -135,17 +135,21 @@ class Frame {
     statistics.cameras_used = cameras;
   }
 
+  /// Tile by tile, not row by row: what a row reads of a camera is at hand for the next.
   void blend(RenderedView& image) {
-    constexpr int kRows = 8;
-    raystage::parallel_for(
-        tbb::blocked_range<int>(0, view_.height, kRows), [&](const tbb::blocked_range<int>& rows) {
-          Scratch scratch;
-          for (int y = rows.begin(); y < rows.end(); ++y) {
-            for (int column = 0; column < plan_.field.columns(); ++column) {
-              blend_run(plan_.field.tile(column, y / CameraField::kTile), y, scratch, image);
-            }
-          }
-        });
+    constexpr int kTiles = 4;
+    const CameraField& field = plan_.field;
+    raystage::parallel_for(tbb::blocked_range<int>(0, field.columns() * field.rows(), kTiles),
+                           [&](const tbb::blocked_range<int>& tiles) {
+                             Scratch scratch;
+                             for (int i = tiles.begin(); i < tiles.end(); ++i) {
+                               const Tile& tile =
+                                   field.tile(i % field.columns(), i / field.columns());
+                               for (int y = tile.top; y < tile.bottom; ++y) {
+                                 blend_run(tile, y, scratch, image);
+                               }
+                             }
+                           });
   }
 
   /// Samples, shares and visibility of one camera after the other; grows, then stays.

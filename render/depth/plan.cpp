@@ -183,6 +183,7 @@ float visibility_tolerance(const Plan& plan) {
 }  // namespace depth
 
 Method depth_method() {
+  static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}, {"fine", "cameras=32"}};
   return {"depth",
           "cameras blended where their depths say that they see the same, found once per instant",
           depth::kOptions,
@@ -190,7 +191,7 @@ Method depth_method() {
           depth::render_reference,
           nullptr,
           true,
-          {},
+          kPresets,
           false,
           false};
 }

@@ -31,7 +31,8 @@ struct Settings {
   int cameras = 16;
   double agreement = 10;  ///< codes of 255
   LookUp look_up = LookUp::kCubic;
-  bool keep = true;  ///< in the take's folder
+  bool keep = true;       ///< in the take's folder
+  bool temporal = false;  ///< depths steadied by those of the instants before and after
 };
 
 /// What is to be done for a view: shared by the fast and the slow way.

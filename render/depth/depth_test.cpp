@@ -295,6 +295,23 @@ TEST_F(Depth, KeepsDepthsInTheTakeAndUsesThem) {
   EXPECT_EQ(read_file(file), whole);
 }
 
+TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
+  SyntheticTake settings = slanted(2, 3);
+  settings.frames = 4;  // all alike
+  const Take take = write(settings);
+  const OptionValues steady{{"temporal", true}};
+  EXPECT_GT(mean_alpha(render(take, a_view(), steady, {}, 0)), 0.9);  // it has none before
+  const RenderedView second = render(take, a_view(), steady, {}, 1);
+  const RenderedView alone = render(take, a_view(), {}, {}, 1);
+  for (std::size_t i = 0; i < alone.rgba.size(); ++i) {
+    ASSERT_NEAR(second.rgba[i], alone.rgba[i], 1e-3) << i;
+  }
+  RendererSettings slow;
+  slow.reference = true;
+  expect_equal(second, render(take, a_view(), steady, slow, 1));
+  EXPECT_EQ(render(take, a_view(), steady, {}, 1).rgba, second.rgba);  // found or read: the same
+}
+
 TEST_F(Depth, RendersATakeThatItMayNotWriteTo) {
   const Take take = write(slanted(2, 2));
   write_file_atomically(take_folder() / "depth", std::string_view("in the way"));

@@ -8,8 +8,10 @@
 #include "render/depth/depth_file.h"
 #include "render/depth/fusion.h"
 #include "render/depth/solve_kernels.h"
+#include "render/depth/temporal.h"
 #include "render/depth/warp.h"
 #include "render/view/scene_depths.h"
+#include "schemas/parallel.h"
 
 namespace raystage {
 namespace depth {
@@ -28,6 +30,9 @@ constexpr std::array kOptions{
     whole_option("witnesses", 12, 1, kMostWitnesses, "cameras that depths are refined with"),
     number_option("agreement", 10, 0.1, 255,
                   "difference of 8-bit codes at which a camera counts half when blended"),
+    flag_option("temporal", false,
+                "depths averaged with those of the frames before and after, where a camera's "
+                "picture stands still"),
     flag_option("keep", true, "depths in the folder depth/ of the take, and use those there")};
 
 Settings settings_of(const ViewRequest& request) {
@@ -40,6 +45,7 @@ Settings settings_of(const ViewRequest& request) {
   s.cameras = options.whole("cameras");
   s.agreement = options.number("agreement");
   s.keep = options.flag("keep") && request.use_take_folder;
+  s.temporal = options.flag("temporal");
   return s;
 }
 
@@ -81,6 +87,67 @@ std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResu
     kept->depths = kept_camera_depths(instant, solving, working_bytes, keep, kept->note);
     kept->depths.find_nearest();
     bytes = kept->depths.bytes();
+    return kept;
+  });
+}
+
+/// The instant of every camera's next frame, or that before if `step` is -1; nullopt where one has
+/// none.
+std::optional<Instant> beside(const Instant& instant, int step) {
+  Instant other = instant;
+  for (std::size_t i = 0; i < other.frame_of_camera.size(); ++i) {
+    int& frame = other.frame_of_camera[i];
+    if (frame < 0) continue;
+    frame += step;
+    const auto frames = instant.take->archive(static_cast<int>(i)).frames();
+    if (frame < 0 || frame >= static_cast<int>(frames.size())) return std::nullopt;
+    other.time_ns = frames[static_cast<std::size_t>(frame)].time_ns;
+  }
+  return other;
+}
+
+MatchingImage picture_of(const Instant& instant, std::size_t camera, const CameraDepths& depths) {
+  std::int64_t decoded = 0;
+  const auto frame =
+      instant.cache->fetch(static_cast<int>(camera), instant.frame_of_camera[camera], {}, decoded);
+  return {*frame, instant.cache->blend_space(), instant.rig->cameras[camera],
+          depths.pinholes[camera]};
+}
+
+/// An instant's depths with those before and after in mind: as many maps again, and three pictures
+/// per thread.
+std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptResults& kept_results,
+                                                  std::size_t working_bytes,
+                                                  const DepthSettings& solving, bool keep) {
+  const std::string key = "steadied " + key_of(instant, solving);
+  return kept_results.get<KeptDepths>(key, [&](std::size_t& bytes) {
+    const auto depths_at = [&](const Instant& at) {
+      return camera_depths(at, kept_results, working_bytes, solving, keep);
+    };
+    struct Other {
+      Instant instant;
+      std::shared_ptr<const KeptDepths> kept;
+    };
+    std::vector<Other> others;
+    for (const int step : {-1, 1}) {
+      if (const auto other = beside(instant, step)) others.push_back({*other, depths_at(*other)});
+    }
+    auto kept = std::make_shared<KeptDepths>(*depths_at(instant));
+    CameraDepths& depths = kept->depths;
+    const auto tolerance = static_cast<float>(solving.tolerance_px * depths.pixel);
+    raystage::parallel_for(std::size_t{0}, depths.maps.size(), [&](std::size_t i) {
+      if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
+      std::vector<MatchingImage> pictures;
+      std::vector<OtherInstant> of_camera;
+      for (const Other& other : others) pictures.push_back(picture_of(other.instant, i, depths));
+      for (std::size_t j = 0; j < others.size(); ++j) {
+        of_camera.push_back({&pictures[j], &others[j].kept->depths.maps[i]});
+      }
+      depths.maps[i] =
+          steadied(depths.maps[i], picture_of(instant, i, depths), of_camera, tolerance);
+    });
+    depths.find_nearest();
+    bytes = depths.bytes();
     return kept;
   });
 }
@@ -137,7 +204,8 @@ std::optional<Plan> plan(const ViewRequest& request) {
       request.view.pose);
   const InverseDepthRange range = inverse_depths_in_view(request.view, rig, settings.solving.scene);
   if (range.empty()) return std::nullopt;
-  const std::shared_ptr<const KeptDepths> kept = camera_depths(
+  const auto depths_of = settings.temporal ? steadied_depths : camera_depths;
+  const std::shared_ptr<const KeptDepths> kept = depths_of(
       request.instant, request.kept, request.working_bytes, settings.solving, settings.keep);
   const auto field_of = [&](bool absent_too) {
     return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,

@@ -62,8 +62,9 @@ RgbImage photograph(const CameraGeometry& geometry, const SyntheticTake& setting
     for (int x = 0; x < geometry.width; ++x) {
       std::array<double, 3> linear{};
       for (int i = 0; i < parts * parts; ++i) {
-        const auto light = light_at(settings, model, pose, x + (i % parts + 0.5) / parts,
-                                    y + (i / parts + 0.5) / parts);
+        const int column = i % parts, row = i / parts;
+        const auto light =
+            light_at(settings, model, pose, x + (column + 0.5) / parts, y + (row + 0.5) / parts);
         for (std::size_t c = 0; c < 3; ++c) linear[c] += light[c] / (parts * parts);
       }
       for (std::size_t c = 0; c < 3; ++c) {

@@ -251,7 +251,7 @@ float visibility_tolerance(const Plan& plan) {
 }  // namespace depth
 
 Method depth_method() {
-  static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}, {"fine", "cameras=32"}};
+  static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}};
   return {"depth",
           "cameras blended where their depths say that they see the same, found once per instant",
           depth::kOptions,

@@ -36,7 +36,8 @@ class CoverageMeasures : public ::testing::Test {
 };
 
 TEST_F(CoverageMeasures, AgreeWithTheReferenceForEveryMethod) {
-  for (const char* method : {"focal_plane", "nearest", "aperture", "lumigraph", "slabs"}) {
+  for (const char* method :
+       {"focal_plane", "nearest", "aperture", "lumigraph", "slabs", "plane_sweep", "depth"}) {
     for (const Vector3d& eye : {Vector3d(0.01, 0.02, 0.05), Vector3d(0.02, 0, -0.1)}) {
       const RenderedView fast = render(method, eye), reference = render(method, eye, true);
       std::size_t compared = 0, differ = 0;
@@ -63,7 +64,12 @@ TEST_F(CoverageMeasures, CountCamerasAndDistances) {
   EXPECT_NEAR(render("focal_plane", between).cameras[kMiddle], 3, 0.05);
   EXPECT_NEAR(render("focal_plane", between).nearest_ray[kMiddle], std::hypot(0.02, 0.02), 1e-5);
   EXPECT_EQ(render("nearest", between).cameras[kMiddle], 1);
-  EXPECT_NEAR(render("lumigraph", between).nearest_ray[kMiddle], std::hypot(0.02, 0.02), 1e-5);
+  for (const char* method : {"lumigraph", "plane_sweep", "depth"}) {
+    const RenderedView image = render(method, between);
+    EXPECT_NEAR(image.nearest_ray[kMiddle], std::hypot(0.02, 0.02), 1e-5) << method;
+    EXPECT_GT(image.cameras[kMiddle], 2) << method;
+    EXPECT_LE(image.cameras[kMiddle], 8) << method;
+  }
 }
 
 TEST_F(CoverageMeasures, CountTheCamerasOfAnAperture) {
@@ -102,13 +108,50 @@ TEST_F(CoverageMeasures, AreOnlyThereOnRequestAndSayWhereNobodySees) {
   EXPECT_TRUE(render("focal_plane", {0, 0, 0}, false, false).cameras.empty());
   EXPECT_TRUE(render("lumigraph", {0, 0, 0}, false, false).nearest_ray.empty());
   EXPECT_TRUE(render("aperture", {0, 0, 0}, false, false).cameras.empty());
+  EXPECT_TRUE(render("depth", {0, 0, 0}, false, false).cameras.empty());
   EXPECT_TRUE(render("slabs", {0, 0, 0}, false, false).nearest_ray.empty());
-  for (const char* method : {"focal_plane", "nearest", "aperture", "lumigraph", "slabs", "auto"}) {
+  for (const char* method : {"focal_plane", "nearest", "aperture", "lumigraph", "slabs", "auto",
+                             "plane_sweep", "depth"}) {
     const RenderedView image = render(method, {60, 0, 0});
     ASSERT_EQ(image.rgba[4 * kMiddle + 3], 0) << method;
     EXPECT_EQ(image.cameras[kMiddle], 0) << method;
     EXPECT_EQ(image.nearest_ray[kMiddle], std::numeric_limits<float>::infinity()) << method;
   }
+}
+
+/// A narrow screen before a wall: where the view sees the wall, cameras beside it that do not must
+/// not be counted.
+std::array<double, 3> screen_scene(const Vector3d& from, const Vector3d& direction) {
+  const Vector3d on_screen = from + (-2 - from.z()) / direction.z() * direction;
+  const bool screen = std::abs(on_screen.x()) < 0.15;
+  const Vector3d hit = from + ((screen ? -2 : -6) - from.z()) / direction.z() * direction;
+  return testing::painted_plane(4 * hit.x(), 4 * hit.y() + (screen ? 1 : 0));
+}
+
+TEST_F(CoverageMeasures, CamerasThatSomethingHidesThePointFromDoNotCount) {
+  testing::SyntheticTake settings;
+  settings.cameras = testing::camera_grid(1, 5, 0.1, 160, 120);
+  settings.painting = screen_scene;
+  settings.depth_range = DepthRange{1.8, 7};
+  const auto folder = folder_.path() / "screen";
+  write_synthetic_take(settings, folder);
+  const Take take(folder);
+  VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, {});
+  view.pose.position = {0.05, 0, 0};
+  RendererSettings measuring;
+  measuring.measure_coverage = true;
+  const RenderedView image =
+      LightFieldRenderer(take, measuring)
+          .render(view, select_frames(take, 0, 1), {"depth", {0, 0, 0, 1}, {}});
+  // Just right of the screen: the cameras to the left look at it.
+  const auto column = [&](double x_over_depth) {
+    return static_cast<std::size_t>(view.intrinsics.fx * x_over_depth + view.intrinsics.cx);
+  };
+  const std::size_t row = 60 * 160;
+  const float beside = image.cameras[row + column(0.065)], open = image.cameras[row + column(0.3)];
+  EXPECT_GT(image.z[row + column(0.065)], 5);
+  EXPECT_GE(beside, 1);
+  EXPECT_LT(beside, 0.8F * open);
 }
 
 }  // namespace

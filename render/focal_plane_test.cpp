@@ -332,6 +332,20 @@ TEST_F(FocalPlane, WhatIsInMemoryIsNotPlannedForAgain) {
   }
 }
 
+TEST_F(FocalPlane, AFrameWithoutRestartMarkersIsNotTakenForWholeEither) {
+  SyntheticTake settings = grid_take(3, 3);
+  settings.jpeg.restart_interval = 0;
+  const Take take = write(settings);
+  const FrameSelection frames = select_frames(take, 0, 1);
+  const LightFieldRenderer renderer(take, {});
+  for (const double yaw : {-12.0, 12.0}) {  // elsewhere in the frames
+    const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.2, looking({0, 0.01, 0.2}, yaw));
+    EXPECT_EQ(
+        renderer.render(view, frames, {"focal_plane", {0, 0, 1, 4}}).rgba,
+        LightFieldRenderer(take, {}).render(view, frames, {"focal_plane", {0, 0, 1, 4}}).rgba);
+  }
+}
+
 TEST_F(FocalPlane, RefusesAnUnknownMethod) {
   EXPECT_THROW(method_named("magic"), Error);
   for (const Method& method : methods()) EXPECT_EQ(&method_named(method.name), &method);

@@ -31,7 +31,7 @@ std::vector<Candidate> candidates() {
        .pixel_ns = 150,
        .disparity_ns = 8},
       {.label = "plane_sweep", .method = plane_sweep_method(), .pixel_ns = 300, .disparity_ns = 32},
-      {.label = "depth", .method = depth_method(), .pixel_ns = 1200, .instant_ns = 1900}};
+      {.label = "depth", .method = depth_method(), .pixel_ns = 500, .instant_ns = 1900}};
 }
 
 RenderedView render_with(const ViewRequest& request, bool reference) {

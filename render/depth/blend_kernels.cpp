@@ -34,9 +34,12 @@ void visibility(const VisibilityRun& run) {
   const auto slope = hn::Set(d, 1 / (run.tolerance * (kHiddenBehind - 1)));
   const auto top = hn::Set(d, kHiddenBehind / (kHiddenBehind - 1));
   const float* values = run.depths->values.data();
+  const float* blocks = run.nearest->values.data();
+  const auto block_pitch = hn::Set(di, run.nearest->width);
+  const auto tolerance = hn::Set(d, run.tolerance);
   HWY_ALIGN float inverse_depth[kMostRun], visible[kMostRun];
-  std::fill_n(inverse_depth, kMostRun, 0.0F);
   std::copy(run.inverse_depth.begin(), run.inverse_depth.end(), inverse_depth);
+  std::fill(inverse_depth + count, inverse_depth + std::min(kMostRun, count + lanes), 0.0F);
   for (int i = 0; i < count; i += lanes) {
     const auto place = transfer.at(d, run.x + i, hn::Load(d, inverse_depth + i));
     const auto u = hn::Min(hn::Max(hn::Sub(place.u, half), zero), last_x);
@@ -44,6 +47,15 @@ void visibility(const VisibilityRun& run) {
     const auto x0 = hn::ConvertTo(di, u), y0 = hn::ConvertTo(di, v);
     const auto right = hn::Sub(u, hn::ConvertTo(d, x0)), down = hn::Sub(v, hn::ConvertTo(d, y0));
     const auto x1 = hn::Min(hn::Add(x0, next), right_most), y1 = hn::Min(hn::Add(y0, next), lowest);
+    // Nothing near here hides anything: so it is in most places.
+    const auto block = hn::Add(hn::Mul(hn::ShiftRight<kSightBlockLog2>(y0), block_pitch),
+                               hn::ShiftRight<kSightBlockLog2>(x0));
+    const auto nearest = hn::GatherIndex(d, blocks, block);
+    const auto clear = hn::Le(nearest, hn::Add(place.inverse_depth, tolerance));
+    if (hn::AllFalse(d, hn::AndNot(clear, place.inside))) {
+      hn::Store(one, d, visible + i);
+      continue;
+    }
     const auto sight = [&](auto x, auto y) HWY_ATTR {
       const auto its = hn::GatherIndex(d, values, hn::Add(hn::Mul(y, pitch), x));
       const auto excess = hn::Sub(its, place.inverse_depth);
@@ -58,42 +70,68 @@ void visibility(const VisibilityRun& run) {
   std::copy_n(visible, count, run.visible.begin());
 }
 
+/// Of a vector of pixels.
+template <class V>
+struct Colour {
+  V r, g, b, seen;
+};
+
 void blend(const BlendRun& run, std::span<float> sums) {
-  const hn::FixedTag<float, 4> d;
-  const auto cameras = run.samples.size();
-  const auto per_agreement = 1 / (3 * run.agreement * run.agreement);
-  for (int i = 0; i < run.count; ++i) {
-    // R, G, B and seen of each sample hold the camera's share of seen already in their fourth.
-    auto sum = hn::Zero(d);
-    float alpha = 0;
+  const hn::ScalableTag<float> d;
+  using V = hn::Vec<decltype(d)>;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto zero = hn::Zero(d), tiny = hn::Set(d, 1e-30F), hidden = hn::Set(d, kHiddenShare);
+  // Samples are premultiplied by seen * 65535; so is the mean that they are held against.
+  const auto per_agreement = hn::Set(d, 65535.0F * 65535.0F / (3 * run.agreement * run.agreement));
+  const std::size_t cameras = run.samples.size();
+  HWY_ALIGN float last[4 * kMostRun];
+  for (int i = 0; i < run.count; i += lanes) {
+    const auto sample_of = [&](std::size_t c) HWY_ATTR {
+      Colour<V> sample;
+      hn::LoadInterleaved4(d, run.samples[c] + 4 * i, sample.r, sample.g, sample.b, sample.seen);
+      return sample;
+    };
+    const auto weight_of = [&](std::size_t c) HWY_ATTR {
+      return hn::Mul(hn::LoadU(d, run.shares[c] + i),
+                     hn::Add(hn::LoadU(d, run.visible[c] + i), hidden));
+    };
+    const auto add = [&](V weight, const Colour<V>& sample, Colour<V>& sum) HWY_ATTR {
+      sum.r = hn::MulAdd(weight, sample.r, sum.r);
+      sum.g = hn::MulAdd(weight, sample.g, sum.g);
+      sum.b = hn::MulAdd(weight, sample.b, sum.b);
+      sum.seen = hn::MulAdd(weight, sample.seen, sum.seen);
+    };
+    Colour<V> sum{zero, zero, zero, zero};
+    auto alpha = zero;
     for (std::size_t c = 0; c < cameras; ++c) {
-      const auto sample = hn::LoadU(d, run.samples[c] + 4 * i);
-      sum = hn::MulAdd(hn::Set(d, run.shares[c][i] * (run.visible[c][i] + kHiddenShare)), sample,
-                       sum);
-      alpha += run.shares[c][i] * run.samples[c][4 * i + 3];
+      const Colour<V> sample = sample_of(c);
+      add(weight_of(c), sample, sum);
+      alpha = hn::MulAdd(hn::LoadU(d, run.shares[c] + i), sample.seen, alpha);
     }
     constexpr int kRounds = 2;
     for (int round = 0; round < kRounds; ++round) {
-      const auto weight = hn::Broadcast<3>(sum);
-      if (!(hn::GetLane(weight) > 0)) break;
-      // Samples are premultiplied by seen * 65535; so is the mean that they are held against.
-      const auto mean = hn::Div(sum, weight);
-      auto next = hn::Zero(d);
+      const auto per_weight = hn::Div(hn::Set(d, 1.0F), hn::Max(sum.seen, tiny));
+      const auto r = hn::Mul(sum.r, per_weight), g = hn::Mul(sum.g, per_weight);
+      const auto b = hn::Mul(sum.b, per_weight);
+      sum = {zero, zero, zero, zero};
       for (std::size_t c = 0; c < cameras; ++c) {
-        const float seen = run.samples[c][4 * i + 3];
-        if (!(seen > 0)) continue;
-        const auto sample = hn::LoadU(d, run.samples[c] + 4 * i);
-        const auto off = hn::NegMulAdd(mean, hn::Set(d, seen), sample);
-        const float distance = hn::GetLane(hn::SumOfLanes(d, hn::Mul(off, off)));
-        const float scale = 65535 / seen;  // back to codes
-        const float trust = 1 / (1 + distance * scale * scale * per_agreement);
-        const float share = run.shares[c][i] * (run.visible[c][i] + kHiddenShare) * trust;
-        next = hn::MulAdd(hn::Set(d, share), sample, next);
+        const Colour<V> sample = sample_of(c);
+        const auto off_r = hn::NegMulAdd(r, sample.seen, sample.r);
+        const auto off_g = hn::NegMulAdd(g, sample.seen, sample.g);
+        const auto off_b = hn::NegMulAdd(b, sample.seen, sample.b);
+        const auto square =
+            hn::MulAdd(off_r, off_r, hn::MulAdd(off_g, off_g, hn::Mul(off_b, off_b)));
+        const auto seen = hn::Mul(sample.seen, sample.seen);
+        const auto trust = hn::Div(seen, hn::Max(hn::MulAdd(square, per_agreement, seen), tiny));
+        add(hn::Mul(weight_of(c), trust), sample, sum);
       }
-      sum = next;
     }
-    const float weight = hn::GetLane(hn::Broadcast<3>(sum));
-    hn::StoreU(hn::Mul(sum, hn::Set(d, weight > 0 ? alpha / weight : 0)), d, sums.data() + 4 * i);
+    const auto scale =
+        hn::IfThenElseZero(hn::Gt(sum.seen, zero), hn::Div(alpha, hn::Max(sum.seen, tiny)));
+    const bool whole = i + lanes <= run.count;
+    hn::StoreInterleaved4(hn::Mul(sum.r, scale), hn::Mul(sum.g, scale), hn::Mul(sum.b, scale),
+                          hn::Mul(sum.seen, scale), d, whole ? sums.data() + 4 * i : last);
+    if (!whole) std::copy_n(last, 4 * (run.count - i), sums.data() + 4 * i);
   }
 }
 

@@ -13,17 +13,19 @@ inline constexpr int kMostRun = 64;  ///< pixels worked on at once
 /// `tolerance` (1/m) behind them, falling to 0 at kHiddenBehind times that; bilinear between the
 /// camera's pixels, so soft at edges. 1 outside its image, and where it knows no depth.
 struct VisibilityRun {
-  int x = 0, y = 0;                         ///< first pixel of the view
-  PixelTransfer transfer;                   ///< from the view to the camera
-  const InverseDepthMap* depths = nullptr;  ///< the camera's
-  std::span<const float> inverse_depth;     ///< of the view's pixels, kMostRun at most
+  int x = 0, y = 0;                          ///< first pixel of the view
+  PixelTransfer transfer;                    ///< from the view to the camera
+  const InverseDepthMap* depths = nullptr;   ///< the camera's
+  const InverseDepthMap* nearest = nullptr;  ///< nearest_of_blocks() of them
+  std::span<const float> inverse_depth;      ///< of the view's pixels, kMostRun at most
   float tolerance = 0;
   std::span<float> visible;
 };
 inline constexpr float kHiddenBehind = 1.5F;
 void find_visibility(const VisibilityRun& run);
 
-/// Cameras' samples of a run of pixels, to be made one.
+/// Cameras' samples of a run of pixels, to be made one. Each array has room for kMostRun pixels:
+/// vectors may reach beyond the run.
 struct BlendRun {
   std::span<const float* const> samples;  ///< per camera: R, G, B, seen a pixel; see DepthSource
   std::span<const float* const> shares;   ///< per camera: of each pixel, 0 to 1

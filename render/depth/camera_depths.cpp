@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 
 #include "render/depth/fusion.h"
@@ -173,12 +174,13 @@ class Solver {
   InverseDepthMap agreed(int camera) const {
     // A camera knows its own pixels a little better than others' warped ones.
     constexpr float kOwn = 1.5F;
-    std::vector<DepthReport> reports{{&map(camera), &pinhole(camera), kOwn}};
+    const VirtualCamera& view = pinhole(camera);
+    std::vector<DepthReport> reports{{&map(camera), &view, even_weights(view, kOwn)}};
     for (const int other : neighbours(camera, settings_.neighbours)) {
-      reports.push_back({&map(other), &pinhole(other), 1});
+      reports.push_back({&map(other), &pinhole(other), even_weights(view, 1)});
     }
     constexpr float kQuarter = 0.25F;
-    return fuse_depths(pinhole(camera), reports, {tolerance(), kQuarter});
+    return fuse_depths(view, reports, {tolerance(), kQuarter});
   }
 
   PixelLinks links(const InverseDepthMap& depths, const MatchingImage& picture) const {
@@ -264,9 +266,17 @@ class Solver {
 
 }  // namespace
 
+void CameraDepths::find_nearest() {
+  nearest.resize(maps.size());
+  raystage::parallel_for(std::size_t{0}, maps.size(),
+                         [&](std::size_t i) { nearest[i] = nearest_of_blocks(maps[i]); });
+}
+
 std::size_t CameraDepths::bytes() const {
   std::size_t sum = 0;
-  for (const InverseDepthMap& map : maps) sum += map.values.size() * sizeof(float);
+  for (const auto& kept : {std::cref(maps), std::cref(nearest)}) {
+    for (const InverseDepthMap& map : kept.get()) sum += map.values.size() * sizeof(float);
+  }
   return sum;
 }
 

@@ -29,7 +29,9 @@ struct CameraDepths {
   /// The inverse depth, 1/m, that moves a point by one pixel between neighbouring cameras (median
   /// over the rig); 0 where no two cameras see the same from different places.
   double pixel = 0;
+  std::vector<InverseDepthMap> nearest;  ///< nearest_of_blocks() of the maps; see find_nearest()
 
+  void find_nearest();
   std::size_t bytes() const;
 };
 

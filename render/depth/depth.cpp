@@ -32,7 +32,7 @@ class Frame {
         sources_(request.instant.rig->cameras.size()) {}
 
   RenderedView render(Clock::time_point start) {
-    RenderedView image = empty_view(view_);
+    RenderedView image = unset_view(view_);
     find_sources();
     const auto planned = Clock::now();
     decode(image.statistics);
@@ -43,6 +43,7 @@ class Frame {
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
     if (request_.count_needed_pixels) count_needed(image.statistics);
+    if (request_.measure_coverage) measure_coverage(request_, plan_, image);
     return image;
   }
 
@@ -134,17 +135,21 @@ class Frame {
     statistics.cameras_used = cameras;
   }
 
+  /// Tile by tile, not row by row: what a row reads of a camera is at hand for the next.
   void blend(RenderedView& image) {
-    constexpr int kRows = 8;
-    raystage::parallel_for(
-        tbb::blocked_range<int>(0, view_.height, kRows), [&](const tbb::blocked_range<int>& rows) {
-          Scratch scratch;
-          for (int y = rows.begin(); y < rows.end(); ++y) {
-            for (int column = 0; column < plan_.field.columns(); ++column) {
-              blend_run(plan_.field.tile(column, y / CameraField::kTile), y, scratch, image);
-            }
-          }
-        });
+    constexpr int kTiles = 4;
+    const CameraField& field = plan_.field;
+    raystage::parallel_for(tbb::blocked_range<int>(0, field.columns() * field.rows(), kTiles),
+                           [&](const tbb::blocked_range<int>& tiles) {
+                             Scratch scratch;
+                             for (int i = tiles.begin(); i < tiles.end(); ++i) {
+                               const Tile& tile =
+                                   field.tile(i % field.columns(), i / field.columns());
+                               for (int y = tile.top; y < tile.bottom; ++y) {
+                                 blend_run(tile, y, scratch, image);
+                               }
+                             }
+                           });
   }
 
   /// Samples, shares and visibility of one camera after the other; grows, then stays.
@@ -173,9 +178,7 @@ class Frame {
       if (!from.frame) continue;
       const std::size_t i = scratch.sample_of.size();
       auto& share = scratch.shares[i];
-      for (std::size_t x = 0; x < n; ++x) {
-        share[x] = CameraField::share(tile, camera, tile.left + static_cast<int>(x), y);
-      }
+      CameraField::shares(tile, camera, y, {share.data(), n});
       auto& samples = scratch.samples[i];
       std::fill_n(samples.begin(), 4 * n, 0.0F);
       add_samples_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
@@ -184,6 +187,7 @@ class Frame {
                        y,
                        from.transfer,
                        &plan_.depths->maps[static_cast<std::size_t>(camera.camera)],
+                       &plan_.depths->nearest[static_cast<std::size_t>(camera.camera)],
                        depths,
                        visibility_tolerance(plan_),
                        {scratch.visible[i].data(), n}});

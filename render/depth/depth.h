@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <Eigen/Core>
 #include <memory>
 #include <optional>
 #include <string>
@@ -30,7 +31,8 @@ struct Settings {
   int cameras = 16;
   double agreement = 10;  ///< codes of 255
   LookUp look_up = LookUp::kCubic;
-  bool keep = true;  ///< in the take's folder
+  bool keep = true;       ///< in the take's folder
+  bool temporal = false;  ///< depths steadied by those of the instants before and after
 };
 
 /// What is to be done for a view: shared by the fast and the slow way.
@@ -60,6 +62,15 @@ float absent_share(const Plan& plan, const Instant& instant, int x, int y);
 /// By how much, 1/m along the view's axis, a camera's depth may be nearer than a point that it
 /// sees.
 float visibility_tolerance(const Plan& plan);
+
+/// How far a camera sees a point by its own depths, 0 to 1, in double: see VisibilityRun. The point
+/// lies along `towards` from the camera's centre (in the world; times `inverse_depth`, its inverse
+/// planar depth in the view, 1/m).
+double visibility_of(const Plan& plan, int camera, const Eigen::Vector3d& towards,
+                     double inverse_depth);
+
+/// Fills RenderedView::cameras and nearest_ray.
+void measure_coverage(const ViewRequest& request, const Plan& plan, RenderedView& image);
 
 RenderedView render(const ViewRequest& request);
 RenderedView render_reference(const ViewRequest& request);

@@ -9,37 +9,12 @@
 
 #include "render/depth/blend_kernels.h"
 #include "render/depth/depth.h"
+#include "render/sweep/field_coverage.h"
 #include "schemas/parallel.h"
 #include "schemas/transfer_function.h"
 
 namespace raystage::depth {
 namespace {
-
-/// By a camera's own depths: see VisibilityRun.
-double visibility(const InverseDepthMap& map, const VirtualCamera& pinhole,
-                  const Eigen::Vector3d& towards_in_world, double inverse_depth, double tolerance) {
-  const Eigen::Vector3d towards =
-      pinhole.pose.world_from_camera_rotation.transpose() * towards_in_world;
-  if (!(towards.z() < 0)) return 1;
-  const Intrinsics& k = pinhole.intrinsics;
-  const double u = k.fx * towards.x() / -towards.z() + k.cx;
-  const double v = k.fy * towards.y() / towards.z() + k.cy;
-  if (!(u >= 0 && v >= 0 && u <= map.width && v <= map.height)) return 1;
-  const double there = inverse_depth / -towards.z();
-  const double left = std::clamp(u - 0.5, 0.0, map.width - 1.0);
-  const double top = std::clamp(v - 0.5, 0.0, map.height - 1.0);
-  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
-  double seen = 0;
-  for (int y = y0; y <= y0 + 1; ++y) {
-    for (int x = x0; x <= x0 + 1; ++x) {
-      const double weight = (1 - std::abs(left - x)) * (1 - std::abs(top - y));
-      const double nearer = map.at(std::min(x, map.width - 1), std::min(y, map.height - 1)) - there;
-      seen +=
-          weight * std::clamp((kHiddenBehind - nearer / tolerance) / (kHiddenBehind - 1), 0.0, 1.0);
-    }
-  }
-  return seen;
-}
 
 struct Sample {
   DepthSample at;
@@ -85,6 +60,7 @@ class Reference {
       for (int x = 0; x < request_.view.width; ++x) render_pixel(x, y, image);
     });
     image.notes = plan_.notes;
+    if (request_.measure_coverage) measure_coverage(request_, plan_, image);
     return image;
   }
 
@@ -125,9 +101,8 @@ class Reference {
       sample.at =
           sample_at_depth_reference(eye, *ray, depth, camera, *frames_[i], plan_.settings.look_up);
       sample.share = CameraField::share(tile, chosen, x, y);
-      const double visible = visibility(plan_.depths->maps[i], plan_.depths->pinholes[i],
-                                        *ray + depth * (eye - camera.pose.position), depth,
-                                        visibility_tolerance(plan_));
+      const double visible =
+          visibility_of(plan_, chosen.camera, *ray + depth * (eye - camera.pose.position), depth);
       sample.weight = sample.share * (visible + kHiddenShare);
       samples.push_back(sample);
     }
@@ -156,6 +131,42 @@ class Reference {
 };
 
 }  // namespace
+
+double visibility_of(const Plan& plan, int camera, const Eigen::Vector3d& towards,
+                     double inverse_depth) {
+  const InverseDepthMap& map = plan.depths->maps[static_cast<std::size_t>(camera)];
+  const VirtualCamera& pinhole = plan.depths->pinholes[static_cast<std::size_t>(camera)];
+  const auto tolerance = static_cast<double>(visibility_tolerance(plan));
+  const Eigen::Vector3d in_camera = pinhole.pose.world_from_camera_rotation.transpose() * towards;
+  if (!(in_camera.z() < 0)) return 1;
+  const Intrinsics& k = pinhole.intrinsics;
+  const double u = k.fx * in_camera.x() / -in_camera.z() + k.cx;
+  const double v = k.fy * in_camera.y() / in_camera.z() + k.cy;
+  if (!(u >= 0 && v >= 0 && u <= map.width && v <= map.height)) return 1;
+  const double there = inverse_depth / -in_camera.z();
+  const double left = std::clamp(u - 0.5, 0.0, map.width - 1.0);
+  const double top = std::clamp(v - 0.5, 0.0, map.height - 1.0);
+  const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
+  double seen = 0;
+  for (int y = y0; y <= y0 + 1; ++y) {
+    for (int x = x0; x <= x0 + 1; ++x) {
+      const double weight = (1 - std::abs(left - x)) * (1 - std::abs(top - y));
+      const double nearer = map.at(std::min(x, map.width - 1), std::min(y, map.height - 1)) - there;
+      seen +=
+          weight * std::clamp((kHiddenBehind - nearer / tolerance) / (kHiddenBehind - 1), 0.0, 1.0);
+    }
+  }
+  return seen;
+}
+
+void measure_coverage(const ViewRequest& request, const Plan& plan, RenderedView& image) {
+  measure_field_coverage(
+      request, plan.field,
+      [&plan](int camera, const Eigen::Vector3d& towards, double inverse_depth) {
+        return visibility_of(plan, camera, towards, inverse_depth);
+      },
+      image);
+}
 
 RenderedView render_reference(const ViewRequest& request) {
   const std::optional<Plan> made = plan(request);

@@ -13,6 +13,7 @@
 #include <set>
 
 #include "render/depth/solve_kernels.h"
+#include "render/quality/image_quality.h"
 #include "render/renderer.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
@@ -195,6 +196,50 @@ TEST_F(Depth, FindsASlantedPlane) {
   EXPECT_LT(colour_error / count, 0.012);
 }
 
+/// A wall with round holes, before the back plane: edges at every angle and of every phase.
+std::array<double, 3> holes_scene(const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+  const Eigen::Vector3d on_wall = from + kFront.distance(from, direction) * direction;
+  const bool wall = std::cos(5 * on_wall.x() + 1) + std::cos(5 * on_wall.y()) > 0.6;
+  const Plane& plane = wall ? kFront : kBack;
+  const Eigen::Vector3d hit = from + plane.distance(from, direction) * direction;
+  const auto coarse = texture(hit.x(), hit.y() + plane.c);
+  const auto fine = testing::painted_plane(9 * hit.x() + 2, 7 * hit.y() + hit.x());
+  return {(2 * coarse[0] + fine[2]) / 3, (2 * coarse[1] + fine[0]) / 3,
+          (2 * coarse[2] + fine[1]) / 3};
+}
+
+TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
+  SyntheticTake settings = slanted(3, 4);
+  settings.painting = holes_scene;
+  settings.samples = 3;
+  settings.jpeg = {75, JpegEncodeSettings::Chroma::k444, 0};
+  const Take take = write(settings);
+  const LightFieldRenderer renderer(take, {});
+  const FrameSelection frames = select_frames(take, 0, 30'000'000);
+  const auto largest_step = [&](const OptionValues& options) {
+    double before = 0, largest = 0;
+    for (int i = 0; i < 28; ++i) {
+      const double way = 0.008 * i;  // two camera spacings in all
+      CameraGeometry geometry = settings.cameras[0];
+      geometry.intrinsics.fx = geometry.intrinsics.fy = 130;
+      geometry.world_from_camera[3] = way - 0.13;
+      geometry.world_from_camera[7] = 0.02;
+      geometry.world_from_camera[11] = way / 3;
+      const RenderedView image = renderer.render(virtual_camera_from_geometry(geometry), frames,
+                                                 {"depth", {0, 0, 0, 1}, options});
+      const double psnr =
+          compare_images(srgb_image(image), photograph(geometry, settings), covered_pixels(image))
+              .psnr_db;
+      if (i > 0) largest = std::max(largest, std::abs(psnr - before));
+      before = psnr;
+    }
+    EXPECT_GT(before, 26);
+    return largest;
+  };
+  EXPECT_LT(largest_step({}), 0.3);                  // dB
+  EXPECT_GT(largest_step({{"cameras", 2.0}}), 0.3);  // too few to hide the change
+}
+
 TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {
   const Take take = write(step_edge(3, 3));
   const VirtualCamera view = a_view();
@@ -248,6 +293,23 @@ TEST_F(Depth, KeepsDepthsInTheTakeAndUsesThem) {
   write_file_atomically(file, std::string_view(whole).substr(0, whole.size() / 2));
   EXPECT_EQ(render(take, a_view()).rgba, first.rgba);
   EXPECT_EQ(read_file(file), whole);
+}
+
+TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
+  SyntheticTake settings = slanted(2, 3);
+  settings.frames = 4;  // all alike
+  const Take take = write(settings);
+  const OptionValues steady{{"temporal", true}};
+  EXPECT_GT(mean_alpha(render(take, a_view(), steady, {}, 0)), 0.9);  // it has none before
+  const RenderedView second = render(take, a_view(), steady, {}, 1);
+  const RenderedView alone = render(take, a_view(), {}, {}, 1);
+  for (std::size_t i = 0; i < alone.rgba.size(); ++i) {
+    ASSERT_NEAR(second.rgba[i], alone.rgba[i], 1e-3) << i;
+  }
+  RendererSettings slow;
+  slow.reference = true;
+  expect_equal(second, render(take, a_view(), steady, slow, 1));
+  EXPECT_EQ(render(take, a_view(), steady, {}, 1).rgba, second.rgba);  // found or read: the same
 }
 
 TEST_F(Depth, RendersATakeThatItMayNotWriteTo) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "render/depth/solve_kernels.h"
+#include "render/depth/warp.h"
 #include "schemas/parallel.h"
 
 namespace raystage {
@@ -50,131 +51,91 @@ InverseDepthMap filled(const InverseDepthMap& map, const std::vector<float>& sha
   return result;
 }
 
-/// Of nine values, by a sorting network of which only the middle is kept (Paeth 1990).
-float median_of_nine(std::array<float, 9>& v) {
-  const auto sort = [&](std::size_t a, std::size_t b) {
-    const float low = std::min(v[a], v[b]);
-    v[b] = std::max(v[a], v[b]);
-    v[a] = low;
-  };
-  for (const auto& [a, b] : std::initializer_list<std::array<std::size_t, 2>>{{1, 2},
-                                                                              {4, 5},
-                                                                              {7, 8},
-                                                                              {0, 1},
-                                                                              {3, 4},
-                                                                              {6, 7},
-                                                                              {1, 2},
-                                                                              {4, 5},
-                                                                              {7, 8},
-                                                                              {0, 3},
-                                                                              {5, 8},
-                                                                              {4, 7},
-                                                                              {3, 6},
-                                                                              {1, 4},
-                                                                              {2, 5},
-                                                                              {4, 7},
-                                                                              {4, 2},
-                                                                              {6, 4},
-                                                                              {4, 2}}) {
-    sort(a, b);
-  }
-  return v[4];
-}
-
 InverseDepthMap median(const InverseDepthMap& map) {
   InverseDepthMap result = map;
   raystage::parallel_for(0, map.height, [&](int y) {
-    std::array<const float*, 3> rows;
-    for (int j = 0; j < 3; ++j) {
-      const int row = std::clamp(y + j - 1, 0, map.height - 1);
-      rows[static_cast<std::size_t>(j)] =
-          map.values.data() + static_cast<std::ptrdiff_t>(row) * map.width;
-    }
-    float* out = result.values.data() + static_cast<std::ptrdiff_t>(y) * map.width;
-    std::array<float, 9> v;
-    for (int x = 0; x < map.width; ++x) {
-      const int left = std::max(x - 1, 0), right = std::min(x + 1, map.width - 1);
-      for (std::size_t j = 0; j < 3; ++j) {
-        v[3 * j] = rows[j][left];
-        v[3 * j + 1] = rows[j][x];
-        v[3 * j + 2] = rows[j][right];
-      }
-      out[x] = median_of_nine(v);
-    }
+    const auto row = [&](int at) {
+      return map.values.data() +
+             static_cast<std::ptrdiff_t>(std::clamp(at, 0, map.height - 1)) * map.width;
+    };
+    median_row({row(y - 1), row(y), row(y + 1)},
+               {result.values.data() + static_cast<std::ptrdiff_t>(y) * map.width,
+                static_cast<std::size_t>(map.width)});
   });
   return result;
 }
 
+using CornerWeights = std::array<float, 4>;
+
+bool counts(const CornerWeights& weights) {
+  return std::ranges::any_of(weights, [](float weight) { return weight > 0; });
+}
+
+/// Along row `y` of a tile of `width` x `height` pixels.
+void weigh_row(const CornerWeights& corners, int y, int width, int height,
+               std::array<float, kDepthTile>& weights) {
+  const float down = (static_cast<float>(y) + 0.5F) / static_cast<float>(height);
+  const float left = corners[0] + down * (corners[2] - corners[0]);
+  const float right = corners[1] + down * (corners[3] - corners[1]);
+  for (int x = 0; x < kDepthTile; ++x) {
+    const float across = (static_cast<float>(x) + 0.5F) / static_cast<float>(width);
+    weights[static_cast<std::size_t>(x)] = left + across * (right - left);
+  }
+}
+
+/// The vote in one tile.
+void vote_in_tile(const VirtualCamera& view, std::span<const DepthReport> reports,
+                  std::span<const DepthTiles> warped, std::size_t tile, float tolerance,
+                  InverseDepthMap& fused, std::vector<float>& share) {
+  static_assert(kDepthTile <= kMostVotes);
+  const int columns = depth_tile_columns(view);
+  const int left = static_cast<int>(tile) % columns * kDepthTile;
+  const int top = static_cast<int>(tile) / columns * kDepthTile;
+  const int width = std::min(kDepthTile, view.width - left);
+  const int height = std::min(kDepthTile, view.height - top);
+  std::vector<std::size_t> members;
+  for (std::size_t i = 0; i < reports.size() && members.size() < kMostReports; ++i) {
+    if (warped[i].wanted(tile)) members.push_back(i);
+  }
+  std::array<std::array<float, kDepthTile>, kMostReports> weights;
+  std::array<const float*, kMostReports> depth_of, weight_of;
+  std::array<float, kMostVotes> depth, agreeing;
+  for (int y = 0; y < height; ++y) {
+    for (std::size_t i = 0; i < members.size(); ++i) {
+      depth_of[i] = warped[members[i]].row(tile, y);
+      weigh_row(reports[members[i]].weights[tile], y, width, height, weights[i]);
+      weight_of[i] = weights[i].data();
+    }
+    vote({std::span(depth_of).first(members.size()), std::span(weight_of).first(members.size()),
+          width, tolerance, depth.data(), agreeing.data()});
+    const std::ptrdiff_t at = static_cast<std::ptrdiff_t>(top + y) * view.width + left;
+    std::copy_n(depth.begin(), width, fused.values.begin() + at);
+    std::copy_n(agreeing.begin(), width, share.begin() + at);
+  }
+}
+
 }  // namespace
 
-InverseDepthMap warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
-                            const VirtualCamera& view) {
-  InverseDepthMap warped{view.width, view.height, {}};
-  warped.values.assign(pixels_of(view), kUnknownDepth);
-  const PixelTransfer transfer = pixel_transfer(view, camera);
-  std::array<float, 9> m{};
-  std::array<float, 3> parallax{};
-  for (std::size_t i = 0; i < 9; ++i) m[i] = static_cast<float>(transfer.direction[i]);
-  for (std::size_t i = 0; i < 3; ++i) parallax[i] = static_cast<float>(transfer.parallax[i]);
-  // A pixel is drawn out by the ratio of the focal lengths, and of the depths: W.
-  const auto focal_ratio = static_cast<float>(std::max(view.intrinsics.fx / camera.intrinsics.fx,
-                                                       view.intrinsics.fy / camera.intrinsics.fy));
-  const auto width = static_cast<float>(view.width), height = static_cast<float>(view.height);
-  for (int y = 0; y < map.height; ++y) {
-    const float row = static_cast<float>(y) + 0.5F;
-    const float base_x = m[1] * row + m[2], base_y = m[4] * row + m[5], base_w = m[7] * row + m[8];
-    for (int x = 0; x < map.width; ++x) {
-      const float q = map.at(x, y);
-      if (q < 0) continue;
-      const float column = static_cast<float>(x) + 0.5F;
-      const float w = m[6] * column + base_w + q * parallax[2];
-      if (!(w > 0)) continue;
-      const float inverse = 1 / w;
-      const float u = (m[0] * column + base_x + q * parallax[0]) * inverse;
-      const float v = (m[3] * column + base_y + q * parallax[1]) * inverse;
-      const float there = q * inverse;
-      constexpr float kWhole = 1.25F;  // a little more than a pixel leaves few holes, a vote fills
-      const float extent = focal_ratio * inverse;
-      if (extent <= kWhole) {
-        if (!(u >= 0 && v >= 0 && u < width && v < height)) continue;
-        float& known =
-            warped.values[static_cast<std::size_t>(v) * static_cast<std::size_t>(view.width) +
-                          static_cast<std::size_t>(u)];
-        known = std::max(known, there);
-        continue;
-      }
-      const float half = std::min(extent, static_cast<float>(kMostFootprint)) / 2;
-      if (!(u + half >= 0 && v + half >= 0 && u - half < width && v - half < height)) continue;
-      const int left = std::max(0, static_cast<int>(std::lround(u - half)));
-      const int right = std::min(view.width, static_cast<int>(std::lround(u + half)));
-      const int top = std::max(0, static_cast<int>(std::lround(v - half)));
-      const int bottom = std::min(view.height, static_cast<int>(std::lround(v + half)));
-      for (int j = top; j < bottom; ++j) {
-        float* out = warped.values.data() + static_cast<std::ptrdiff_t>(j) * view.width;
-        for (int i = left; i < right; ++i) out[i] = std::max(out[i], there);
-      }
-    }
-  }
-  return warped;
+std::vector<std::array<float, 4>> even_weights(const VirtualCamera& view, float weight) {
+  std::vector<CornerWeights> weights(depth_tile_count(view));
+  for (CornerWeights& tile : weights) tile.fill(weight);
+  return weights;
 }
 
 InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
                             const FusionSettings& settings) {
-  std::vector<InverseDepthMap> warped(reports.size());
+  const std::size_t tiles = depth_tile_count(view);
+  std::vector<DepthTiles> warped(reports.size());
   raystage::parallel_for(std::size_t{0}, reports.size(), [&](std::size_t i) {
-    warped[i] = warp_depths(*reports[i].map, *reports[i].camera, view);
+    std::vector<std::uint8_t> wanted;
+    for (const CornerWeights& weights : reports[i].weights) wanted.push_back(counts(weights));
+    warped[i] = warp_depths(*reports[i].map, *reports[i].camera, view, wanted, reports[i].nearest);
   });
-  std::vector<float> weights;
-  for (const DepthReport& report : reports) weights.push_back(report.weight);
   InverseDepthMap fused{view.width, view.height, {}};
   fused.values.resize(pixels_of(view));
   std::vector<float> share(pixels_of(view));
-  raystage::parallel_for(0, view.height, [&](int y) {
-    const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width);
-    std::vector<const float*> rows;
-    for (const InverseDepthMap& map : warped) rows.push_back(map.values.data() + row);
-    vote_row({rows, weights, view.width, settings.tolerance, fused.values.data() + row,
-              share.data() + row});
+  raystage::parallel_for(std::size_t{0}, tiles, [&](std::size_t tile) {
+    vote_in_tile(view, reports, warped, tile, settings.tolerance, fused, share);
   });
   return median(filled(fused, share, settings.least_share));
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -8,24 +9,24 @@
 
 namespace raystage {
 
-/// A camera's depths as seen from `view`: each of its pixels put down where the view sees its
-/// point, over as many pixels as it covers there (kMostFootprint a side at most), the nearest of
-/// several. kUnknownDepth where none comes down.
-InverseDepthMap warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
-                            const VirtualCamera& view);
-inline constexpr int kMostFootprint = 8;
-
+/// A camera's depths, and how much they count.
 struct DepthReport {
   const InverseDepthMap* map = nullptr;
   const VirtualCamera* camera = nullptr;
-  float weight = 1;
+  /// For each tile of the view (DepthTiles): weights, not negative, at its upper left, upper right,
+  /// lower left and lower right corner; linear in between.
+  std::vector<std::array<float, 4>> weights;
+  const InverseDepthMap* nearest = nullptr;  ///< nearest_of_blocks() of the map, if at hand
 };
+/// For all of a view.
+std::vector<std::array<float, 4>> even_weights(const VirtualCamera& view, float weight);
+
 struct FusionSettings {
-  float tolerance = 0;    ///< 1/m, above 0: see VoteRow
+  float tolerance = 0;    ///< 1/m, above 0: see VoteRun
   float least_share = 0;  ///< of the weights that must agree on a depth, 0 to 1
 };
-/// What several cameras say of a view's depths (kMostReports at most): the depth that most agree on
-/// (vote_row). Where too few do, the farthest of the depths next in the row and column, as it is
+/// What several cameras say of a view's depths (kMostReports a tile): the depth that most agree on
+/// (vote). Where too few do, the farthest of the depths next in the row and column, as it is
 /// what lies behind that cameras fail to see; then a 3x3 median. kUnknownDepth where nothing is
 /// near.
 InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,

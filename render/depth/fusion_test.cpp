@@ -2,8 +2,15 @@
 #include "render/depth/fusion.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
 #include <cmath>
+#include <random>
+#include <set>
+#include <string>
+
+#include "render/depth/solve_kernels.h"
+#include "render/depth/warp.h"
 
 namespace raystage {
 namespace {
@@ -62,24 +69,112 @@ TEST(Undistorted, HoldsWhatTheFrameShows) {
   EXPECT_LE(bounded.height, 96);
 }
 
+/// By the vectors, for all of the view.
+InverseDepthMap warp_all(const InverseDepthMap& map, const VirtualCamera& camera,
+                         const VirtualCamera& view) {
+  const DepthTiles tiles =
+      warp_depths(map, camera, view, std::vector<std::uint8_t>(depth_tile_count(view), 1));
+  InverseDepthMap warped{view.width, view.height, {}};
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      const int tile = y / kDepthTile * depth_tile_columns(view) + x / kDepthTile;
+      warped.values.push_back(
+          tiles.row(static_cast<std::size_t>(tile), y % kDepthTile)[x % kDepthTile]);
+    }
+  }
+  return warped;
+}
+
 TEST(WarpDepths, TheNearerHidesTheFarther) {
   const VirtualCamera camera = camera_at({0, 0, 0}), view = camera_at({0.1, 0, 0});
-  InverseDepthMap map = flat(camera, 0.25F);  // moves by one pixel
+  InverseDepthMap map = flat(camera, 0.26F);  // moves by a little more than a pixel
   at(map, 20, 10) = 1;                        // by four: onto what comes from 17
-  const InverseDepthMap warped = warp_depths(map, camera, view);
-  EXPECT_FLOAT_EQ(warped.at(16, 10), 1);
-  EXPECT_FLOAT_EQ(warped.at(15, 10), 0.25F);
-  EXPECT_EQ(warped.at(19, 10), kUnknownDepth);  // bared
-  EXPECT_EQ(warped.at(39, 10), kUnknownDepth);  // beyond the camera's frame
+  for (const InverseDepthMap& warped :
+       {warp_all(map, camera, view), warp_depths_reference(map, camera, view)}) {
+    EXPECT_FLOAT_EQ(warped.at(16, 10), 1);
+    EXPECT_FLOAT_EQ(warped.at(15, 10), 0.26F);
+    EXPECT_EQ(warped.at(19, 10), kUnknownDepth);  // bared
+    EXPECT_EQ(warped.at(39, 10), kUnknownDepth);  // beyond the camera's frame
+  }
 }
 
 TEST(WarpDepths, LeavesNoHolesWhereTheViewIsSharper) {
   const VirtualCamera camera = camera_at({0, 0, 0}), sharper = camera_at({0, 0, 0}, 120, 90);
-  const InverseDepthMap warped = warp_depths(flat(camera, 0.5F), camera, sharper);
+  const InverseDepthMap warped = warp_all(flat(camera, 0.5F), camera, sharper);
   for (const float depth : warped.values) ASSERT_FLOAT_EQ(depth, 0.5F);
   const VirtualCamera nearer = camera_at({0, 0, -1});  // half as far away
-  const InverseDepthMap close = warp_depths(flat(camera, 0.5F), camera, nearer);
+  const InverseDepthMap close = warp_all(flat(camera, 0.5F), camera, nearer);
   for (const float depth : close.values) ASSERT_FLOAT_EQ(depth, 1);
+}
+
+TEST(WarpDepths, EveryInstructionSetAgreesWithTheReference) {
+  const VirtualCamera camera = camera_at({0, 0, 0}, 71, 50);
+  InverseDepthMap map = flat(camera, 0);
+  std::mt19937 random(5);
+  for (float& depth : map.values) {
+    const unsigned choice = random() % 10;
+    depth = choice == 0 ? kUnknownDepth : 0.2F + 0.05F * static_cast<float>(choice);
+  }
+  std::set<std::string> seen;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(depth_solve_target());
+    seen.insert(depth_solve_target());
+    for (const VirtualCamera& view :
+         {camera_at({0.31, 0.12, 0.4}, 75, 41),  // aside and behind
+          camera_at({-0.1, 0, -0.9}, 66, 60),    // in front: pixels are drawn out
+          camera_at({0, 0, -2.6}, 64, 48)}) {    // with most of the scene behind it
+      const InverseDepthMap fast = warp_all(map, camera, view);
+      const InverseDepthMap slow = warp_depths_reference(map, camera, view);
+      int differ = 0, known = 0;
+      for (std::size_t i = 0; i < slow.values.size(); ++i) {
+        known += slow.values[i] >= 0 ? 1 : 0;
+        differ += std::abs(fast.values[i] - slow.values[i]) > 1e-4F ? 1 : 0;
+      }
+      EXPECT_GT(known, 300);
+      EXPECT_LE(differ, known / 200);  // rounded to another pixel
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  EXPECT_FALSE(seen.empty());
+}
+
+TEST(WarpDepths, OnlyWhereItIsWanted) {
+  const VirtualCamera camera = camera_at({0, 0, 0}, 70, 60), view = camera_at({0.1, 0, 0}, 70, 60);
+  const InverseDepthMap map = flat(camera, 0.3F);
+  std::vector<std::uint8_t> wanted(depth_tile_count(view));
+  wanted[1] = 1;
+  const DepthTiles tiles = warp_depths(map, camera, view, wanted);
+  EXPECT_FALSE(tiles.wanted(0));
+  ASSERT_TRUE(tiles.wanted(1));
+  EXPECT_EQ(tiles.values.size(), 2U * kDepthTile * kDepthTile);
+  for (int y = 0; y < kDepthTile; ++y) {
+    for (int x = 0; x < kDepthTile; ++x) ASSERT_FLOAT_EQ(tiles.row(1, y)[x], 0.3F);
+  }
+}
+
+TEST(WarpDepths, WhatIsNotLookedAtIsNotMissed) {
+  const VirtualCamera camera = camera_at({0, 0, 0}, 170, 130);
+  InverseDepthMap map = flat(camera, 0);
+  std::mt19937 random(9);
+  for (std::size_t i = 0; i < map.values.size(); ++i) {
+    const bool known = random() % 5 != 0;
+    map.values[i] = known ? 0.1F + 0.003F * static_cast<float>(i % 170) : kUnknownDepth;
+  }
+  const InverseDepthMap nearest = nearest_of_blocks(map);
+  for (const VirtualCamera& view :
+       {camera_at({0.3, 0.1, 0.2}, 160, 100), camera_at({-0.2, 0, -1.2}, 200, 150),
+        camera_at({0, 0.1, -1.9}, 100, 100)}) {
+    for (std::size_t one = 0; one < depth_tile_count(view); ++one) {
+      std::vector<std::uint8_t> wanted(depth_tile_count(view));
+      wanted[one] = 1;
+      ASSERT_EQ(warp_depths(map, camera, view, wanted, &nearest).values,
+                warp_depths(map, camera, view, wanted).values)
+          << one;
+    }
+  }
 }
 
 TEST(FuseDepths, TheMajorityDecidesAndHolesAreFilledFromBehind) {
@@ -91,14 +186,27 @@ TEST(FuseDepths, TheMajorityDecidesAndHolesAreFilledFromBehind) {
     }
     for (int x = 30; x < 40; ++x) at(right, x, y) = at(also, x, y) = 2;
   }
-  const std::vector<DepthReport> reports{{&right, &view, 1}, {&wrong, &view, 1}, {&also, &view, 1}};
+  const auto one = even_weights(view, 1);
+  const std::vector<DepthReport> reports{
+      {&right, &view, one}, {&wrong, &view, one}, {&also, &view, one}};
   const InverseDepthMap fused = fuse_depths(view, reports, {0.1F, 0.5F});
   EXPECT_FLOAT_EQ(fused.at(5, 15), 0.5F);
   EXPECT_FLOAT_EQ(fused.at(25, 15), 0.5F);
   EXPECT_FLOAT_EQ(fused.at(35, 15), 2);
   const InverseDepthMap nothing = flat(view, kUnknownDepth);
-  const std::vector<DepthReport> nobody{{&nothing, &view, 1}};
+  const std::vector<DepthReport> nobody{{&nothing, &view, one}};
   EXPECT_EQ(fuse_depths(view, nobody, {0.1F, 0.5F}).at(5, 5), kUnknownDepth);
+}
+
+TEST(FuseDepths, WeightsGoOverFromCameraToCamera) {
+  const VirtualCamera view = camera_at({0, 0, 0}, 64, 32);
+  const InverseDepthMap near = flat(view, 0.8F), far = flat(view, 0.4F);
+  // From tile to tile and within them: the one counts from 1 to 0, the other from 0 to 1.
+  const std::vector<DepthReport> reports{{&near, &view, {{1, 0.5, 1, 0.5}, {0.5, 0, 0.5, 0}}},
+                                         {&far, &view, {{0, 0.5, 0, 0.5}, {0.5, 1, 0.5, 1}}}};
+  const InverseDepthMap fused = fuse_depths(view, reports, {0.1F, 0.2F});
+  EXPECT_FLOAT_EQ(fused.at(28, 15), 0.8F);
+  EXPECT_FLOAT_EQ(fused.at(36, 15), 0.4F);
 }
 
 TEST(SmoothAlongLinks, SpreadsWithinAndNotAcross) {

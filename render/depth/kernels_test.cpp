@@ -202,37 +202,41 @@ TEST_F(DepthKernels, RefinesAsTheReference) {
 }
 
 TEST_F(DepthKernels, VotesAsTheReference) {
-  constexpr int kReports = 7;
-  const std::vector<float> weights{0.1F, 0.3F, 0.2F, 0.15F, 0.4F, 0.05F, 0.25F};
-  std::vector<InverseDepthMap> maps;
-  std::vector<const float*> rows;
-  maps.reserve(kReports);
-  for (unsigned i = 0; i < kReports; ++i) {
-    maps.push_back(random_depths(i, 0, 1));
-    rows.push_back(maps.back().values.data());
+  constexpr std::size_t kReports = 7, kPixels = 29;
+  std::mt19937 random(3);
+  std::uniform_real_distribution<float> unit(0, 1);
+  std::array<std::array<float, kMostVotes>, kReports> reports{}, weights{};
+  std::vector<const float*> report_of, weight_of;
+  for (std::size_t i = 0; i < kReports; ++i) {
+    for (std::size_t x = 0; x < kMostVotes; ++x) {
+      reports[i][x] = random() % 9 == 0 ? kUnknownDepth : unit(random);
+      weights[i][x] = random() % 9 == 0 ? 0 : unit(random);
+    }
+    report_of.push_back(reports[i].data());
+    weight_of.push_back(weights[i].data());
   }
-  std::vector<float> depth(kWidth), share(kWidth);
+  std::array<float, kMostVotes> depth{}, share{};
   on_every_instruction_set([&] {
-    vote_row({rows, weights, kWidth, 0.2F, depth.data(), share.data()});
-    for (std::size_t x = 0; x < kWidth; ++x) {
+    vote({report_of, weight_of, kPixels, 0.2F, depth.data(), share.data()});
+    for (std::size_t x = 0; x < kPixels; ++x) {
       double all = 0, best = 0, mean = kUnknownDepth;
       float chosen = kUnknownDepth;
       for (std::size_t i = 0; i < kReports; ++i) {
-        if (rows[i][x] < 0) continue;
-        all += static_cast<double>(weights[i]);
+        if (reports[i][x] < 0 || weights[i][x] == 0) continue;
+        all += static_cast<double>(weights[i][x]);
         double support = 0, sum = 0;
         for (std::size_t j = 0; j < kReports; ++j) {
-          if (rows[j][x] < 0) continue;
+          if (reports[j][x] < 0) continue;
           const double off =
-              std::abs(static_cast<double>(rows[j][x]) - static_cast<double>(rows[i][x]));
-          const double weight = static_cast<double>(weights[j]) * std::max(0.0, 1 - off / 0.2);
+              std::abs(static_cast<double>(reports[j][x]) - static_cast<double>(reports[i][x]));
+          const double weight = static_cast<double>(weights[j][x]) * std::max(0.0, 1 - off / 0.2);
           support += weight;
-          sum += weight * static_cast<double>(rows[j][x]);
+          sum += weight * static_cast<double>(reports[j][x]);
         }
-        const bool as_good = support > 0.9999 * best && rows[i][x] > chosen;
+        const bool as_good = support > 0.9999 * best && reports[i][x] > chosen;
         if (support > 1.0001 * best || as_good) {
           best = support;
-          chosen = rows[i][x];
+          chosen = reports[i][x];
           mean = sum / support;
         }
       }
@@ -243,58 +247,113 @@ TEST_F(DepthKernels, VotesAsTheReference) {
 }
 
 TEST_F(DepthKernels, OfEqualReportsTheNearerWins) {
-  const std::vector<float> far(kWidth, 0.2F), near(kWidth, 0.7F), none(kWidth, kUnknownDepth);
-  std::vector<float> depth(kWidth), share(kWidth);
-  const std::vector<float> weights{0.5F, 0.5F, 1};
+  const std::vector<float> far(kMostVotes, 0.2F), near(kMostVotes, 0.7F),
+      none(kMostVotes, kUnknownDepth), half(kMostVotes, 0.5F);
+  std::array<float, kMostVotes> depth{}, share{};
+  const std::vector<const float*> weights{half.data(), half.data(), near.data()};
   for (const auto& rows : {std::vector{far.data(), near.data(), none.data()},
                            std::vector{near.data(), far.data(), none.data()}}) {
-    vote_row({rows, weights, kWidth, 0.1F, depth.data(), share.data()});
-    EXPECT_FLOAT_EQ(depth[kWidth / 2], 0.7F);
-    EXPECT_FLOAT_EQ(share[kWidth / 2], 0.5F);
+    vote({rows, weights, kMostVotes, 0.1F, depth.data(), share.data()});
+    EXPECT_FLOAT_EQ(depth[kMostVotes / 2], 0.7F);
+    EXPECT_FLOAT_EQ(share[kMostVotes / 2], 0.5F);
   }
   const std::vector<const float*> nobody{none.data()};
-  vote_row({nobody, std::span(weights).first(1), kWidth, 0.1F, depth.data(), share.data()});
+  vote({nobody, std::span(weights).first(1), kMostVotes, 0.1F, depth.data(), share.data()});
   EXPECT_EQ(depth[0], kUnknownDepth);
   EXPECT_EQ(share[0], 0);
 }
 
-TEST_F(DepthKernels, SeesAsTheReference) {
-  const InverseDepthMap of_view = random_depths(3, 0.05F, 0.6F);
-  std::vector<float> visible(kWidth);
+TEST_F(DepthKernels, TakesMediansAsTheReference) {
+  const InverseDepthMap map = random_depths(4, 0, 1);
+  std::vector<float> medians(kWidth);
   on_every_instruction_set([&] {
-    int part = 0;
     for (const int y : {0, 14, kHeight - 1}) {
-      const std::span<const float> depths(of_view.values.data() + y * kWidth, kWidth);
-      find_visibility({0, y, partners_[1].transfer, &depths_[1], depths, 0.1F, visible});
+      const auto row = [&](int at) {
+        return map.values.data() +
+               static_cast<std::ptrdiff_t>(std::clamp(at, 0, kHeight - 1)) * kWidth;
+      };
+      median_row({row(y - 1), row(y), row(y + 1)}, medians);
       for (int x = 0; x < kWidth; ++x) {
-        const Place p =
-            place_of(partners_[1].transfer, x + 0.5, y + 0.5, depths[static_cast<std::size_t>(x)]);
-        const double expected = !p.inside ? 1 : bilinear(p.u, p.v, [&](int i, int j) {
-          const double nearer = depths_[1].at(i, j) - p.inverse_depth;
-          return std::clamp((kHiddenBehind - nearer / 0.1) / (kHiddenBehind - 1), 0.0, 1.0);
-        });
-        ASSERT_NEAR(visible[static_cast<std::size_t>(x)], expected, 2e-3) << x << ", " << y;
-        part += expected > 0.01 && expected < 0.99;
+        std::vector<float> all;
+        for (int i = 0; i < 9; ++i) {
+          all.push_back(map.at(std::clamp(x + i % 3 - 1, 0, kWidth - 1),
+                               std::clamp(y + i / 3 - 1, 0, kHeight - 1)));
+        }
+        std::ranges::sort(all);
+        ASSERT_EQ(medians[static_cast<std::size_t>(x)], all[4]) << x << ", " << y;
       }
     }
-    EXPECT_GT(part, kWidth / 2);
+    std::vector<float> narrow{0.5F};
+    const float above = 1, below = 2;
+    median_row({&above, narrow.data(), &below}, narrow);
+    EXPECT_EQ(narrow[0], 1);
   });
+}
+
+TEST_F(DepthKernels, SeesAsTheReference) {
+  // At random, where most is hidden somehow; and a plane with something in front of its middle.
+  InverseDepthMap plane{kWidth, kHeight, {}};
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) plane.values.push_back(x > 20 && x < 26 ? 0.6F : 0.3F);
+  }
+  const InverseDepthMap of_view = random_depths(3, 0.05F, 0.6F);
+  InverseDepthMap even = of_view;
+  for (float& depth : even.values) depth = 0.29F;
+  using Maps = std::pair<const InverseDepthMap*, const InverseDepthMap*>;
+  for (const auto& [theirs, ours] : {Maps(&depths_[1], &of_view), Maps(&plane, &even)}) {
+    const InverseDepthMap *its = theirs, *own = ours;  // captured below
+    const InverseDepthMap nearest = nearest_of_blocks(*its);
+    std::vector<float> visible(kWidth);
+    on_every_instruction_set([&] {
+      int part = 0, all = 0;
+      for (const int y : {0, 14, kHeight - 1}) {
+        const std::span<const float> depths(own->values.data() + y * kWidth, kWidth);
+        find_visibility({0, y, partners_[1].transfer, its, &nearest, depths, 0.1F, visible});
+        for (int x = 0; x < kWidth; ++x) {
+          const Place p = place_of(partners_[1].transfer, x + 0.5, y + 0.5,
+                                   depths[static_cast<std::size_t>(x)]);
+          const double expected = !p.inside ? 1 : bilinear(p.u, p.v, [&](int i, int j) {
+            const double nearer = its->at(i, j) - p.inverse_depth;
+            return std::clamp((kHiddenBehind - nearer / 0.1) / (kHiddenBehind - 1), 0.0, 1.0);
+          });
+          ASSERT_NEAR(visible[static_cast<std::size_t>(x)], expected, 2e-3) << x << ", " << y;
+          part += expected > 0.01 && expected < 0.99;
+          all += expected > 0.99;
+        }
+      }
+      EXPECT_GT(part, 3);
+      EXPECT_GT(all, kWidth / 2);
+    });
+  }
+}
+
+TEST_F(DepthKernels, BlocksHoldTheNearestThatSamplesInThemMeet) {
+  const InverseDepthMap map = random_depths(8, 0, 1);
+  const InverseDepthMap nearest = nearest_of_blocks(map);
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const float block = nearest.at(x >> kSightBlockLog2, y >> kSightBlockLog2);
+      for (int i = 0; i < 4; ++i) {
+        ASSERT_GE(block, map.at(std::min(x + i % 2, kWidth - 1), std::min(y + i / 2, kHeight - 1)));
+      }
+    }
+  }
 }
 
 TEST_F(DepthKernels, ACameraThatDiffersCountsLess) {
   constexpr std::size_t kCameras = 5;
-  std::array<std::array<float, 4>, kCameras> samples{};
-  std::array<float, kCameras> shares{}, visible{};
+  std::array<std::array<float, 4 * kMostRun>, kCameras> samples{};
+  std::array<std::array<float, kMostRun>, kCameras> shares{}, visible{};
   std::vector<const float*> sample_of, share_of, visible_of;
   for (std::size_t i = 0; i < kCameras; ++i) {
     const float seen = i == 4 ? 0.5F * 65535 : 65535.0F;
     const float code = i == 0 ? 0.9F : 0.4F;  // the first sees something else
     samples[i] = {code * seen, 0.5F * seen, 0.2F * seen, seen};
-    shares[i] = 0.2F;
-    visible[i] = i == 3 ? 0.0F : 1.0F;
+    shares[i][0] = 0.2F;
+    visible[i][0] = i == 3 ? 0.0F : 1.0F;
     sample_of.push_back(samples[i].data());
-    share_of.push_back(&shares[i]);
-    visible_of.push_back(&visible[i]);
+    share_of.push_back(shares[i].data());
+    visible_of.push_back(visible[i].data());
   }
   on_every_instruction_set([&] {
     std::array<float, 4> sums{};
@@ -305,17 +364,17 @@ TEST_F(DepthKernels, ACameraThatDiffersCountsLess) {
     const double red = sums[0] / 65535 / alpha;  // the plain mean of those who see: 0.543
     EXPECT_GT(red, 0.4);
     EXPECT_LT(red, 0.45);
-    visible.fill(0);  // hidden from all: all count again
+    for (auto& camera : visible) camera[0] = 0;  // hidden from all: all count again
     blend_agreeing({sample_of, share_of, visible_of, 1, 100 * 65535}, sums);
     EXPECT_NEAR(sums[0] / 65535 / alpha, (0.9 + 3.5 * 0.4) / 4.5, 1e-3);
-    visible = {1, 1, 1, 0, 1};
+    for (std::size_t i = 0; i < kCameras; ++i) visible[i][0] = i == 3 ? 0.0F : 1.0F;
   });
-  const std::array<float, 4> nothing{};
+  const std::array<float, 4 * kMostRun> nothing{};
   const std::vector<const float*> none{nothing.data()};
   std::array<float, 4> sums{1, 1, 1, 1};
   blend_agreeing({none, std::span(share_of).first(1), std::span(visible_of).first(1), 1, 655},
                  sums);
-  EXPECT_EQ(sums, nothing);
+  EXPECT_EQ(sums, (std::array<float, 4>{}));
 }
 
 }  // namespace

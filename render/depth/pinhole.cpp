@@ -8,6 +8,24 @@
 
 namespace raystage {
 
+InverseDepthMap nearest_of_blocks(const InverseDepthMap& map) {
+  InverseDepthMap nearest{(map.width + kSightBlock - 1) / kSightBlock,
+                          (map.height + kSightBlock - 1) / kSightBlock,
+                          {}};
+  for (int top = 0; top < map.height; top += kSightBlock) {
+    for (int left = 0; left < map.width; left += kSightBlock) {
+      float most = kUnknownDepth;
+      for (int y = top; y <= std::min(top + kSightBlock, map.height - 1); ++y) {
+        for (int x = left; x <= std::min(left + kSightBlock, map.width - 1); ++x) {
+          most = std::max(most, map.at(x, y));
+        }
+      }
+      nearest.values.push_back(most);
+    }
+  }
+  return nearest;
+}
+
 PixelTransfer pixel_transfer(const VirtualCamera& to, const VirtualCamera& from) {
   const Intrinsics& k = to.intrinsics;
   Eigen::Matrix3d pixel_from_camera;  // x right, y up, looking down -z; times the depth

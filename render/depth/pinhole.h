@@ -24,6 +24,11 @@ struct InverseDepthMap {
 /// What a map says of a pixel that it knows nothing of.
 inline constexpr float kUnknownDepth = -1;
 
+/// Of each block of kSightBlock x kSightBlock pixels the nearest depth that bilinear samples meet
+/// which start in it: of the block, and of the column right of it and the row below.
+InverseDepthMap nearest_of_blocks(const InverseDepthMap& map);
+inline constexpr int kSightBlockLog2 = 3, kSightBlock = 1 << kSightBlockLog2;
+
 /// Where a camera without distortion sees what another one sees at pixel (x, y) and inverse planar
 /// depth q: (X, Y, W) = direction * (x, y, 1) + q * parallax is, if W > 0, its pixel (X/W, Y/W) and
 /// the inverse planar depth q/W along its axis. Exact for points at infinity.

@@ -8,7 +8,10 @@
 #include "render/depth/depth_file.h"
 #include "render/depth/fusion.h"
 #include "render/depth/solve_kernels.h"
+#include "render/depth/temporal.h"
+#include "render/depth/warp.h"
 #include "render/view/scene_depths.h"
+#include "schemas/parallel.h"
 
 namespace raystage {
 namespace depth {
@@ -27,6 +30,9 @@ constexpr std::array kOptions{
     whole_option("witnesses", 12, 1, kMostWitnesses, "cameras that depths are refined with"),
     number_option("agreement", 10, 0.1, 255,
                   "difference of 8-bit codes at which a camera counts half when blended"),
+    flag_option("temporal", false,
+                "depths averaged with those of the frames before and after, where a camera's "
+                "picture stands still"),
     flag_option("keep", true, "depths in the folder depth/ of the take, and use those there")};
 
 Settings settings_of(const ViewRequest& request) {
@@ -39,6 +45,7 @@ Settings settings_of(const ViewRequest& request) {
   s.cameras = options.whole("cameras");
   s.agreement = options.number("agreement");
   s.keep = options.flag("keep") && request.use_take_folder;
+  s.temporal = options.flag("temporal");
   return s;
 }
 
@@ -78,49 +85,106 @@ std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResu
   return kept_results.get<KeptDepths>(key_of(instant, solving), [&](std::size_t& bytes) {
     auto kept = std::make_shared<KeptDepths>();
     kept->depths = kept_camera_depths(instant, solving, working_bytes, keep, kept->note);
+    kept->depths.find_nearest();
     bytes = kept->depths.bytes();
     return kept;
   });
 }
 
-/// The cameras that a view's depths are taken from: the best few everywhere in it, with their part
-/// of all shares.
-std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepths& depths) {
-  constexpr std::size_t kBest = 6;
-  std::map<int, double> total;  // by camera
-  std::set<int> wanted;
-  for (int row = 0; row <= field.rows(); ++row) {
-    for (int column = 0; column <= field.columns(); ++column) {
-      const std::vector<CameraShare>& chosen = field.corner(column, row);
-      for (std::size_t i = 0; i < chosen.size(); ++i) {
-        total[chosen[i].camera] += chosen[i].share;
-        if (i < kBest) wanted.insert(chosen[i].camera);
-      }
-    }
+/// The instant of every camera's next frame, or that before if `step` is -1; nullopt where one has
+/// none.
+std::optional<Instant> beside(const Instant& instant, int step) {
+  Instant other = instant;
+  for (std::size_t i = 0; i < other.frame_of_camera.size(); ++i) {
+    int& frame = other.frame_of_camera[i];
+    if (frame < 0) continue;
+    frame += step;
+    const auto frames = instant.take->archive(static_cast<int>(i)).frames();
+    if (frame < 0 || frame >= static_cast<int>(frames.size())) return std::nullopt;
+    other.time_ns = frames[static_cast<std::size_t>(frame)].time_ns;
   }
-  std::vector<std::pair<double, int>> by_share;
-  double sum = 0;
-  for (const int camera : wanted) {
-    by_share.emplace_back(-total[camera], camera);
-    sum += total[camera];
-  }
-  std::ranges::sort(by_share);
-  by_share.resize(std::min<std::size_t>(by_share.size(), kMostReports));
-  std::vector<DepthReport> reports;
-  for (const auto& [share, camera] : by_share) {
-    const auto i = static_cast<std::size_t>(camera);
-    reports.push_back({&depths.maps[i], &depths.pinholes[i], static_cast<float>(-share / sum)});
-  }
-  return reports;
+  return other;
 }
 
-InverseDepthMap depths_of_view(const Plan& plan) {
+MatchingImage picture_of(const Instant& instant, std::size_t camera, const CameraDepths& depths) {
+  std::int64_t decoded = 0;
+  const auto frame =
+      instant.cache->fetch(static_cast<int>(camera), instant.frame_of_camera[camera], {}, decoded);
+  return {*frame, instant.cache->blend_space(), instant.rig->cameras[camera],
+          depths.pinholes[camera]};
+}
+
+/// An instant's depths with those before and after in mind: as many maps again, and three pictures
+/// per thread.
+std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptResults& kept_results,
+                                                  std::size_t working_bytes,
+                                                  const DepthSettings& solving, bool keep) {
+  const std::string key = "steadied " + key_of(instant, solving);
+  return kept_results.get<KeptDepths>(key, [&](std::size_t& bytes) {
+    const auto depths_at = [&](const Instant& at) {
+      return camera_depths(at, kept_results, working_bytes, solving, keep);
+    };
+    struct Other {
+      Instant instant;
+      std::shared_ptr<const KeptDepths> kept;
+    };
+    std::vector<Other> others;
+    for (const int step : {-1, 1}) {
+      if (const auto other = beside(instant, step)) others.push_back({*other, depths_at(*other)});
+    }
+    auto kept = std::make_shared<KeptDepths>(*depths_at(instant));
+    CameraDepths& depths = kept->depths;
+    const auto tolerance = static_cast<float>(solving.tolerance_px * depths.pixel);
+    raystage::parallel_for(std::size_t{0}, depths.maps.size(), [&](std::size_t i) {
+      if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
+      std::vector<MatchingImage> pictures;
+      std::vector<OtherInstant> of_camera;
+      for (const Other& other : others) pictures.push_back(picture_of(other.instant, i, depths));
+      for (std::size_t j = 0; j < others.size(); ++j) {
+        of_camera.push_back({&pictures[j], &others[j].kept->depths.maps[i]});
+      }
+      depths.maps[i] =
+          steadied(depths.maps[i], picture_of(instant, i, depths), of_camera, tolerance);
+    });
+    depths.find_nearest();
+    bytes = depths.bytes();
+    return kept;
+  });
+}
+
+/// What cameras say of a view's depths: they count as they would if its rays were blended from few
+/// of them.
+std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepths& depths) {
+  static_assert(kDepthTile == CameraField::kTile);
+  const auto tiles = static_cast<std::size_t>(field.columns() * field.rows());
+  std::map<int, DepthReport> reports;  // by camera
+  for (std::size_t tile = 0; tile < tiles; ++tile) {
+    const int at = static_cast<int>(tile), columns = field.columns();
+    for (const CameraField::TileCamera& chosen : field.tile(at % columns, at / columns).cameras) {
+      const auto i = static_cast<std::size_t>(chosen.camera);
+      DepthReport& report = reports[chosen.camera];
+      report.map = &depths.maps[i];
+      report.camera = &depths.pinholes[i];
+      report.nearest = &depths.nearest[i];
+      report.weights.resize(tiles);
+      report.weights[tile] = chosen.share;
+    }
+  }
+  std::vector<DepthReport> all;
+  for (auto& [camera, report] : reports) all.push_back(std::move(report));
+  return all;
+}
+
+InverseDepthMap depths_of_view(const Plan& plan, const Instant& instant) {
   const VirtualCamera& view = plan.pinhole;
   // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
   // alike and any tolerance will do.
   const double pixel = plan.depths->pixel > 0 ? plan.depths->pixel : 1;
   constexpr float kLeastShare = 0.2F;
-  InverseDepthMap map = fuse_depths(view, reports_for(plan.field, *plan.depths),
+  constexpr int kBest = 8;
+  static_assert(4 * kBest <= kMostReports, "a tile's corners may all choose others");
+  const CameraField field(view, *instant.rig, cameras_of(instant, false), plan.range, kBest);
+  InverseDepthMap map = fuse_depths(view, reports_for(field, *plan.depths),
                                     {static_cast<float>(pixel / 2), kLeastShare});
   const auto behind = static_cast<float>(plan.range.farthest);
   for (float& depth : map.values) {
@@ -140,7 +204,8 @@ std::optional<Plan> plan(const ViewRequest& request) {
       request.view.pose);
   const InverseDepthRange range = inverse_depths_in_view(request.view, rig, settings.solving.scene);
   if (range.empty()) return std::nullopt;
-  const std::shared_ptr<const KeptDepths> kept = camera_depths(
+  const auto depths_of = settings.temporal ? steadied_depths : camera_depths;
+  const std::shared_ptr<const KeptDepths> kept = depths_of(
       request.instant, request.kept, request.working_bytes, settings.solving, settings.keep);
   const auto field_of = [&](bool absent_too) {
     return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,
@@ -154,7 +219,7 @@ std::optional<Plan> plan(const ViewRequest& request) {
     result.complete.emplace(field_of(true));
   }
   if (!kept->note.empty()) result.notes.push_back(kept->note);
-  result.view_depths = depths_of_view(result);
+  result.view_depths = depths_of_view(result, request.instant);
   return result;
 }
 
@@ -186,14 +251,15 @@ float visibility_tolerance(const Plan& plan) {
 }  // namespace depth
 
 Method depth_method() {
+  static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}};
   return {"depth",
           "cameras blended where their depths say that they see the same, found once per instant",
           depth::kOptions,
           depth::render,
           depth::render_reference,
           nullptr,
-          false,
-          {},
+          true,
+          kPresets,
           false,
           false};
 }

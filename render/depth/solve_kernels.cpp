@@ -163,50 +163,90 @@ void refine(const RefineRow& row) {
   }
 }
 
-void vote(const VoteRow& row) {
+void vote_run(const VoteRun& run) {
   const D d;
-  const int lanes = static_cast<int>(hn::Lanes(d)), count = static_cast<int>(row.reports.size());
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const std::size_t count = run.reports.size();
   const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F), unknown = hn::Set(d, kUnknownDepth);
-  const auto per_tolerance = hn::Set(d, 1 / row.tolerance);
+  const auto tiny = hn::Set(d, 1e-30F), per_tolerance = hn::Set(d, 1 / run.tolerance);
   const auto almost = hn::Set(d, 0.9999F), clearly = hn::Set(d, 1.0001F);
-  HWY_ALIGN float reports[kMostReports][kMostLanes], out[kMostLanes];
-  for (int x = 0; x < row.width; x += lanes) {
-    const int n = std::min(lanes, row.width - x);
+  V reports[kMostReports], weights[kMostReports];
+  for (int x = 0; x < run.count; x += lanes) {
     auto all = zero;
-    for (int r = 0; r < count; ++r) {
-      for (int i = 0; i < lanes; ++i) {
-        reports[r][i] = row.reports[static_cast<std::size_t>(r)][x + std::min(i, n - 1)];
-      }
-      const auto known = hn::Ge(hn::Load(d, reports[r]), zero);
-      all = hn::Add(
-          all, hn::IfThenElseZero(known, hn::Set(d, row.weights[static_cast<std::size_t>(r)])));
+    for (std::size_t r = 0; r < count; ++r) {
+      reports[r] = hn::LoadU(d, run.reports[r] + x);
+      weights[r] = hn::IfThenElseZero(hn::Ge(reports[r], zero), hn::LoadU(d, run.weights[r] + x));
+      all = hn::Add(all, weights[r]);
     }
     auto best = zero, best_depth = unknown, chosen = unknown;
-    for (int r = 0; r < count; ++r) {
-      const auto candidate = hn::Load(d, reports[r]);
+    for (std::size_t r = 0; r < count; ++r) {
+      const auto candidate = reports[r];
       auto support = zero, sum = zero;
-      for (int s = 0; s < count; ++s) {
-        const auto other = hn::Load(d, reports[s]);
-        const auto off = hn::Mul(hn::Abs(hn::Sub(other, candidate)), per_tolerance);
-        const auto known = hn::Ge(other, zero);
-        const auto weight =
-            hn::IfThenElseZero(known, hn::Mul(hn::Set(d, row.weights[static_cast<std::size_t>(s)]),
-                                              hn::Max(zero, hn::Sub(one, off))));
+      for (std::size_t s = 0; s < count; ++s) {
+        const auto off = hn::Mul(hn::Abs(hn::Sub(reports[s], candidate)), per_tolerance);
+        const auto weight = hn::Mul(weights[s], hn::Max(zero, hn::Sub(one, off)));
         support = hn::Add(support, weight);
-        sum = hn::MulAdd(weight, other, sum);
+        sum = hn::MulAdd(weight, reports[s], sum);
       }
       const auto better = hn::Gt(support, hn::Mul(best, clearly));
       const auto equal = hn::And(hn::Gt(support, hn::Mul(best, almost)), hn::Gt(candidate, chosen));
-      const auto wins = hn::And(hn::Ge(candidate, zero), hn::Or(better, equal));
-      best_depth =
-          hn::IfThenElse(wins, hn::Div(sum, hn::Max(support, hn::Set(d, 1e-30F))), best_depth);
+      const auto wins = hn::And(hn::Gt(weights[r], zero), hn::Or(better, equal));
+      best_depth = hn::IfThenElse(wins, hn::Div(sum, hn::Max(support, tiny)), best_depth);
       chosen = hn::IfThenElse(wins, candidate, chosen);
       best = hn::IfThenElse(wins, support, best);
     }
-    hn::Store(best_depth, d, out);
-    std::copy_n(out, n, row.depth + x);
-    hn::Store(hn::Div(best, hn::Max(all, hn::Set(d, 1e-30F))), d, out);
-    std::copy_n(out, n, row.share + x);
+    hn::StoreU(best_depth, d, run.depth + x);
+    hn::StoreU(hn::Div(best, hn::Max(all, tiny)), d, run.share + x);
+  }
+}
+
+/// By a sorting network of which only the middle is kept (Paeth 1990).
+HWY_INLINE V median_of_nine(V* v) {
+  const auto sort = [&](int a, int b) HWY_ATTR {
+    const V low = hn::Min(v[a], v[b]);
+    v[b] = hn::Max(v[a], v[b]);
+    v[a] = low;
+  };
+  for (const int i : {0, 3, 6}) sort(i + 1, i + 2);
+  for (const int i : {0, 3, 6}) sort(i, i + 1);
+  for (const int i : {0, 3, 6}) sort(i + 1, i + 2);
+  sort(0, 3);
+  sort(5, 8);
+  sort(4, 7);
+  sort(3, 6);
+  sort(1, 4);
+  sort(2, 5);
+  sort(4, 7);
+  sort(4, 2);
+  sort(6, 4);
+  sort(4, 2);
+  return v[4];
+}
+
+void median(const std::array<const float*, 3>& rows, std::span<float> medians) {
+  const D d;
+  const int lanes = static_cast<int>(hn::Lanes(d)), width = static_cast<int>(medians.size());
+  HWY_ALIGN float part[kMostLanes + 2], out[kMostLanes];
+  V values[9];
+  for (int x = 0; x < width; x += lanes) {
+    const bool inner = x > 0 && x + lanes < width;
+    for (std::size_t row = 0; row < 3; ++row) {
+      const float* from = rows[row] + x - 1;
+      if (!inner) {
+        for (int i = 0; i < lanes + 2; ++i) {
+          part[i] = rows[row][std::clamp(x - 1 + i, 0, width - 1)];
+        }
+        from = part;
+      }
+      for (std::size_t i = 0; i < 3; ++i) values[3 * row + i] = hn::LoadU(d, from + i);
+    }
+    const V middle = median_of_nine(values);
+    if (inner) {
+      hn::StoreU(middle, d, medians.data() + x);
+    } else {
+      hn::Store(middle, d, out);
+      std::copy_n(out, std::min(lanes, width - x), medians.data() + x);
+    }
   }
 }
 
@@ -222,12 +262,16 @@ namespace raystage {
 
 HWY_EXPORT(match);
 HWY_EXPORT(refine);
-HWY_EXPORT(vote);
+HWY_EXPORT(vote_run);
+HWY_EXPORT(median);
 HWY_EXPORT(target);
 
 void match_row(const MatchRow& row) { HWY_DYNAMIC_DISPATCH(match)(row); }
 void refine_row(const RefineRow& row) { HWY_DYNAMIC_DISPATCH(refine)(row); }
-void vote_row(const VoteRow& row) { HWY_DYNAMIC_DISPATCH(vote)(row); }
+void vote(const VoteRun& run) { HWY_DYNAMIC_DISPATCH(vote_run)(run); }
+void median_row(const std::array<const float*, 3>& rows, std::span<float> medians) {
+  HWY_DYNAMIC_DISPATCH(median)(rows, medians);
+}
 const char* depth_solve_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
 }  // namespace raystage

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 
@@ -55,19 +56,25 @@ struct RefineRow {
 void refine_row(const RefineRow& row);
 
 inline constexpr int kMostReports = 32;
+inline constexpr int kMostVotes = 32;  ///< pixels voted on at once
 
-/// One row of depths that several cameras report for the same pixels.
-struct VoteRow {
-  std::span<const float* const> reports;  ///< kMostReports rows; kUnknownDepth for none
-  std::span<const float> weights;         ///< of the reports
-  int width = 0;
-  float tolerance = 0;     ///< 1/m, above 0
-  float* depth = nullptr;  ///< kUnknownDepth where there is no report
-  float* share = nullptr;  ///< of the weights that agree, 0 to 1
+/// A run of depths that several cameras report for the same pixels. Every array has room for
+/// kMostVotes.
+struct VoteRun {
+  std::span<const float* const> reports;  ///< kMostReports at most; kUnknownDepth for none
+  std::span<const float* const> weights;  ///< of each report at each pixel, not negative
+  int count = 0;                          ///< pixels
+  float tolerance = 0;                    ///< 1/m, above 0
+  float* depth = nullptr;                 ///< kUnknownDepth where no report has a weight
+  float* share = nullptr;                 ///< of the weights that agree, 0 to 1
 };
 /// The report that most others support, by weight and 1 - |difference| / tolerance, the nearer of
 /// equals; then the mean of those that support it.
-void vote_row(const VoteRow& row);
+void vote(const VoteRun& run);
+
+/// The median of 3 x 3 values for a row; the border's go on beyond it. `rows`: the one above, the
+/// row itself and the one below.
+void median_row(const std::array<const float*, 3>& rows, std::span<float> medians);
 
 /// The instruction set in use.
 const char* depth_solve_target();

@@ -74,21 +74,34 @@ void find_positions(const DepthSource& source, int x, int y, int n, const Inputs
   }
 }
 
-/// Keys' kernel, a = -1/2, at a position `f` behind the second of four pixels; times `scale`.
+/// Keys' kernel at a position `f` behind the second of four pixels; times `scale`.
 template <class D, class V>
 HWY_INLINE void store_cubic(D d, V f, V scale, float* HWY_RESTRICT weights) {
   const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
-  const auto ff = hn::Mul(f, f);
-  const auto w0 = hn::Mul(f, hn::MulAdd(f, hn::NegMulAdd(set(0.5F), f, set(1)), set(-0.5F)));
-  const auto w1 = hn::MulAdd(ff, hn::MulAdd(set(1.5F), f, set(-2.5F)), set(1));
-  const auto w2 = hn::Mul(f, hn::MulAdd(f, hn::NegMulAdd(set(1.5F), f, set(2)), set(0.5F)));
-  const auto w3 = hn::Mul(ff, hn::MulAdd(set(0.5F), f, set(-0.5F)));
+  constexpr float a = kCubicSlope;
+  const auto g = hn::Sub(set(1), f), fg = hn::Mul(hn::Mul(f, g), set(a));
+  const auto inner = [&](V x) HWY_ATTR {
+    return hn::MulAdd(hn::Mul(x, x), hn::MulAdd(set(a + 2), x, set(-a - 3)), set(1));
+  };
+  const auto w0 = hn::Mul(fg, g), w1 = inner(f), w2 = inner(g), w3 = hn::Mul(fg, f);
   hn::StoreInterleaved4(hn::Mul(w0, scale), hn::Mul(w1, scale), hn::Mul(w2, scale),
                         hn::Mul(w3, scale), d, weights);
 }
 
-/// Four pixels of four rows, weighted and summed: vectors as wide as a row of them.
-HWY_INLINE void add_cubic_sample(const std::uint16_t* const* rows, const float* across,
+/// R, G, B, A of neighbouring pixels side by side become the sum over the pixels.
+template <class D, class V>
+HWY_INLINE auto sum_of_pixels(D d, V pixels) {
+  if constexpr (hn::MaxLanes(d) <= 4) {
+    return pixels;
+  } else {
+    const hn::Half<D> half;
+    return sum_of_pixels(half, hn::Add(hn::LowerHalf(half, pixels), hn::UpperHalf(half, pixels)));
+  }
+}
+
+/// Four pixels of four rows, weighted and summed: vectors as wide as a row of them. `row`: from one
+/// to the next, in 16-bit words.
+HWY_INLINE void add_cubic_sample(const std::uint16_t* from, std::ptrdiff_t row, const float* across,
                                  const float* down, float* HWY_RESTRICT sum) {
   const hn::CappedTag<float, 16> d;
   const hn::Rebind<std::uint16_t, decltype(d)> d16;
@@ -99,20 +112,19 @@ HWY_INLINE void add_cubic_sample(const std::uint16_t* const* rows, const float* 
   const auto lane = hn::Iota(d32, 0);
   auto total = hn::Zero(d);
   for (int begin = 0; begin < 16; begin += kLanes) {
-    auto column = hn::Zero(d);
-    for (int r = 0; r < 4; ++r) {
-      const auto pixels = hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, rows[r] + begin)));
-      column = hn::MulAdd(hn::Set(d, down[r]), pixels, column);
-    }
+    const auto pixels = [&](int r) HWY_ATTR {
+      return hn::ConvertTo(d, hn::PromoteTo(d32, hn::LoadU(d16, from + r * row + begin)));
+    };
+    // In pairs, which need not wait for each other.
+    const auto upper =
+        hn::MulAdd(hn::Set(d, down[1]), pixels(1), hn::Mul(hn::Set(d, down[0]), pixels(0)));
+    const auto lower =
+        hn::MulAdd(hn::Set(d, down[3]), pixels(3), hn::Mul(hn::Set(d, down[2]), pixels(2)));
     const auto of_pixel = hn::ShiftRight<2>(hn::Add(lane, hn::Set(d32, begin)));
     const auto weights = hn::TableLookupLanes(across_all, hn::IndicesFromVec(d, of_pixel));
-    total = hn::MulAdd(column, weights, total);
+    total = hn::MulAdd(hn::Add(upper, lower), weights, total);
   }
-  HWY_ALIGN float parts[16];
-  hn::Store(total, d, parts);
-  auto result = hn::LoadU(d4, sum);
-  for (int i = 0; i < kLanes; i += 4) result = hn::Add(result, hn::Load(d4, parts + i));
-  hn::StoreU(result, d4, sum);
+  hn::StoreU(hn::Add(hn::LoadU(d4, sum), sum_of_pixels(d, total)), d4, sum);
 }
 
 void add_cubic(const SourceView& camera, const Positions& positions, int n, float* sums) {
@@ -124,24 +136,23 @@ void add_cubic(const SourceView& camera, const Positions& positions, int n, floa
                 down + 4 * i);
   }
   const auto row = static_cast<std::ptrdiff_t>(camera.width) * 4;
-  std::uint16_t edge[4][16];
+  const auto inner_columns = static_cast<unsigned>(std::max(0, camera.width - 3));
+  const auto inner_rows = static_cast<unsigned>(std::max(0, camera.height - 3));
   for (int i = 0; i < n; ++i) {
     if (positions.weight[i] == 0) continue;
     const int x = positions.x[i] - 1, y = positions.y[i] - 1;
-    const std::uint16_t* rows[4];
-    for (int r = 0; r < 4; ++r) {
-      rows[r] = camera.rgbx + std::clamp(y + r, 0, camera.height - 1) * row + 4 * x;
+    if (static_cast<unsigned>(x) < inner_columns && static_cast<unsigned>(y) < inner_rows) {
+      add_cubic_sample(camera.rgbx + y * row + 4 * x, row, across + 4 * i, down + 4 * i,
+                       sums + 4 * i);
+      continue;
     }
-    if (x < 0 || x + 3 >= camera.width) {
-      for (int r = 0; r < 4; ++r) {
-        for (int c = 0; c < 4; ++c) {
-          const int column = std::clamp(x + c, 0, camera.width - 1);
-          std::copy_n(rows[r] + 4 * (column - x), 4, edge[r] + 4 * c);
-        }
-      }
-      for (int r = 0; r < 4; ++r) rows[r] = edge[r];
+    std::uint16_t edge[16 * 4];
+    for (int pixel = 0; pixel < 16; ++pixel) {
+      const int column = std::clamp(x + pixel % 4, 0, camera.width - 1);
+      const int line = std::clamp(y + pixel / 4, 0, camera.height - 1);
+      std::copy_n(camera.rgbx + line * row + 4 * column, 4, edge + 4 * pixel);
     }
-    add_cubic_sample(rows, across + 4 * i, down + 4 * i, sums + 4 * i);
+    add_cubic_sample(edge, 16, across + 4 * i, down + 4 * i, sums + 4 * i);
   }
 }
 
@@ -174,13 +185,16 @@ template <class Body>
 HWY_INLINE void for_each_chunk(const DepthSource& source, int x, int y,
                                std::span<const float> inverse_depth, std::span<const float> weight,
                                const Body& body) {
-  Inputs inputs = {};
+  Inputs inputs;
   Positions positions;
   const int count = static_cast<int>(inverse_depth.size());
   for (int begin = 0; begin < count; begin += kChunk) {
     const int n = std::min(kChunk, count - begin);
     std::copy_n(inverse_depth.data() + begin, n, inputs.inverse_depth);
     std::copy_n(weight.data() + begin, n, inputs.weight);
+    const int padded = std::min(kChunk, n + static_cast<int>(hn::Lanes(hn::ScalableTag<float>())));
+    std::fill(inputs.inverse_depth + n, inputs.inverse_depth + padded, 0.0F);
+    std::fill(inputs.weight + n, inputs.weight + padded, 0.0F);
     find_positions(source, x + begin, y, n, inputs, positions);
     body(begin, n, positions);
   }

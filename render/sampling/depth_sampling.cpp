@@ -32,11 +32,12 @@ void plan_into(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus)
 
 namespace {
 
-/// Keys' kernel, a = -1/2.
+/// Keys' kernel.
 double cubic_weight(double distance) {
+  constexpr double a = kCubicSlope;
   const double t = std::abs(distance);
-  if (t < 1) return (1.5 * t - 2.5) * t * t + 1;
-  if (t < 2) return ((-0.5 * t + 2.5) * t - 4) * t + 2;
+  if (t < 1) return ((a + 2) * t - (a + 3)) * t * t + 1;
+  if (t < 2) return a * (((t - 5) * t + 8) * t - 4);
   return 0;
 }
 

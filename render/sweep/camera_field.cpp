@@ -167,6 +167,18 @@ float CameraField::share(const Tile& tile, const TileCamera& camera, int x, int 
   return upper + down * (lower - upper);
 }
 
+void CameraField::shares(const Tile& tile, const TileCamera& camera, int y,
+                         std::span<float> of_row) {
+  const float down =
+      (static_cast<float>(y - tile.top) + 0.5F) / static_cast<float>(tile.bottom - tile.top);
+  const auto& s = camera.share;
+  const float left = s[0] + down * (s[2] - s[0]), right = s[1] + down * (s[3] - s[1]);
+  const float step = (right - left) / static_cast<float>(tile.right - tile.left);
+  for (int i = 0; i < static_cast<int>(of_row.size()); ++i) {
+    of_row[static_cast<std::size_t>(i)] = left + (static_cast<float>(i) + 0.5F) * step;
+  }
+}
+
 InverseDepthRange inverse_depths_in_view(const VirtualCamera& view, const Rig& rig,
                                          DepthRange scene) {
   const Vector3d axis = rig.mean_viewing_direction();

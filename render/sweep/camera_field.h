@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "render/view/instant.h"
@@ -83,6 +84,8 @@ class CameraField {
   }
   /// A camera's share at the pixel's centre, by the tile that the pixel lies in.
   static float share(const Tile& tile, const TileCamera& camera, int x, int y);
+  /// The same for the tile's pixels of row y, from its left on.
+  static void shares(const Tile& tile, const TileCamera& camera, int y, std::span<float> of_row);
   const std::vector<CameraShare>& corner(int column, int row) const {
     return corners_[static_cast<std::size_t>(row * (columns_ + 1) + column)];
   }

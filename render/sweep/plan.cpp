@@ -112,7 +112,7 @@ Method plane_sweep_method() {
           plane_sweep::render,
           plane_sweep::render_reference,
           nullptr,
-          false,
+          true,
           kPresets,
           false,
           false};

@@ -9,6 +9,7 @@
 #include "render/matching/matching.h"
 #include "render/sampling/depth_planning.h"
 #include "render/sweep/cost_kernels.h"
+#include "render/sweep/field_coverage.h"
 #include "schemas/parallel.h"
 
 namespace raystage::plane_sweep {
@@ -43,6 +44,7 @@ class Frame {
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
     if (request_.count_needed_pixels) count_needed(map, image.statistics);
+    if (request_.measure_coverage) measure_field_coverage(request_, plan_.field, {}, image);
     return image;
   }
 

@@ -6,6 +6,7 @@
 
 #include "render/matching/matching.h"
 #include "render/sweep/cost_kernels.h"
+#include "render/sweep/field_coverage.h"
 #include "render/sweep/plane_sweep.h"
 #include "schemas/transfer_function.h"
 
@@ -35,6 +36,7 @@ class Reference {
       }
     }
     const auto end = std::chrono::steady_clock::now();
+    if (request_.measure_coverage) measure_field_coverage(request_, plan_.field, {}, image);
     image.statistics.decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
     image.statistics.render_ms = std::chrono::duration<double, std::milli>(end - decoded).count();
     return image;

@@ -39,22 +39,33 @@ std::vector<CameraGeometry> camera_grid(int rows, int columns, double spacing, i
 
 namespace {
 
+/// Linear light along the ray of an image position.
+std::array<double, 3> light_at(const SyntheticTake& settings, const CameraModel& model,
+                               const Pose& pose, double x, double y) {
+  const auto ray = model.unproject({x, y});
+  if (!ray) return {};
+  const Eigen::Vector3d direction = pose.world_from_camera_rotation * *ray;
+  if (settings.painting) return settings.painting(pose.position, direction);
+  const double t = (-settings.plane_depth - pose.position.z()) / direction.z();
+  const Eigen::Vector3d hit = pose.position + t * direction;
+  return painted_plane(hit.x(), hit.y());
+}
+
+}  // namespace
+
 RgbImage photograph(const CameraGeometry& geometry, const SyntheticTake& settings) {
   const CameraModel model(geometry);
   const Pose pose = pose_from_matrix(geometry.world_from_camera);
+  const int parts = settings.samples;
   RgbImage image{geometry.width, geometry.height, {}};
   for (int y = 0; y < geometry.height; ++y) {
     for (int x = 0; x < geometry.width; ++x) {
       std::array<double, 3> linear{};
-      if (const auto ray = model.unproject({x + 0.5, y + 0.5})) {
-        const Eigen::Vector3d direction = pose.world_from_camera_rotation * *ray;
-        if (settings.painting) {
-          linear = settings.painting(pose.position, direction);
-        } else {
-          const double t = (-settings.plane_depth - pose.position.z()) / direction.z();
-          const Eigen::Vector3d hit = pose.position + t * direction;
-          linear = painted_plane(hit.x(), hit.y());
-        }
+      for (int i = 0; i < parts * parts; ++i) {
+        const int column = i % parts, row = i / parts;
+        const auto light =
+            light_at(settings, model, pose, x + (column + 0.5) / parts, y + (row + 0.5) / parts);
+        for (std::size_t c = 0; c < 3; ++c) linear[c] += light[c] / (parts * parts);
       }
       for (std::size_t c = 0; c < 3; ++c) {
         const PhotometricResponse& response = settings.photometric;
@@ -66,8 +77,6 @@ RgbImage photograph(const CameraGeometry& geometry, const SyntheticTake& setting
   }
   return image;
 }
-
-}  // namespace
 
 void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::path& folder) {
   TakeDocument take;

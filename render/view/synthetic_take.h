@@ -13,6 +13,7 @@
 #include "schemas/rig_document.h"
 #include "schemas/test_folder.h"
 #include "store/jpeg/encode.h"
+#include "store/jpeg/rgb_image.h"
 
 namespace raystage::testing {
 
@@ -29,6 +30,7 @@ struct SyntheticTake {
   std::array<double, 3> origin{};
   double plane_depth = 4;                   ///< the painted plane is z = -plane_depth
   Painting painting;                        ///< what there is to see instead, if given
+  int samples = 1;                          ///< of a pixel along each axis, averaged
   bool knows_depth_range = true;            ///< whether take.json says one
   std::optional<DepthRange> depth_range;    ///< as take.json says it; unless given, the plane's
   int frames = 1;                           ///< at 15 fps
@@ -40,6 +42,9 @@ struct SyntheticTake {
 /// `rows` x `columns` wall-eyed cameras in the plane z = 0 around the origin, 62 degrees wide.
 std::vector<CameraGeometry> camera_grid(int rows, int columns, double spacing, int width,
                                         int height, const Distortion& distortion = {});
+
+/// What a camera shows of the settings' scene.
+RgbImage photograph(const CameraGeometry& camera, const SyntheticTake& settings);
 
 /// Writes the take to `folder` (which must not exist).
 void write_synthetic_take(const SyntheticTake& settings, const std::filesystem::path& folder);

@@ -160,8 +160,7 @@ struct FrameCache::State {
     frame.rgbx = allocate(frame.bytes);
     const std::size_t used = static_cast<std::size_t>(layout.width) * layout.height * 4;
     std::fill_n(frame.rgbx.get() + used, pixels * 4 - used, std::uint16_t{0});
-    if (layout.regions_decodable()) frame.decoded = wanted;
-    if (std::find(wanted.begin(), wanted.end(), 0) == wanted.end()) frame.decoded.clear();
+    if (std::find(wanted.begin(), wanted.end(), 0) != wanted.end()) frame.decoded = wanted;
     pixels_decoded += decoders.local().decode_region(
         take.archive(key.first).jpeg(key.second), layout, wanted,
         tables[static_cast<std::size_t>(key.first)], {frame.rgbx.get(), used}, name_of(key));

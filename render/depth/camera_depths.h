@@ -16,7 +16,7 @@ namespace raystage {
 struct DepthSettings {
   DepthRange scene;         ///< metres in front of the array; far may be infinite
   double plane_px = 0.5;    ///< from plane to plane of the first guess; planes: 256 at most
-  int neighbours = 8;       ///< cameras that a guess is matched with, 1 to kMostMatched
+  int neighbours = 8;       ///< cameras that a guess is matched with, 1 to kMostPartners
   int witnesses = 12;       ///< cameras that a depth is refined with
   double refine_px = 0.2;   ///< from one of the kOffsets depths to the next
   double tolerance_px = 1;  ///< by how much two cameras' depths of a point may differ

@@ -26,7 +26,7 @@ constexpr std::array kOptions{
     number_option("plane_px", 0.5, 0.1, 16,
                   "disparity between neighbouring cameras from plane to plane of the first guess, "
                   "pixels"),
-    whole_option("neighbours", 8, 1, kMostMatched, "cameras that each is matched with"),
+    whole_option("neighbours", 8, 1, kMostPartners, "cameras that each is matched with"),
     whole_option("witnesses", 12, 1, kMostWitnesses, "cameras that depths are refined with"),
     number_option("agreement", 10, 0.1, 255,
                   "difference of 8-bit codes at which a camera counts half when blended"),

@@ -58,7 +58,7 @@ HWY_INLINE V own_luma(D d, const MatchingImage& image, int x, int y) {
 HWY_INLINE V mean_of_smaller_half(D d, const V* least, V count, V unknown) {
   const auto half = hn::Floor(hn::Mul(hn::Add(count, hn::Set(d, 1.0F)), hn::Set(d, 0.5F)));
   auto sum = hn::Zero(d);
-  for (int i = 0; i < kMostMatched / 2; ++i) {
+  for (int i = 0; i < kMostPartners / 2; ++i) {
     const auto counts = hn::Lt(hn::Set(d, static_cast<float>(i)), half);
     sum = hn::Add(sum, hn::IfThenElseZero(counts, least[i]));
   }
@@ -74,7 +74,7 @@ void match(const MatchRow& row) {
   const auto truncation = hn::Set(d, row.truncation);
   const auto scale = hn::Set(d, 255.0F / row.truncation);
   const auto unknown = hn::Set(d, static_cast<float>(kUnknownCost));
-  std::array<RowTransfer, kMostMatched> transfers;
+  std::array<RowTransfer, kMostPartners> transfers;
   for (std::size_t p = 0; p < row.partners.size(); ++p) {
     transfers[p] = RowTransfer(row.partners[p].transfer, row.y, row.partners[p].image->width(),
                                row.partners[p].image->height());
@@ -85,7 +85,7 @@ void match(const MatchRow& row) {
     const int n = std::min(lanes, width - x);
     for (int plane = 0; plane < row.planes; ++plane) {
       const auto q = hn::Set(d, static_cast<float>(row.farthest + plane * row.step));
-      V least[kMostMatched / 2] = {truncation, truncation, truncation, truncation};
+      V least[kMostPartners / 2] = {truncation, truncation, truncation, truncation};
       auto count = zero;
       for (std::size_t p = 0; p < row.partners.size(); ++p) {
         const auto seen = transfers[p].at(d, x, q);

@@ -7,6 +7,7 @@
 
 #include "render/depth/matching_image.h"
 #include "render/depth/pinhole.h"
+#include "render/matching/matching.h"
 
 namespace raystage {
 
@@ -17,15 +18,13 @@ struct Partner {
   const InverseDepthMap* depths = nullptr;  ///< its own; only refine_row() asks
 };
 
-inline constexpr int kMostMatched = 8;  ///< partners of match_row()
-/// Where no partner sees a point, nothing can be said.
-inline constexpr std::uint8_t kUnknownCost = 127;
+inline constexpr int kMostPartners = 8;  ///< partners of match_row()
 
 /// One row of a cost volume over planes of inverse depth `farthest` + i * `step`, 1/m.
 struct MatchRow {
   int y = 0;
   const MatchingImage* image = nullptr;  ///< of the camera whose depths are sought
-  std::span<const Partner> partners;     ///< kMostMatched at most
+  std::span<const Partner> partners;     ///< kMostPartners at most
   double farthest = 0, step = 0;
   int planes = 1, stride = 32;    ///< bytes from a pixel's costs to the next's
   float truncation = 40;          ///< codes of 255

@@ -18,6 +18,9 @@ struct CostVolume {
 /// Bytes from one pixel's costs to the next's: `planes`, rounded up for the kernels.
 int plane_stride(int planes);
 
+/// The cost where nothing can be said, as fewer than two cameras see a point: half of the most.
+inline constexpr std::uint8_t kUnknownCost = 127;
+
 /// Fills row y: the cost of plane d at pixel x goes to costs[x * plane_stride(planes) + d], from 0
 /// (agrees) to 255. What is between `planes` and the stride need not be written. Called from many
 /// threads at once, and for some rows twice: it must write the same each time.

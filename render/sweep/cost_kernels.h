@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "render/matching/matching.h"
 #include "render/sampling/depth_sampling.h"
 #include "render/sweep/camera_field.h"
 #include "render/sweep/matching_frame.h"
@@ -29,8 +30,6 @@ struct CostRun {
 };
 
 inline constexpr int kMostMatched = 16;
-/// Where fewer than two cameras see a point, nothing can be said: half of the truncation.
-inline constexpr std::uint8_t kUnknownCost = 127;
 /// Pixels that are worked on at once: longer runs are cut from their beginning on.
 inline constexpr int kCostBlock = 32;
 

@@ -310,8 +310,7 @@ void mark_box(const SourceView& lens, const PixelBox& box) {
   const int last_y = std::min(lens.height - 1, static_cast<int>(box.bottom) + 1 + reach);
   for (int y = first_y; y <= last_y >> lens.mcu_height_log2; ++y) {
     for (int x = first_x; x <= last_x >> lens.mcu_width_log2; ++x) {
-      std::atomic_ref(lens.wanted_mcus[y * lens.mcus_per_row + x])
-          .store(1, std::memory_order_relaxed);
+      want_mcu(lens.wanted_mcus, y * lens.mcus_per_row + x);
     }
   }
 }

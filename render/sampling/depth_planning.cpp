@@ -64,8 +64,7 @@ void mark_pixels(const SourceView& c, double left, double right, double top, dou
   const int last_row = clipped(bottom, c.height) >> c.mcu_height_log2;
   for (int row = first_row; row <= last_row; ++row) {
     for (int column = first_column; column <= last_column; ++column) {
-      std::atomic_ref(c.wanted_mcus[row * c.mcus_per_row + column])
-          .store(1, std::memory_order_relaxed);
+      want_mcu(c.wanted_mcus, row * c.mcus_per_row + column);
     }
   }
 }

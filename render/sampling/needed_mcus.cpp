@@ -119,7 +119,7 @@ void mark_box(const SourceView& s, const Box& box) {
       std::min(last(std::min<double>(box.bottom, s.height)), s.height - 1) >> s.mcu_height_log2;
   for (int y = top; y <= bottom; ++y) {
     for (int x = left; x <= right; ++x) {
-      std::atomic_ref(s.wanted_mcus[y * s.mcus_per_row + x]).store(1, std::memory_order_relaxed);
+      want_mcu(s.wanted_mcus, y * s.mcus_per_row + x);
     }
   }
 }

@@ -109,6 +109,7 @@ void codes(const PixelRun& run, std::uint16_t* rgba) {
 void mark_mcus(const SourceView& source, const Taps& taps, int n) {
   const auto column_of = [&](int x) { return x >> source.mcu_width_log2; };
   const auto row_of = [&](int y) { return (y >> source.mcu_height_log2) * source.mcus_per_row; };
+  int last[2] = {-1, -1};  // of the pixel before, which mostly has the same
   for (int i = 0; i < n; ++i) {
     if (!(taps.share[i] > 0)) continue;
     const int x = taps.pixel[i] % source.width, y = taps.pixel[i] / source.width;
@@ -116,8 +117,11 @@ void mark_mcus(const SourceView& source, const Taps& taps, int n) {
     const int right = column_of(std::min(x + 1 + source.chroma_reach, source.width - 1));
     const int upper = row_of(std::max(y - source.chroma_reach, 0));
     const int lower = row_of(std::min(y + 1 + source.chroma_reach, source.height - 1));
+    if (upper + left == last[0] && lower + right == last[1]) continue;
+    last[0] = upper + left;
+    last[1] = lower + right;
     for (const int mcu : {upper + left, upper + right, lower + left, lower + right}) {
-      std::atomic_ref(source.wanted_mcus[mcu]).store(1, std::memory_order_relaxed);
+      want_mcu(source.wanted_mcus, mcu);
     }
   }
 }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <atomic>
 #include <cstdint>
 
 #include "rig/camera_model.h"
@@ -35,6 +36,13 @@ struct SourceView {
   /// For counting: one byte per pixel, set to 1 where a sample reads it with a weight; or null.
   std::uint8_t* read_pixels = nullptr;
 };
+
+/// Marks an MCU as wanted; many threads may. Read first, as nearly all are marked already: writing
+/// would take its cache line from the others time and again.
+inline void want_mcu(std::uint8_t* wanted_mcus, int mcu) {
+  const std::atomic_ref wanted(wanted_mcus[mcu]);
+  if (wanted.load(std::memory_order_relaxed) == 0) wanted.store(1, std::memory_order_relaxed);
+}
 
 /// The geometry of a camera's part in a view; where its frame lies and what of it is wanted is left
 /// open. `ideal_from_pixel`: (x, y, 1) of the view to (X, Y, W), see SourceView.

@@ -78,7 +78,7 @@ void mark_fronts(std::vector<TradeRow>& rows) {
   };
   double most_covered = 0;
   for (const TradeRow& row : rows) most_covered = std::max(most_covered, covered(row));
-  constexpr double kMostLeftOut = 0.05;
+  constexpr double kMostLeftOut = 0.15;
   const auto shows_enough = [&](const TradeRow& row) {
     return covered(row) >= most_covered - kMostLeftOut;
   };

@@ -42,7 +42,10 @@ endfunction()
 #   Sources with Highway kernels: the inner loops of every frame. Highway picks AVX2 or AVX-512 at
 #   run time; SSE4 is the least that we support on x86 and therefore its baseline.
 function(raystage_kernels)
-  set(options -O3)
+  set(options)
+  if(NOT RAYSTAGE_SANITIZE)  # which looks for faults, not for time: instrumented -O3 takes minutes
+    set(options -O3)
+  endif()
   if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
     list(APPEND options -msse4.2 -mpclmul -maes)
   endif()

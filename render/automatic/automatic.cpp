@@ -131,19 +131,10 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
         request.focal_plane};
   }
   // The sampling theorem speaks of this plane; on any other more is out of focus.
-  const Eigen::Vector4d plane = plane_in_front_of(*request.instant.rig, best_focal_depth(*range));
-  const ViewRequest on_best{request.view,
-                            request.instant,
-                            plane,
-                            request.options,
-                            request.kept,
-                            request.working_bytes,
-                            request.count_needed_pixels,
-                            request.measure_coverage,
-                            request.use_take_folder,
-                            request.supersampling};
+  ViewRequest on_best = request;
+  on_best.focal_plane = plane_in_front_of(*request.instant.rig, best_focal_depth(*range));
   Choice choice = choose_by_range(candidates, target, on_best, *range);
-  choice.focal_plane = plane;
+  choice.focal_plane = on_best.focal_plane;
   return choice;
 }
 

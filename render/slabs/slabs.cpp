@@ -261,19 +261,10 @@ RenderedView render_slabs(const ViewRequest& request) {
   for (std::size_t i = slabs->slabs.size(); i-- > 0;) {
     const Slab& slab = slabs->slabs[i];
     if (slab.width == 0) continue;  // its cameras see nothing of its image plane
-    const Eigen::Vector4d plane = focal_plane_of(slab, request);
-    const PlaneProjection projection(request.view, plane);
+    ViewRequest on_face = request;
+    on_face.focal_plane = focal_plane_of(slab, request);
+    const PlaneProjection projection(request.view, on_face.focal_plane);
     if (!projection.at_infinity() && projection.distance() == 0) continue;  // eye on the plane
-    const ViewRequest on_face{request.view,
-                              request.instant,
-                              plane,
-                              request.options,
-                              request.kept,
-                              request.working_bytes,
-                              request.count_needed_pixels,
-                              request.measure_coverage,
-                              request.use_take_folder,
-                              request.supersampling};
     SlabFrame(on_face, projection, slab, slabs->nodes[i]).render(image);
   }
   if (request.measure_coverage) measure_slab_coverage(request, *slabs, image);

@@ -17,6 +17,9 @@ constexpr float kUnset = std::numeric_limits<float>::max();
 constexpr float kSameShift = 1, kSamePerShift = 0.05F;
 // No motion goes further, pixels.
 constexpr float kFarthest = 65536;
+// How alike pictures look is the mean over a window of as many pixels a side: one pixel alone is
+// alike by chance, and motion decided by chance is speckled.
+constexpr int kWindow = 5;
 // What remains of a picture where it seems hidden: decides only where both do.
 constexpr float kHidden = 1e-3F;
 
@@ -32,17 +35,14 @@ class MotionBetween {
   // Every pixel of `from` goes `part` of its way; `sign` makes its shift one from a to b.
   void bring(const Picture& from, const Picture& to, const MotionField& motion, float part,
              float sign) {
+    const cv::Mat difference = differences(from, to, motion);
     std::size_t i = 0;
     for (int y = 0; y < height_; ++y) {
       for (int x = 0; x < width_; ++x, ++i) {
         const Shift s = motion.shift[i];
-        // Flow may run away where pictures have nothing in common.
-        if (!(std::abs(s.x) < kFarthest && std::abs(s.y) < kFarthest)) continue;
-        const float there_x = static_cast<float>(x) + s.x, there_y = static_cast<float>(y) + s.y;
-        const float difference =
-            std::abs(static_cast<float>(from.luma[i]) - luma_at(to, there_x, there_y));
+        if (!goes_somewhere(s)) continue;
         land(static_cast<float>(x) + part * s.x, static_cast<float>(y) + part * s.y,
-             {sign * s.x, sign * s.y}, difference);
+             {sign * s.x, sign * s.y}, difference.at<float>(y, x));
       }
     }
   }
@@ -75,9 +75,32 @@ class MotionBetween {
     }
   }
 
+  void take_medians() { take_median_shifts(shift_, width_, height_); }
+
   const std::vector<Shift>& shift() const { return shift_; }
 
  private:
+  // Flow may run away where pictures have nothing in common.
+  static bool goes_somewhere(Shift s) {
+    return std::abs(s.x) < kFarthest && std::abs(s.y) < kFarthest;
+  }
+
+  // CV_32FC1: how unlike the pictures look along the motion around each pixel, codes.
+  cv::Mat differences(const Picture& from, const Picture& to, const MotionField& motion) const {
+    cv::Mat difference(height_, width_, CV_32FC1), mean;
+    std::size_t i = 0;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x, ++i) {
+        const Shift s = goes_somewhere(motion.shift[i]) ? motion.shift[i] : Shift{};
+        difference.at<float>(y, x) =
+            std::abs(static_cast<float>(from.luma[i]) -
+                     luma_at(to, static_cast<float>(x) + s.x, static_cast<float>(y) + s.y));
+      }
+    }
+    cv::blur(difference, mean, {kWindow, kWindow});
+    return mean;
+  }
+
   static float luma_at(const Picture& picture, float x, float y) {
     const int width = picture.rgb.width, height = picture.rgb.height;
     x = std::clamp(x, 0.0F, static_cast<float>(width - 1));
@@ -209,6 +232,7 @@ RgbImage in_between(const Picture& a, const Picture& b, const MotionField& b_fro
   between.bring(a, b, b_from_a, s, 1);
   between.bring(b, a, a_from_b, 1 - s, -1);
   between.fill_holes();
+  between.take_medians();
   const std::vector<Shift>& shift = between.shift();
   const Sought in_a = seek(a, b_from_a, shift, -s);
   const Sought in_b = seek(b, a_from_b, shift, 1 - s);

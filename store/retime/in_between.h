@@ -17,11 +17,11 @@ RgbImage blend(const RgbImage& a, const RgbImage& b, double part);
 
 /// The picture at `part` in [0, 1] of the way from a to b, from the motion both ways.
 /// The motion at that moment is what the pixels of a and b bring along, of several at one place the
-/// one along which a and b look most alike; places that nothing comes to take their neighbours'
-/// (Baker et al., "A database and evaluation methodology for optical flow", IJCV 2011, section
-/// 3.3.2). A pixel is then sought in a and in b along this motion. Where the motion found there is
-/// another, that picture shows something else in front: it is hidden there, and the other picture
-/// alone is used.
+/// one along which a and b look most alike, over a small window; places that nothing comes to take
+/// their neighbours' (Baker et al., "A database and evaluation methodology for optical flow", IJCV
+/// 2011, section 3.3.2); then medians, so that no pixel moves alone. A pixel is then sought in a
+/// and in b along this motion. Where the motion found there is another, that picture shows
+/// something else in front: it is hidden there, and the other picture alone is used.
 RgbImage in_between(const Picture& a, const Picture& b, const MotionField& b_from_a,
                     const MotionField& a_from_b, double part);
 

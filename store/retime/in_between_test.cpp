@@ -3,8 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <random>
 
 #include "schemas/error.h"
 #include "store/retime/test_scene.h"
@@ -105,6 +107,30 @@ TEST_F(InBetween, RefusesTwoSizes) {
   MovingBoard other;
   other.width = 150;
   EXPECT_THROW(estimator.estimate(picture_of(before), picture_of(other.at(0))), Error);
+}
+
+// Noise that differs from picture to picture makes wrong motions look right by chance, here and
+// there; what is seen must not be speckled by them.
+TEST_F(InBetween, DoesNotLetChanceDecide) {
+  std::mt19937 random(7);
+  const auto noisy = [&](RgbImage image) {
+    std::normal_distribution<double> noise(0, 6);
+    for (std::uint8_t& code : image.pixels) {
+      code = static_cast<std::uint8_t>(std::clamp(code + noise(random), 0.0, 255.0));
+    }
+    return image;
+  };
+  const Picture a = picture_of(noisy(before)), b = picture_of(noisy(after));
+  const auto sprinkled = [&](MotionField motion) {
+    std::uniform_real_distribution<float> shift(-15, 15);
+    for (std::size_t i = 0; i < motion.shift.size(); i += 7)
+      motion.shift[i] = {shift(random), shift(random)};
+    return motion;
+  };
+  const MotionField there = estimator.estimate(a, b), back = estimator.estimate(b, a);
+  const RgbImage truth = board.at(0.5);
+  EXPECT_GT(psnr(in_between(a, b, sprinkled(there), sprinkled(back), 0.5), truth),
+            psnr(in_between(a, b, there, back, 0.5), truth) - 1);
 }
 
 // Nothing in common: no sense to be made, but no crash, and colours of the two.

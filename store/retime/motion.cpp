@@ -2,7 +2,9 @@
 #include "store/retime/motion.h"
 
 #include <algorithm>
+#include <array>
 #include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <opencv2/video/tracking.hpp>
 #include <utility>
 
@@ -31,6 +33,15 @@ Picture picture_of(RgbImage image) {
   }
   picture.rgb = std::move(image);
   return picture;
+}
+
+void take_median_shifts(std::vector<Shift>& shift, int width, int height) {
+  constexpr int kMedian = 5;  // pixels a side
+  cv::Mat field(height, width, CV_32FC2, shift.data());
+  std::array<cv::Mat, 2> parts;
+  cv::split(field, parts.data());
+  for (cv::Mat& part : parts) cv::medianBlur(part, part, kMedian);
+  cv::merge(parts.data(), parts.size(), field);
 }
 
 struct MotionEstimator::State {
@@ -68,6 +79,7 @@ MotionField MotionEstimator::estimate(const Picture& from, const Picture& to) {
   if (shift.data != reinterpret_cast<unsigned char*>(field.shift.data())) {
     throw Error::failed("OpenCV wrote the motion elsewhere", "retiming", "Report this");
   }
+  take_median_shifts(field.shift, width, height);
   return field;
 }
 

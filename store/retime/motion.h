@@ -27,9 +27,15 @@ struct MotionField {
   std::vector<Shift> shift;  ///< row by row
 };
 
+/// The median of x and of y over 5 x 5 pixels, in place: what moves unlike all around it was not
+/// found but guessed (Sun, Roth and Black, "Secrets of optical flow estimation and their
+/// principles", CVPR 2010). `shift`: row by row.
+void take_median_shifts(std::vector<Shift>& shift, int width, int height);
+
 /// Dense optical flow (OpenCV's DIS: Kroeger et al., "Fast optical flow using dense inverse
-/// search", ECCV 2016). Keeps its scratch memory; one thread at a time. The same pictures give the
-/// same field, as long as OpenCV is kept to one thread: see use_one_opencv_thread().
+/// search", ECCV 2016), then medians. Keeps its scratch memory; one thread at a time. The same
+/// pictures give the same field, as long as OpenCV is kept to one thread: see
+/// use_one_opencv_thread().
 class MotionEstimator {
  public:
   MotionEstimator();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/sweep/plane_sweep.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <hwy/targets.h>
 #include <tbb/global_control.h>
@@ -294,6 +295,25 @@ TEST_F(PlaneSweep, RendersLinearBlendAndDistortedViews) {
   VirtualCamera bent = a_view();
   bent.intrinsics.distortion.k1 = -0.1;
   EXPECT_GT(mean_alpha(render(take, bent, coarse)), 0.9);
+}
+
+TEST_F(PlaneSweep, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
+  using ::testing::HasSubstr;
+  const Take take = write(slanted(2, 2));
+  const OptionValues deep{{"near", 0.01}};
+  RendererSettings slow;
+  slow.reference = true;
+  const VirtualCamera view = virtual_camera_with_fov(6, 4, 1, looking({0.02, 0.013, 0.03}, 2));
+  for (const RendererSettings& settings : {RendererSettings{}, slow}) {
+    const RenderedView image = render(take, view, deep, settings);
+    ASSERT_EQ(image.notes.size(), 1U);
+    EXPECT_THAT(image.notes[0], HasSubstr("0.5 pixels from plane to plane"));
+    EXPECT_THAT(image.notes[0], HasSubstr("up to 600 planes"));
+    EXPECT_THAT(image.notes[0], HasSubstr("512 are tried"));
+  }
+  EXPECT_TRUE(render(take, view).notes.empty());
+  // Who says how many knows.
+  EXPECT_TRUE(render(take, view, {{"near", 0.01}, {"planes", 512.0}}).notes.empty());
 }
 
 TEST_F(PlaneSweep, SaysWhatItLacks) {

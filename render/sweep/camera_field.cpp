@@ -216,8 +216,8 @@ SweepPlanes planes_across(const InverseDepthRange& range, int count) {
   return {count, range.farthest, (range.nearest - range.farthest) / (count - 1)};
 }
 
-SweepPlanes planes_across(const InverseDepthRange& range, const VirtualCamera& view, const Rig& rig,
-                          const CameraField& field, double step_px, int most) {
+double planes_needed(const InverseDepthRange& range, const VirtualCamera& view, const Rig& rig,
+                     const CameraField& field, double step_px) {
   constexpr int kParts = 8;
   const ViewRays rays(view);
   double fastest = 0;  // pixels of disparity per part of the range
@@ -255,8 +255,7 @@ SweepPlanes planes_across(const InverseDepthRange& range, const VirtualCamera& v
   for (int row = 0; row <= field.rows(); ++row) {
     for (int column = 0; column <= field.columns(); ++column) look_at(column, row);
   }
-  const double steps = std::ceil(fastest * kParts / step_px - 1e-9);
-  return planes_across(range, 1 + static_cast<int>(std::clamp(steps, 0.0, most - 1.0)));
+  return 1 + std::max(0.0, std::ceil(fastest * kParts / step_px - 1e-9));
 }
 
 }  // namespace raystage

@@ -102,11 +102,11 @@ class CameraField {
 InverseDepthRange inverse_depths_in_view(const VirtualCamera& view, const Rig& rig,
                                          DepthRange scene);
 
-/// Planes across the range, so close that from one to the next a point moves by no more than
-/// `step_px` pixels between neighbours among the cameras that `field` chose (eq. 2.1), `most` at
-/// most. One where the range is a point, or no two cameras see the same.
-SweepPlanes planes_across(const InverseDepthRange& range, const VirtualCamera& view, const Rig& rig,
-                          const CameraField& field, double step_px, int most);
+/// How many planes across the range lie so close that from one to the next a point moves by no more
+/// than `step_px` pixels between neighbours among the cameras that `field` chose (eq. 2.1): a whole
+/// number, however large. One where the range is a point, or no two cameras see the same.
+double planes_needed(const InverseDepthRange& range, const VirtualCamera& view, const Rig& rig,
+                     const CameraField& field, double step_px);
 /// `count` planes across the range; one, in its middle, if count is 1.
 SweepPlanes planes_across(const InverseDepthRange& range, int count);
 

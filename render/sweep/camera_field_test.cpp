@@ -139,17 +139,23 @@ TEST(SweepPlanes, AreAsManyAsDisparityAsksFor) {
   const auto planes = [&](DepthRange scene, double step_px, const std::vector<int>& members) {
     const auto range = inverse_depths_in_view(view, rig, scene);
     const CameraField field(view, rig, members, range, 4);
-    return planes_across(range, view, rig, field, step_px, 512);
+    return planes_needed(range, view, rig, field, step_px);
   };
   // Neighbours 0.1 m apart, focal length 277: eq. 2.1's disparity from 2 to 8 m is 10.4 pixels in
   // the middle of a frame.
-  const SweepPlanes found = planes({2, 8}, 0.5, all(rig));
-  EXPECT_NEAR(found.count, 1 + 277 * 0.1 * (1 / 2.0 - 1 / 8.0) / 0.5, 2);
-  EXPECT_NEAR(found.nearest(), 0.5, 1e-12);
-  EXPECT_NEAR(planes({2, 8}, 1, all(rig)).count, (found.count + 1) / 2, 1);
-  EXPECT_EQ(planes({3, 3}, 0.5, all(rig)).count, 1);
-  EXPECT_EQ(planes({2, 8}, 0.5, {4}).count, 1);  // nobody to compare with
-  EXPECT_EQ(planes({1e-3, 8}, 0.05, all(rig)).count, 512);
+  const double found = planes({2, 8}, 0.5, all(rig));
+  EXPECT_NEAR(found, 1 + 277 * 0.1 * (1 / 2.0 - 1 / 8.0) / 0.5, 2);
+  EXPECT_EQ(found, std::round(found));
+  EXPECT_NEAR(planes({2, 8}, 1, all(rig)), (found + 1) / 2, 1);
+  EXPECT_EQ(planes({3, 3}, 0.5, all(rig)), 1);
+  EXPECT_EQ(planes({2, 8}, 0.5, {4}), 1);  // nobody to compare with
+  EXPECT_GT(planes({1e-3, 8}, 0.05, all(rig)), 10'000);
+
+  const SweepPlanes across = planes_across({1.0 / 8, 0.5}, 7);
+  EXPECT_EQ(across.count, 7);
+  EXPECT_NEAR(across.farthest, 1.0 / 8, 1e-12);
+  EXPECT_NEAR(across.nearest(), 0.5, 1e-12);
+  EXPECT_NEAR(planes_across({1.0 / 8, 0.5}, 1).farthest, 5.0 / 16, 1e-12);
 }
 
 }  // namespace

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <set>
 
 #include "render/sweep/cost_kernels.h"
@@ -51,6 +54,16 @@ Settings settings_of(const MethodOptions& options) {
   return s;
 }
 
+/// One and the same for many frames of a shot: the number is rounded up, by half of its first digit
+/// at most.
+std::string too_few_planes(double step_px, double needed) {
+  const double unit = std::pow(10, std::floor(std::log10(needed))) / 2;
+  return fmt::format(
+      "plane_sweep: {:g} pixels from plane to plane take up to {:.0f} planes across the view, "
+      "{} are tried: depth between them is less exact, and near things may show ghosts",
+      step_px, std::ceil(needed / unit) * unit, kMostPlanes);
+}
+
 std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
   std::set<int> cameras;
   for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
@@ -78,11 +91,14 @@ std::optional<Plan> plan(const ViewRequest& request) {
       settings,
       CameraField(request.view, rig, cameras_of(request.instant, false), range, settings.cameras),
       std::nullopt,
+      {},
       {}};
-  const int wanted = request.options.whole("planes");
-  result.planes = wanted > 0 ? planes_across(range, wanted)
-                             : planes_across(range, request.view, rig, result.field,
-                                             request.options.number("step_px"), kMostPlanes);
+  const int asked_for = request.options.whole("planes");
+  const double step_px = request.options.number("step_px");
+  const double needed =
+      asked_for > 0 ? asked_for : planes_needed(range, request.view, rig, result.field, step_px);
+  result.planes = planes_across(range, static_cast<int>(std::min<double>(needed, kMostPlanes)));
+  if (needed > kMostPlanes) result.notes.push_back(too_few_planes(step_px, needed));
   if (request.instant.present != request.instant.complete) {
     result.complete.emplace(request.view, rig, cameras_of(request.instant, true), range,
                             settings.cameras);

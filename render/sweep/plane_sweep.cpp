@@ -34,6 +34,7 @@ class Frame {
 
   RenderedView render(Clock::time_point start) {
     RenderedView image = empty_view(view_);
+    image.notes = plan_.notes;
     find_sources();
     const auto planned = Clock::now();
     decode(image.statistics);

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "render/sampling/depth_sampling.h"
 #include "render/sweep/camera_field.h"
@@ -39,6 +41,7 @@ struct Plan {
   CameraField field;
   std::optional<CameraField> complete;  ///< as if no camera were absent; only where one is
   SweepPlanes planes;
+  std::vector<std::string> notes;  ///< see RenderedView::notes
 };
 /// nullopt where the view sees nothing of the scene.
 std::optional<Plan> plan(const ViewRequest& request);

@@ -23,6 +23,7 @@ class Reference {
 
   RenderedView render() {
     RenderedView image = empty_view(request_.view);
+    image.notes = plan_.notes;
     const auto start = std::chrono::steady_clock::now();
     decode(image.statistics);
     const auto decoded = std::chrono::steady_clock::now();

@@ -255,7 +255,8 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationSettings& settings,
                           const std::function<void(double)>& progress, std::stop_token stop) {
-  MethodOptions(method_named(settings.method).options, settings.options, settings.method);
+  const MethodOptions options(method_named(settings.method).options, settings.options,
+                              settings.method);
   if (!views.views.empty() && views.color_space != "srgb_texture") {
     throw Error::bad_input("truth images in colour space '" + views.color_space + "'",
                            views_folder.string(), "Use truth images in srgb_texture");
@@ -263,6 +264,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   Evaluation evaluation;
   evaluation.take = take.document().name;
   evaluation.method = settings.method;
+  evaluation.options = options.values();
   evaluation.focal_depth = focal_depth_of(take, settings);
   const std::vector<Subject> subjects =
       subjects_of(take, views, views_folder, settings.leave_out, settings.view_step);

@@ -76,6 +76,7 @@ struct Steadiness {
 
 struct Evaluation {
   std::string take, method;
+  OptionValues options;    ///< of the method, all of them: given or as they are unless given
   double focal_depth = 0;  ///< metres
   int cameras = 0;         ///< that could contribute
   std::vector<ViewEvaluation> views;

@@ -8,7 +8,9 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "render/methods.h"
 #include "render/view/synthetic_take.h"
+#include "schemas/atomic_file.h"
 #include "schemas/error.h"
 #include "schemas/test_folder.h"
 
@@ -125,6 +127,28 @@ TEST_F(EvaluatedTake, EveryNthView) {
   evaluation.notes = {"auto: focal_plane: it is enough"};
   EXPECT_THAT(evaluation_as_text(evaluation),
               HasSubstr("\nnote: auto: focal_plane: it is enough\n"));
+}
+
+TEST_F(EvaluatedTake, ReportsAllOptionsAndWhatTheMethodHasToSay) {
+  const Take take(folder_.path() / "take");
+  settings_.method = "plane_sweep";
+  settings_.options = {{"near", 0.05}, {"far", 1e3}, {"step_px", 0.05}};
+  settings_.options["aggregation"] = std::string("none");
+  const auto json = nlohmann::json::parse(evaluation_as_json(evaluate(take)));
+  EXPECT_EQ(json["options"].size(), method_named("plane_sweep").options.size());
+  EXPECT_EQ(json["options"]["near"], 0.05);
+  EXPECT_EQ(json["options"]["aggregation"], "none");
+  EXPECT_EQ(json["options"]["sub_plane"], true);  // not given
+  ASSERT_EQ(json["notes"].size(), 1U);
+  EXPECT_THAT(json["notes"][0].get<std::string>(), HasSubstr("512 are tried"));
+  const std::string documentation =
+      read_file(std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "docs/formats/evaluation.md");
+  for (const auto& [name, value] : json.items()) {
+    EXPECT_THAT(documentation, HasSubstr("\"" + name + "\":"));
+  }
+  for (const auto& [name, value] : json["mean"].items()) {
+    EXPECT_THAT(documentation, HasSubstr("\"" + name + "\":"));
+  }
 }
 
 }  // namespace

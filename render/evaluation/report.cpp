@@ -1,35 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
-#include <cmath>
-#include <nlohmann/json.hpp>
-
 #include "render/evaluation/evaluation.h"
+#include "render/evaluation/report_json.h"
 
 namespace raystage {
 namespace {
 
-nlohmann::ordered_json number(double value) {
-  return std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
-}
-
 nlohmann::ordered_json as_json(const ViewEvaluation& view) {
   return {{"id", view.id},
-          {"psnr_db", number(view.quality.psnr_db)},
-          {"ssim", number(view.quality.ssim)},
+          {"psnr_db", json_number(view.quality.psnr_db)},
+          {"ssim", json_number(view.quality.ssim)},
           {"covered", view.quality.covered},
           {"decode_ms", view.decode_ms},
           {"render_ms", view.render_ms},
-          {"decoded_per_needed", number(view.decoded_per_needed)}};
+          {"decoded_per_needed", json_number(view.decoded_per_needed)}};
 }
 
 }  // namespace
 
 std::string evaluation_as_json(const Evaluation& evaluation) {
-  nlohmann::ordered_json document{
-      {"schema", "raystage/evaluation/1"}, {"take", evaluation.take},
-      {"method", evaluation.method},       {"focal_depth_m", number(evaluation.focal_depth)},
-      {"cameras", evaluation.cameras},     {"mean", as_json(evaluation.mean)}};
+  nlohmann::ordered_json document{{"schema", "raystage/evaluation/1"},
+                                  {"take", evaluation.take},
+                                  {"method", evaluation.method},
+                                  {"options", json_options(evaluation.options)},
+                                  {"focal_depth_m", json_number(evaluation.focal_depth)},
+                                  {"cameras", evaluation.cameras},
+                                  {"notes", evaluation.notes},
+                                  {"mean", as_json(evaluation.mean)}};
   document["mean"].erase("id");
   document["steadiness"] = {{"psnr_deviation_db", evaluation.steadiness.deviation_db},
                             {"psnr_largest_step_db", evaluation.steadiness.largest_step_db}};
@@ -37,8 +35,8 @@ std::string evaluation_as_json(const Evaluation& evaluation) {
   for (const ShotSteadiness& shot : evaluation.shots) {
     document["shots"].push_back({{"id", shot.id},
                                  {"views", shot.views},
-                                 {"error_variance", number(shot.error_variance)},
-                                 {"mean_square_error", number(shot.mean_square_error)}});
+                                 {"error_variance", json_number(shot.error_variance)},
+                                 {"mean_square_error", json_number(shot.mean_square_error)}});
   }
   document["views"] = nlohmann::ordered_json::array();
   for (const ViewEvaluation& view : evaluation.views) document["views"].push_back(as_json(view));

@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 
+#include "render/evaluation/report_json.h"
 #include "render/evaluation/trade.h"
 #include "render/view/method_options.h"
 #include "schemas/json_text.h"
@@ -15,10 +15,6 @@ namespace raystage {
 namespace {
 
 using nlohmann::ordered_json;
-
-ordered_json number(double value) {
-  return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
-}
 
 ordered_json text_or_null(const std::string& text) {
   return text.empty() ? ordered_json(nullptr) : ordered_json(text);
@@ -35,7 +31,7 @@ ordered_json fields_of(const TradeRow& row) {
                       {"failure", text_or_null(row.failure)}};
   // Each name stands there for every row, so that every row of the CSV has every column.
   const auto measured = [&](const char* name, double value) {
-    fields[name] = row.failure.empty() ? number(value) : ordered_json(nullptr);
+    fields[name] = row.failure.empty() ? json_number(value) : ordered_json(nullptr);
   };
   const double nothing = std::numeric_limits<double>::quiet_NaN();
   measured("focal_depth_m", e.focal_depth);
@@ -102,13 +98,11 @@ std::string trade_as_json(const Trade& trade) {
   auto& rows = document["rows"] = ordered_json::array();
   for (const TradeRow& row : trade.rows) {
     ordered_json fields = fields_of(row);
-    auto& options = fields["options"] = ordered_json::object();
-    for (const auto& [name, value] : row.setting.options) {
-      std::visit([&options, &key = name](const auto& of_type) { options[key] = of_type; }, value);
-    }
+    fields["options"] = json_options(row.setting.options);
+    fields["notes"] = row.evaluation.notes;
     auto& by_view = fields["psnr_db_by_view"] = ordered_json::array();
     for (const ViewEvaluation& view : row.evaluation.views) {
-      by_view.push_back(number(view.quality.psnr_db));
+      by_view.push_back(json_number(view.quality.psnr_db));
     }
     rows.push_back(std::move(fields));
   }

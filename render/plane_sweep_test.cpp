@@ -218,6 +218,22 @@ TEST_F(PlaneSweep, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   EXPECT_EQ(images[0].z, images[2].z);
 }
 
+TEST_F(PlaneSweep, WorksInTheMemoryThatItIsGivenAndSaysHowMuch) {
+  const Take take = write(slanted(3, 3));
+  const RenderedView all = render(take, a_view());
+  const std::size_t wanted = all.statistics.working_bytes;
+  EXPECT_GT(wanted, 500'000U);
+  RendererSettings little;
+  little.working_bytes = wanted * 3 / 4;
+  const RenderedView image = render(take, a_view(), {}, little);
+  EXPECT_LE(image.statistics.working_bytes, little.working_bytes);
+  EXPECT_EQ(image.rgba, all.rgba);
+  little.working_bytes = 0;
+  const RenderedView least = render(take, a_view(), {}, little);
+  EXPECT_GT(least.statistics.working_bytes, 0U);
+  EXPECT_LE(least.statistics.working_bytes, image.statistics.working_bytes);
+}
+
 TEST_F(PlaneSweep, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   SyntheticTake settings = slanted(3, 3);
   settings.frames = 2;

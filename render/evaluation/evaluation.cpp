@@ -86,6 +86,7 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
     mean.decode_ms += view.decode_ms / static_cast<double>(views.size());
     mean.render_ms += view.render_ms / static_cast<double>(views.size());
     mean.render_least_ms += view.render_least_ms / static_cast<double>(views.size());
+    mean.working_mb += view.working_mb / static_cast<double>(views.size());
     mean.prepare_ms += view.prepare_ms / static_cast<double>(views.size());
     if (std::isnan(view.quality.psnr_db)) continue;
     ++covering;
@@ -160,6 +161,7 @@ class TimedView {
     const double first_ms = ms_since(start) - view.statistics.decode_ms;
     const bool prepared = settings_.kept->bytes_held() != kept_before;
     result.decode_ms = view.statistics.decode_ms;
+    result.working_mb = static_cast<double>(view.statistics.working_bytes) / 1e6;
     result.render_ms = result.render_least_ms = first_ms;
     if (repeat == 0) return view;
 

@@ -64,6 +64,7 @@ struct ViewEvaluation {
   /// What the method worked out in this view and kept for others, wall clock; measured only where
   /// renderings are repeated, otherwise part of `render_ms`.
   double prepare_ms = 0;
+  double working_mb = 0;  ///< RenderStatistics::working_bytes, in 10^6 bytes
   /// Source pixels entropy-decoded per distinct pixel sampled; not-a-number where none was.
   double decoded_per_needed = std::numeric_limits<double>::quiet_NaN();
 };

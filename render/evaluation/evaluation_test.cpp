@@ -139,6 +139,7 @@ TEST_F(EvaluatedTake, ReportsAllOptionsAndWhatTheMethodHasToSay) {
   EXPECT_EQ(json["options"]["near"], 0.05);
   EXPECT_EQ(json["options"]["aggregation"], "none");
   EXPECT_EQ(json["options"]["sub_plane"], true);  // not given
+  EXPECT_GT(json["mean"]["working_mb"], 0);
   ASSERT_EQ(json["notes"].size(), 1U);
   EXPECT_THAT(json["notes"][0].get<std::string>(), HasSubstr("512 are tried"));
   const std::string documentation =

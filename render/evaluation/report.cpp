@@ -14,6 +14,7 @@ nlohmann::ordered_json as_json(const ViewEvaluation& view) {
           {"covered", view.quality.covered},
           {"decode_ms", view.decode_ms},
           {"render_ms", view.render_ms},
+          {"working_mb", view.working_mb},
           {"decoded_per_needed", json_number(view.decoded_per_needed)}};
 }
 

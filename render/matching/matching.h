@@ -49,10 +49,13 @@ struct SemiGlobalSettings {
 ///
 /// Memory: 3 bytes per pixel and plane where that fits `working_bytes`, else it is done in strips
 /// that fit (of 16 rows at least), each filled twice. The result is the same to the bit, however
-/// much memory and however many threads there are. Throws std::logic_error for settings out of
-/// range.
+/// much memory and however many threads there are. Where no strips fit, those that take least are
+/// used. Throws std::logic_error for settings out of range.
 PlaneMap semi_global_match(const CostVolume& volume, const FillCosts& fill,
                            const SemiGlobalSettings& settings);
+
+/// Memory that it takes beside its result where so much is granted.
+std::size_t semi_global_bytes(const CostVolume& volume, std::size_t working_bytes);
 
 /// The plane of least cost summed over the square of pixels up to `radius` (0 to 7) away, cut off
 /// at the image's border. Memory: 2 radius + 4 rows of the volume a thread.

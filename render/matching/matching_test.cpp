@@ -119,6 +119,20 @@ TEST(Matching, LittleMemoryAndManyThreadsChangeNothing) {
   }
 }
 
+TEST(Matching, WorksInTheMemoryThatItIsGivenOrInTheLeast) {
+  const CostVolume volume{1920, 1080, 512};
+  constexpr std::size_t kAll = std::size_t{1} << 40, kMega = 1'000'000;
+  EXPECT_GT(semi_global_bytes(volume, kAll), std::size_t{3} * 1920 * 1080 * 512);
+  EXPECT_LE(semi_global_bytes(volume, 1000 * kMega), 1000 * kMega);
+  EXPECT_LE(semi_global_bytes(volume, 400 * kMega), 400 * kMega);
+  // Of more strips, more entering paths are kept than costs are saved.
+  const std::size_t least = semi_global_bytes(volume, 0);
+  EXPECT_LT(least, 300 * kMega);
+  for (std::size_t bytes = least; bytes < 3 * least; bytes += least / 10) {
+    EXPECT_LE(semi_global_bytes(volume, bytes), bytes);
+  }
+}
+
 TEST(Matching, PathsCarryAPlaneThroughPixelsThatDoNotTell) {
   const CostVolume volume{40, 20, 16};
   const FillCosts fill = [&](int y, std::span<std::uint8_t> row) {

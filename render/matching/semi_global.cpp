@@ -203,13 +203,36 @@ class Sweep {
   Lines along_, straight_, right_, left_;
 };
 
+/// Memory for strips of so many rows.
+std::size_t bytes_of_strips(const CostVolume& volume, int rows) {
+  const std::size_t elements = static_cast<std::size_t>(volume.width) *
+                               static_cast<std::size_t>(plane_stride(volume.planes)) *
+                               static_cast<std::size_t>(rows);
+  const int strips = (volume.height + rows - 1) / rows;
+  return LargeBuffer<std::uint8_t>::bytes(elements) + LargeBuffer<std::uint16_t>::bytes(elements) +
+         Sweep::bytes(volume.width, rows, volume.planes) +
+         static_cast<std::size_t>(strips + 1) * Lines::bytes(3 * volume.width, volume.planes);
+}
+
+/// The most that fit; else those that take least memory.
+int rows_of_strip(const CostVolume& volume, std::size_t working_bytes) {
+  int best = volume.height;
+  for (int strips = 2; bytes_of_strips(volume, best) > working_bytes; ++strips) {
+    const int rows = std::max(kLeastStripRows, (volume.height + strips - 1) / strips);
+    if (rows >= volume.height) break;
+    if (bytes_of_strips(volume, rows) < bytes_of_strips(volume, best)) best = rows;
+    if (rows == kLeastStripRows) break;
+  }
+  return best;
+}
+
 class SemiGlobal {
  public:
   SemiGlobal(const CostVolume& volume, const FillCosts& fill, const SemiGlobalSettings& settings)
       : volume_(volume), fill_(fill), settings_(settings), p2_(p2_of_step(settings)) {
     row_ = static_cast<std::size_t>(volume.width) *
            static_cast<std::size_t>(plane_stride(volume.planes));
-    strip_rows_ = rows_of_strip();
+    strip_rows_ = rows_of_strip(volume, settings.working_bytes);
     const std::size_t elements = row_ * static_cast<std::size_t>(strip_rows_);
     costs_ = LargeBuffer<std::uint8_t>(elements);
     sums_ = LargeBuffer<std::uint16_t>(elements);
@@ -243,21 +266,6 @@ class SemiGlobal {
   }
 
  private:
-  int rows_of_strip() const {
-    const auto bytes = [&](int rows) {
-      const int strips = (volume_.height + rows - 1) / rows;
-      return row_ * static_cast<std::size_t>(rows) * 3 +
-             Sweep::bytes(volume_.width, rows, volume_.planes) +
-             static_cast<std::size_t>(strips + 1) * Lines::bytes(3 * volume_.width, volume_.planes);
-    };
-    int rows = volume_.height;
-    for (int strips = 2; bytes(rows) > settings_.working_bytes && rows > kLeastStripRows;
-         ++strips) {
-      rows = std::max(kLeastStripRows, (volume_.height + strips - 1) / strips);
-    }
-    return std::min(rows, volume_.height);
-  }
-
   int first_row(int strip) const { return strip * strip_rows_; }
   int end_row(int strip) const { return std::min(volume_.height, first_row(strip) + strip_rows_); }
 
@@ -356,6 +364,10 @@ void check(const CostVolume& volume, const SemiGlobalSettings& s) {
 }
 
 }  // namespace
+
+std::size_t semi_global_bytes(const CostVolume& volume, std::size_t working_bytes) {
+  return bytes_of_strips(volume, rows_of_strip(volume, working_bytes));
+}
 
 PlaneMap semi_global_match(const CostVolume& volume, const FillCosts& fill,
                            const SemiGlobalSettings& settings) {

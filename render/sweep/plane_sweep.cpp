@@ -39,7 +39,7 @@ class Frame {
     const auto planned = Clock::now();
     decode(image.statistics);
     const auto decoded = Clock::now();
-    const PlaneMap map = match();
+    const PlaneMap map = match(image.statistics);
     blend(map, image);
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
@@ -158,7 +158,7 @@ class Frame {
     }
   }
 
-  PlaneMap match() {
+  PlaneMap match(RenderStatistics& statistics) {
     const CostVolume volume{view_.width, view_.height, plan_.planes.count};
     const Settings& s = plan_.settings;
     if (volume.planes == 1) {
@@ -166,6 +166,11 @@ class Frame {
       map.plane.resize(static_cast<std::size_t>(view_.width) *
                        static_cast<std::size_t>(view_.height));
       return map;
+    }
+    for (const Source& opened : sources_) {
+      if (opened.frame) {
+        statistics.working_bytes += MatchingFrame::bytes(opened.matching_frame.box());
+      }
     }
     const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs.data()); };
     if (s.aggregation != Aggregation::kSemiGlobal) {
@@ -176,11 +181,9 @@ class Frame {
     settings.p1 = s.p1;
     settings.p2 = s.p2;
     settings.sub_plane = s.sub_plane;
-    std::size_t held = 0;
-    for (const Source& opened : sources_) {
-      if (opened.frame) held += MatchingFrame::bytes(opened.matching_frame.box());
-    }
+    const std::size_t held = statistics.working_bytes;
     settings.working_bytes = request_.working_bytes - std::min(request_.working_bytes, held);
+    statistics.working_bytes += semi_global_bytes(volume, settings.working_bytes);
     return semi_global_match(volume, fill, settings);
   }
 

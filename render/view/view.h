@@ -36,6 +36,9 @@ struct RenderStatistics {
   std::int64_t pixels_needed =
       0;                 ///< distinct source pixels with a weight; only counted on request
   int cameras_used = 0;  ///< that contribute to some pixel
+  /// Working buffers held at once, as the method reckons (ViewRequest::working_bytes); 0 where it
+  /// works in little or does not say.
+  std::size_t working_bytes = 0;
   /// Pixels of the cameras, along one axis, that a pixel of the view covers; 0 where none is seen.
   double source_pixels_per_pixel = 0;
   int supersampling = 1;  ///< samples of the view's pixels along each axis, averaged

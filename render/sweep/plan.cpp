@@ -59,8 +59,8 @@ Settings settings_of(const MethodOptions& options) {
 std::string too_few_planes(double step_px, double needed) {
   const double unit = std::pow(10, std::floor(std::log10(needed))) / 2;
   return fmt::format(
-      "plane_sweep: {:g} pixels from plane to plane take up to {:.0f} planes across the view, "
-      "{} are tried: depth between them is less exact, and near things may show ghosts",
+      "plane_sweep: {:g} pixels from plane to plane take up to {:.0f} planes across the view; "
+      "{} are tried, and near things may show ghosts",
       step_px, std::ceil(needed / unit) * unit, kMostPlanes);
 }
 

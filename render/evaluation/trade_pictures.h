@@ -17,7 +17,7 @@ struct EvaluatedPicture;
 class TradePictures {
  public:
   static constexpr std::size_t kMostBytes = std::size_t{12} << 20;
-  static constexpr int kMostWidth = 480;     ///< pixels
+  static constexpr int kMostWidth = 960;     ///< pixels
   static constexpr int kDifferenceGain = 4;  ///< differences are shown so many times as large
 
   struct View {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/evaluation/trade.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -84,8 +85,8 @@ TEST_F(MeasuredTake, HasARowForEverySettingStepAndThreads) {
   EXPECT_EQ(trade.pictures.views().size(), 1U);
   EXPECT_EQ(trade.pictures.pictures().size(), 4U);
   const RgbImage picture = JpegDecoder().decode(trade.pictures.pictures()[0].image, "picture");
-  EXPECT_EQ(picture.width, 480);
-  EXPECT_EQ(picture.height, 360);
+  EXPECT_EQ(picture.width, 640);
+  EXPECT_EQ(picture.height, 480);
 }
 
 TEST_F(MeasuredTake, CsvAndJsonSayTheSameAndAreDocumented) {
@@ -148,7 +149,18 @@ TEST_F(MeasuredTake, ThePageStandsAlone) {
   const json data = json::parse(page.substr(from, page.find("</script>", from) - from));
   EXPECT_EQ(data["rows"].size(), 4U);
   EXPECT_EQ(data["rows"][0]["label"], "the <near> one, 23 cameras, 1 threads");
-  EXPECT_GT(data["rows"][3]["pictures"]["0"]["difference"].get<std::string>().size(), 100U);
+  const json& picture = data["rows"][3]["pictures"]["0"];
+  EXPECT_GT(picture["difference"].get<std::string>().size(), 100U);
+  const ViewEvaluation& shown = trade.rows[3].evaluation.views[1];  // the middle of two
+  EXPECT_THAT(picture["numbers"].get<std::string>(),
+              HasSubstr(fmt::format("{:.2f} dB", shown.quality.psnr_db)));
+}
+
+TEST_F(MeasuredTake, ThePageSaysWhatMethodsHaveToSay) {
+  plan_.settings.resize(1);
+  Trade trade = measure();
+  trade.rows[0].evaluation.notes = {"near < far"};
+  EXPECT_THAT(trade_as_page(trade), HasSubstr("near &lt; far"));
 }
 
 TEST_F(MeasuredTake, AStopLeavesWhatIsFinished) {

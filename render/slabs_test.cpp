@@ -5,11 +5,11 @@
 #include <hwy/targets.h>
 #include <tbb/global_control.h>
 
-#include <Eigen/Geometry>
+#include <Eigen/Core>
 #include <cmath>
-#include <numbers>
 
 #include "render/renderer.h"
+#include "render/test_slabs.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/error.h"
 
@@ -18,70 +18,17 @@ namespace {
 
 using Eigen::Vector3d;
 using Eigen::Vector4d;
+using testing::kDegree;
+using testing::kPaintedPlane;
+using testing::looking;
+using testing::mean_alpha;
+using testing::Pair;
+using testing::render_both;
 using testing::SyntheticTake;
-
-constexpr double kDegree = std::numbers::pi / 180;
-const Vector4d kPaintedPlane(0, 0, 1, 4);
-
-Pose looking(const Vector3d& position, double yaw_degrees, double pitch_degrees = 0) {
-  Pose pose;
-  pose.position = position;
-  pose.world_from_camera_rotation = (Eigen::AngleAxisd(yaw_degrees * kDegree, Vector3d::UnitY()) *
-                                     Eigen::AngleAxisd(pitch_degrees * kDegree, Vector3d::UnitX()))
-                                        .toRotationMatrix();
-  return pose;
-}
 
 VirtualCamera view_from(const Vector3d& position, double yaw, double fov, int width = 120,
                         int height = 90) {
   return virtual_camera_with_fov(width, height, fov * kDegree, looking(position, yaw));
-}
-
-struct Pair {
-  RenderedView fast, reference;
-};
-
-struct Asked {
-  Vector4d plane = kPaintedPlane;
-  OptionValues options = {};
-  int frame = 0;
-  BlendSpace space = BlendSpace::kPerceptual;
-};
-
-Pair render_both(const Take& take, const VirtualCamera& view, const Asked& asked = {}) {
-  const FrameSelection frames =
-      select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
-  RendererSettings settings;
-  settings.blend_space = asked.space;
-  const Reconstruction how{"slabs", asked.plane, asked.options};
-  Pair pair;
-  pair.fast = LightFieldRenderer(take, settings).render(view, frames, how);
-  settings.reference = true;
-  pair.reference = LightFieldRenderer(take, settings).render(view, frames, how);
-  return pair;
-}
-
-/// `least_alpha`: only pixels that both see at least so much; `tolerance` of the colour.
-void expect_equal(const Pair& pair, double tolerance = 1e-3, double alpha_tolerance = 1e-3) {
-  double worst = 0;
-  for (std::size_t i = 0; i < pair.fast.coverage.size(); ++i) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      worst = std::max(worst, std::abs(static_cast<double>(pair.fast.rgba[i * 4 + c]) -
-                                       static_cast<double>(pair.reference.rgba[i * 4 + c])));
-    }
-    ASSERT_NEAR(pair.fast.rgba[i * 4 + 3], pair.reference.rgba[i * 4 + 3], alpha_tolerance) << i;
-    ASSERT_NEAR(pair.fast.coverage[i], pair.reference.coverage[i], alpha_tolerance) << i;
-    if (std::isfinite(pair.fast.z[i]) && std::isfinite(pair.reference.z[i])) {
-      ASSERT_NEAR(pair.fast.z[i] / pair.reference.z[i], 1, 1e-4) << "pixel " << i;
-    }
-  }
-  EXPECT_LT(worst, tolerance);
-}
-
-double mean_alpha(const RenderedView& view) {
-  double sum = 0;
-  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
-  return sum / static_cast<double>(view.coverage.size());
 }
 
 /// Largest difference from what the painted plane looks like, over the pixels seen by all.
@@ -228,113 +175,6 @@ TEST_F(Slabs, InterpolationMayBeCoarser) {
   }
   EXPECT_LT(error_against_truth(images[0], view), error_against_truth(images[1], view));
   EXPECT_NE(images[1].rgba, images[2].rgba);
-}
-
-/// 24 cameras on the faces of a box, looking outwards.
-SyntheticTake box_take() {
-  SyntheticTake settings;
-  for (int side = 0; side < 6; ++side) {
-    const Pose out =
-        side < 4 ? looking({0, 0, 0}, side * 90) : looking({0, 0, 0}, 0, side == 4 ? 90 : -90);
-    for (CameraGeometry camera : testing::camera_grid(2, 2, 0.8, 120, 120)) {
-      camera.id = std::to_string(side) + camera.id;
-      camera.intrinsics.fx = camera.intrinsics.fy = 55;  // 95 degrees
-      Pose pose = pose_from_matrix(camera.world_from_camera);
-      pose.position = out.world_from_camera_rotation * (pose.position - Vector3d(0, 0, 0.2));
-      pose.world_from_camera_rotation = out.world_from_camera_rotation;
-      camera.world_from_camera = matrix_from_pose(pose);
-      settings.cameras.push_back(camera);
-    }
-  }
-  return settings;
-}
-
-std::array<double, 3> painted_direction(const Vector3d& d) {
-  const Vector3d u = d.normalized();
-  return {0.5 + 0.3 * std::sin(5 * u.x() + u.y()), 0.5 + 0.3 * std::sin(4 * u.y()),
-          0.5 + 0.3 * std::cos(5 * u.z() - u.x())};
-}
-
-TEST_F(Slabs, ABoxLooksAllAround) {
-  SyntheticTake settings = box_take();
-  // A world at infinity: what is seen depends on the direction alone.
-  settings.painting = [](const Vector3d&, const Vector3d& d) { return painted_direction(d); };
-  const Take take = write(settings);
-  const Asked box{.plane = {0, 0, 0, 1}, .options = {{"layout", "box"}}};
-  for (const auto& [yaw, pitch] : {std::pair{0.0, 0.0},
-                                   {45.0, 0.0},
-                                   {190.0, 20.0},
-                                   {45.0, 40.0},
-                                   {0.0, 90.0},
-                                   {60.0, -70.0}}) {
-    SCOPED_TRACE(yaw);
-    const VirtualCamera view =
-        virtual_camera_with_fov(100, 80, 100 * kDegree, looking({0.03, 0.02, -0.01}, yaw, pitch));
-    const Pair pair = render_both(take, view, box);
-    expect_equal(pair, 2e-3, 2e-3);
-    EXPECT_GT(mean_alpha(pair.fast), 0.999);
-    double worst = 0;
-    for (int y = 0; y < view.height; ++y) {
-      for (int x = 0; x < view.width; ++x) {
-        const Vector3d ray(x + 0.5 - view.intrinsics.cx, view.intrinsics.cy - y - 0.5,
-                           -view.intrinsics.fx);
-        const auto truth = painted_direction(view.pose.world_from_camera_rotation * ray);
-        for (std::size_t c = 0; c < 3; ++c) {
-          const auto at = static_cast<std::size_t>(y * view.width + x) * 4 + c;
-          worst = std::max(worst, std::abs(truth[c] - static_cast<double>(pair.fast.rgba[at])));
-        }
-      }
-    }
-    EXPECT_LT(worst, 0.04);
-  }
-  // A side without cameras is empty, the others go on.
-  settings.cameras.erase(settings.cameras.begin(), settings.cameras.begin() + 4);
-  const Take open = write(settings, "open");
-  const Pair front = render_both(
-      open, virtual_camera_with_fov(90, 60, 60 * kDegree, looking({0.03, 0.02, -0.01}, 0)), box);
-  expect_equal(front);
-  EXPECT_EQ(mean_alpha(front.fast), 0);
-}
-
-TEST_F(Slabs, EveryFaceOfABoxIsInFocusAtTheSameDistance) {
-  // The walls of a room, 5 m off on all sides.
-  SyntheticTake settings = box_take();
-  const auto on_wall = [](const Vector3d& origin, const Vector3d& d) {
-    double nearest = 1e9;
-    for (int axis = 0; axis < 3; ++axis) {
-      if (d[axis] == 0) continue;
-      nearest = std::min(nearest, (std::copysign(5, d[axis]) - origin[axis]) / d[axis]);
-    }
-    return Vector3d(origin + nearest * d);
-  };
-  settings.painting = [&](const Vector3d& origin, const Vector3d& d) {
-    return painted_direction(on_wall(origin, d));
-  };
-  const Take take = write(settings);
-  const Asked box{.plane = {0, 0, 1, 5}, .options = {{"layout", "box"}}};
-  for (const auto& [yaw, pitch] :
-       {std::pair{0.0, 0.0}, {90.0, 0.0}, {180.0, 0.0}, {-90.0, 0.0}, {0.0, 90.0}, {0.0, -90.0}}) {
-    SCOPED_TRACE(std::to_string(yaw) + " " + std::to_string(pitch));
-    const VirtualCamera view =
-        virtual_camera_with_fov(60, 60, 50 * kDegree, looking({0.1, -0.08, 0.06}, yaw, pitch));
-    const Pair pair = render_both(take, view, box);
-    expect_equal(pair, 2e-3, 2e-3);
-    EXPECT_GT(mean_alpha(pair.fast), 0.999);
-    double worst = 0;
-    for (int y = 0; y < view.height; ++y) {
-      for (int x = 0; x < view.width; ++x) {
-        const Vector3d ray(x + 0.5 - view.intrinsics.cx, view.intrinsics.cy - y - 0.5,
-                           -view.intrinsics.fx);
-        const auto truth =
-            settings.painting(view.pose.position, view.pose.world_from_camera_rotation * ray);
-        for (std::size_t c = 0; c < 3; ++c) {
-          const auto at = static_cast<std::size_t>(y * view.width + x) * 4 + c;
-          worst = std::max(worst, std::abs(truth[c] - static_cast<double>(pair.fast.rgba[at])));
-        }
-      }
-    }
-    EXPECT_LT(worst, 0.04);
-  }
 }
 
 TEST_F(Slabs, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "render/renderer.h"
+#include "render/view/synthetic_take.h"
+
+namespace raystage::testing {
+
+inline constexpr double kDegree = std::numbers::pi / 180;
+inline const Eigen::Vector4d kPaintedPlane(0, 0, 1, 4);
+
+inline Pose looking(const Eigen::Vector3d& position, double yaw_degrees, double pitch_degrees = 0) {
+  Pose pose;
+  pose.position = position;
+  pose.world_from_camera_rotation =
+      (Eigen::AngleAxisd(yaw_degrees * kDegree, Eigen::Vector3d::UnitY()) *
+       Eigen::AngleAxisd(pitch_degrees * kDegree, Eigen::Vector3d::UnitX()))
+          .toRotationMatrix();
+  return pose;
+}
+
+/// A view, rendered either way.
+struct Pair {
+  RenderedView fast, reference;
+};
+
+struct Asked {
+  Eigen::Vector4d plane = kPaintedPlane;
+  OptionValues options = {};
+  int frame = 0;
+  BlendSpace space = BlendSpace::kPerceptual;
+};
+
+inline Pair render_both(const Take& take, const VirtualCamera& view, const Asked& asked = {}) {
+  const FrameSelection frames =
+      select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
+  RendererSettings settings;
+  settings.blend_space = asked.space;
+  const Reconstruction how{"slabs", asked.plane, asked.options};
+  Pair pair;
+  pair.fast = LightFieldRenderer(take, settings).render(view, frames, how);
+  settings.reference = true;
+  pair.reference = LightFieldRenderer(take, settings).render(view, frames, how);
+  return pair;
+}
+
+/// `least_alpha`: only pixels that both see at least so much; `tolerance` of the colour.
+inline void expect_equal(const Pair& pair, double tolerance = 1e-3, double alpha_tolerance = 1e-3) {
+  double worst = 0;
+  for (std::size_t i = 0; i < pair.fast.coverage.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      worst = std::max(worst, std::abs(static_cast<double>(pair.fast.rgba[i * 4 + c]) -
+                                       static_cast<double>(pair.reference.rgba[i * 4 + c])));
+    }
+    ASSERT_NEAR(pair.fast.rgba[i * 4 + 3], pair.reference.rgba[i * 4 + 3], alpha_tolerance) << i;
+    ASSERT_NEAR(pair.fast.coverage[i], pair.reference.coverage[i], alpha_tolerance) << i;
+    if (std::isfinite(pair.fast.z[i]) && std::isfinite(pair.reference.z[i])) {
+      ASSERT_NEAR(pair.fast.z[i] / pair.reference.z[i], 1, 1e-4) << "pixel " << i;
+    }
+  }
+  EXPECT_LT(worst, tolerance);
+}
+
+inline double mean_alpha(const RenderedView& view) {
+  double sum = 0;
+  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
+  return sum / static_cast<double>(view.coverage.size());
+}
+
+}  // namespace raystage::testing

@@ -52,7 +52,9 @@ std::string threads_section(const Trade& trade) {
   for (const TradeRow& row : trade.rows) counts.insert(row.threads);
   if (counts.size() < 2) return "";
   std::string table = "<div class=\"wide\"><table><thead><tr><th>setting</th>";
-  for (const int threads : counts) table += fmt::format("<th>{} threads, ms</th>", threads);
+  for (const int threads : counts) {
+    table += fmt::format("<th>{} thread{}, ms</th>", threads, threads == 1 ? "" : "s");
+  }
   table += "<th>times as fast</th></tr></thead><tbody>\n";
   for (const TradeRow& first : trade.rows) {
     if (first.threads != *counts.begin() || !first.failure.empty()) continue;

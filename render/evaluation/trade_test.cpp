@@ -148,7 +148,7 @@ TEST_F(MeasuredTake, ThePageStandsAlone) {
   const std::size_t from = page.find(begin) + begin.size();
   const json data = json::parse(page.substr(from, page.find("</script>", from) - from));
   EXPECT_EQ(data["rows"].size(), 4U);
-  EXPECT_EQ(data["rows"][0]["label"], "the <near> one, 23 cameras, 1 threads");
+  EXPECT_EQ(data["rows"][0]["label"], "the <near> one, 23 cameras, 1 thread");
   const json& picture = data["rows"][3]["pictures"]["0"];
   EXPECT_GT(picture["difference"].get<std::string>().size(), 100U);
   const ViewEvaluation& shown = trade.rows[3].evaluation.views[1];  // the middle of two

@@ -64,7 +64,8 @@ std::string name_of(const TradeRow& row, const Trade& trade) {
       trade.rows, [&](const TradeRow& other) { return other.threads != row.threads; });
   return row.setting.label +
          (many_steps ? fmt::format(", {} cameras", row.evaluation.cameras) : "") +
-         (many_threads ? fmt::format(", {} threads", row.threads) : "");
+         (many_threads ? fmt::format(", {} thread{}", row.threads, row.threads == 1 ? "" : "s")
+                       : "");
 }
 
 std::string numbers_of(const ViewEvaluation& view) {

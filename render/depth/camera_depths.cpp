@@ -15,8 +15,6 @@
 namespace raystage {
 namespace {
 
-constexpr int kMostPlanes = 256;
-
 std::size_t pixels_of(const VirtualCamera& camera) {
   return static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
 }
@@ -122,31 +120,28 @@ class Solver {
 
   InverseDepthMap first_guess(int camera) const {
     const VirtualCamera& from = pinhole(camera);
-    const InverseDepthRange seen = range(camera);
+    const GuessPlanes planes = guess_planes(depths_, instant_, camera, settings_);
     InverseDepthMap guess{from.width, from.height, {}};
-    if (seen.empty()) {
+    if (planes.count == 0) {
       guess.values.assign(pixels_of(from), kUnknownDepth);
       return guess;
     }
-    const std::vector<int> nearest = neighbours(camera, 1);
-    const double moves = nearest.empty() ? 0 : disparity(pinhole(nearest[0]), from);
-    const double steps =
-        std::ceil((seen.nearest - seen.farthest) * moves / settings_.plane_px - 1e-9);
-    const int planes = 1 + static_cast<int>(std::clamp(steps, 0.0, kMostPlanes - 1.0));
-    if (planes == 1) {
-      guess.values.assign(pixels_of(from), static_cast<float>((seen.farthest + seen.nearest) / 2));
+    if (planes.count == 1) {
+      for (const std::uint8_t luma : image(camera).plane()) {
+        guess.values.push_back(luma == 0 ? kUnknownDepth : static_cast<float>(planes.farthest));
+      }
       return guess;
     }
-    const double step = (seen.nearest - seen.farthest) / (planes - 1);
     const std::vector<Partner> with = partners(camera, settings_.neighbours);
-    const CostVolume volume{from.width, from.height, planes};
+    const CostVolume volume{from.width, from.height, planes.count};
     const std::vector<std::uint8_t> guide = image(camera).plane();
     SemiGlobalSettings matching;
-    matching.p1 = 27;
-    matching.p2 = 160;
+    matching.p1 = depth_solve::kOnePlane;
+    matching.p2 = depth_solve::kJump;
     matching.guide = guide;
-    matching.guide_scale = 7;
+    matching.guide_scale = depth_solve::kGuideCodes;
     matching.working_bytes = matching_bytes_;
+    std::vector<std::uint8_t> is_seen(pixels_of(from));
     const PlaneMap found = semi_global_match(
         volume,
         [&](int y, std::span<std::uint8_t> costs) {
@@ -154,17 +149,19 @@ class Solver {
           row.y = y;
           row.image = &image(camera);
           row.partners = with;
-          row.farthest = seen.farthest;
-          row.step = step;
-          row.planes = planes;
-          row.stride = plane_stride(planes);
+          row.farthest = planes.farthest;
+          row.step = planes.step;
+          row.planes = planes.count;
+          row.stride = plane_stride(planes.count);
           row.costs = costs.data();
+          row.seen = is_seen.data() + static_cast<std::ptrdiff_t>(y) * from.width;
           match_row(row);
         },
         matching);
     guess.values.reserve(found.plane.size());
-    for (const float plane : found.plane) {
-      guess.values.push_back(static_cast<float>(seen.farthest + static_cast<double>(plane) * step));
+    for (std::size_t i = 0; i < found.plane.size(); ++i) {
+      const double depth = planes.inverse_depth(static_cast<double>(found.plane[i]));
+      guess.values.push_back(is_seen[i] == 0 ? kUnknownDepth : static_cast<float>(depth));
     }
     return guess;
   }
@@ -172,33 +169,30 @@ class Solver {
   float tolerance() const { return static_cast<float>(settings_.tolerance_px * depths_.pixel); }
 
   InverseDepthMap agreed(int camera) const {
-    // A camera knows its own pixels a little better than others' warped ones.
-    constexpr float kOwn = 1.5F;
     const VirtualCamera& view = pinhole(camera);
-    std::vector<DepthReport> reports{{&map(camera), &view, even_weights(view, kOwn)}};
+    std::vector<DepthReport> reports{
+        {&map(camera), &view, even_weights(view, depth_solve::kOwnReport)}};
     for (const int other : neighbours(camera, settings_.neighbours)) {
       reports.push_back({&map(other), &pinhole(other), even_weights(view, 1)});
     }
-    constexpr float kQuarter = 0.25F;
-    return fuse_depths(view, reports, {tolerance(), kQuarter});
+    return fuse_depths(view, reports, {tolerance(), depth_solve::kLeastAgreeing});
   }
 
   PixelLinks links(const InverseDepthMap& depths, const MatchingImage& picture) const {
-    constexpr float kReach = 4;         // pixels, where nothing parts them
-    constexpr float kCodes = 12;        // of luma
-    constexpr double kDisparity = 0.5;  // pixels between neighbouring cameras
-    const float floor = std::numbers::sqrt2_v<float> / kReach;
-    const auto per_depth = static_cast<float>(1 / (kDisparity * depths_.pixel));
+    constexpr auto kFloor = static_cast<float>(std::numbers::sqrt2 / depth_solve::kLinkReach);
+    constexpr auto kPerCode = static_cast<float>(1 / depth_solve::kLinkCodes);
+    const auto per_depth = static_cast<float>(1 / (depth_solve::kLinkDisparity * depths_.pixel));
     PixelLinks made;
     made.left.resize(depths.values.size());
     made.above.resize(depths.values.size());
     raystage::parallel_for(0, depths.height, [&](int y) {
       for (int x = 0; x < depths.width; ++x) {
         const auto link = [&](int column, int row) {
+          if (!picture.is_known(x, y) || !picture.is_known(column, row)) return 0.0F;
           const auto step = static_cast<float>(
               std::abs(static_cast<int>(picture.luma(x, y)) - picture.luma(column, row)));
           const float apart = std::abs(depths.at(x, y) - depths.at(column, row));
-          return std::exp(-(floor + step / kCodes + apart * per_depth));
+          return std::exp(-(kFloor + step * kPerCode + apart * per_depth));
         };
         const std::size_t at =
             static_cast<std::size_t>(y) * static_cast<std::size_t>(depths.width) +
@@ -232,7 +226,8 @@ class Solver {
     });
     smooth_along_links(costs, kOffsetStride, smooth.width, smooth.height, linked);
     for (std::size_t i = 0; i < smooth.values.size(); ++i) {
-      if (map(camera).values[i] < 0) {
+      // Others may have seen what this one's frame does not show: that is for them to tell.
+      if (map(camera).values[i] < 0 || picture.words()[i] == 0) {
         smooth.values[i] = kUnknownDepth;
         continue;
       }
@@ -296,6 +291,20 @@ std::vector<int> depth_neighbours(const CameraDepths& depths, const Instant& ins
   std::vector<int> nearest;
   for (const auto& [distance, other] : others) nearest.push_back(other);
   return nearest;
+}
+
+GuessPlanes guess_planes(const CameraDepths& depths, const Instant& instant, int camera,
+                         const DepthSettings& settings) {
+  const VirtualCamera& from = depths.pinholes[static_cast<std::size_t>(camera)];
+  const InverseDepthRange seen = inverse_depths_in_view(from, *instant.rig, settings.scene);
+  if (seen.empty()) return {};
+  const std::vector<int> nearest = depth_neighbours(depths, instant, camera, seen, 1);
+  const double moves =
+      nearest.empty() ? 0 : disparity(depths.pinholes[static_cast<std::size_t>(nearest[0])], from);
+  const double steps = std::ceil((seen.nearest - seen.farthest) * moves / settings.plane_px - 1e-9);
+  const int count = 1 + static_cast<int>(std::clamp(steps, 0.0, depth_solve::kMostPlanes - 1.0));
+  if (count == 1) return {1, (seen.farthest + seen.nearest) / 2, 0};
+  return {count, seen.farthest, (seen.nearest - seen.farthest) / (count - 1)};
 }
 
 CameraDepths depth_cameras(const Instant& instant, const DepthSettings& settings) {

@@ -22,6 +22,28 @@ struct DepthSettings {
   double tolerance_px = 1;  ///< by how much two cameras' depths of a point may differ
 };
 
+/// What the passes of solve_camera_depths() weigh with.
+namespace depth_solve {
+inline constexpr int kMostPlanes = 256;
+inline constexpr int kOnePlane = 27, kJump = 160;  ///< SemiGlobalSettings::p1 and p2
+inline constexpr double kGuideCodes = 7;           ///< SemiGlobalSettings::guide_scale
+/// A camera knows its own pixels a little better than others' warped ones.
+inline constexpr float kOwnReport = 1.5F;
+inline constexpr float kLeastAgreeing = 0.25F;  ///< FusionSettings::least_share
+/// Pixels are linked over this distance where nothing parts them; and by 1/e less for each so many
+/// codes of luma, and pixels of disparity between neighbouring cameras, from one to the next.
+inline constexpr double kLinkReach = 4, kLinkCodes = 12, kLinkDisparity = 0.5;
+}  // namespace depth_solve
+
+/// Planes of the first guess, and what is between them. None where the camera sees nothing of the
+/// scene.
+struct GuessPlanes {
+  int count = 0;
+  double farthest = 0, step = 0;  ///< inverse depths, 1/m
+
+  double inverse_depth(double plane) const { return farthest + plane * step; }
+};
+
 /// A depth for every pixel of every camera that has a frame at an instant.
 struct CameraDepths {
   std::vector<VirtualCamera> pinholes;  ///< by camera of the rig; see undistorted()
@@ -47,8 +69,14 @@ struct CameraDepths {
 CameraDepths solve_camera_depths(const Instant& instant, const DepthSettings& settings,
                                  std::size_t working_bytes);
 
+/// The slow, obvious way: pixel by pixel in double, on one thread, everything at once in memory.
+CameraDepths solve_camera_depths_reference(const Instant& instant, const DepthSettings& settings);
+
 /// The pinholes and the pixel of CameraDepths, without maps: what stored maps are completed with.
 CameraDepths depth_cameras(const Instant& instant, const DepthSettings& settings);
+
+GuessPlanes guess_planes(const CameraDepths& depths, const Instant& instant, int camera,
+                         const DepthSettings& settings);
 
 /// Other cameras of the rig that have a frame and see a part of what `camera` does in the scene,
 /// from another place: nearest first, `count` at most.

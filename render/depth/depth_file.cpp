@@ -19,7 +19,7 @@
 namespace raystage {
 namespace {
 
-constexpr std::uint32_t kAlgorithm = 1;  ///< raised whenever the same input gives other depths
+constexpr std::uint32_t kAlgorithm = 2;  ///< raised whenever the same input gives other depths
 constexpr std::array<char, 8> kMagic{'R', 'A', 'Y', 'S', 'D', 'E', 'P', 'T'};
 constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kVersionAt = 8, kMapsAt = 12, kFingerprintAt = 16, kHeaderBytes = 24;

@@ -42,4 +42,11 @@ struct PixelLinks {
 void smooth_along_links(std::vector<float>& values, int channels, int width, int height,
                         const PixelLinks& links);
 
+/// The slow, obvious ways; any number of reports.
+InverseDepthMap fuse_depths_reference(const VirtualCamera& view,
+                                      std::span<const DepthReport> reports,
+                                      const FusionSettings& settings);
+void smooth_along_links_reference(std::vector<float>& values, int channels, int width, int height,
+                                  const PixelLinks& links);
+
 }  // namespace raystage

@@ -2,6 +2,7 @@
 #include "render/depth/matching_image.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "schemas/parallel.h"
@@ -30,12 +31,12 @@ std::vector<std::uint8_t> luma_of(const DecodedFrame& frame, BlendSpace space) {
     const std::uint16_t* p = frame.rgbx.get() + 4 * i;
     const float y =
         0.299F * code[p[0] >> 4U] + 0.587F * code[p[1] >> 4U] + 0.114F * code[p[2] >> 4U];
-    luma[i] = static_cast<std::uint8_t>(y + 0.5F);
+    luma[i] = static_cast<std::uint8_t>(std::max(1.0F, y + 0.5F));
   }
   return luma;
 }
 
-/// The frame's luma at the pinhole's pixels; beyond the frame its border goes on.
+/// The frame's luma at the pinhole's pixels; 0 where the frame does not show them.
 std::vector<std::uint8_t> without_distortion(const std::vector<std::uint8_t>& luma,
                                              const CameraModel& model,
                                              const VirtualCamera& pinhole) {
@@ -45,7 +46,9 @@ std::vector<std::uint8_t> without_distortion(const std::vector<std::uint8_t>& lu
   raystage::parallel_for(0, pinhole.height, [&](int y) {
     for (int x = 0; x < pinhole.width; ++x) {
       const auto pixel = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
-      if (!pixel) continue;
+      const bool is_shown = pixel && pixel->x() >= 0 && pixel->y() >= 0 &&
+                            pixel->x() <= model.width() && pixel->y() <= model.height();
+      if (!is_shown) continue;
       const double u = std::clamp(pixel->x() - 0.5, 0.0, model.width() - 1.0);
       const double v = std::clamp(pixel->y() - 0.5, 0.0, model.height() - 1.0);
       const int left = static_cast<int>(u), top = static_cast<int>(v);
@@ -79,10 +82,10 @@ MatchingImage::MatchingImage(const DecodedFrame& frame, BlendSpace space, const 
     const std::size_t below = y + 1 < static_cast<std::size_t>(height_) ? width : 0;
     for (std::size_t x = 0; x < width; ++x) {
       const std::size_t at = y * width + x, right = x + 1 < width ? 1 : 0;
-      words_[at] = static_cast<std::uint32_t>(luma[at]) |
-                   static_cast<std::uint32_t>(luma[at + right]) << 8U |
-                   static_cast<std::uint32_t>(luma[at + below]) << 16U |
-                   static_cast<std::uint32_t>(luma[at + below + right]) << 24U;
+      const std::array<std::uint32_t, 4> four{luma[at], luma[at + right], luma[at + below],
+                                              luma[at + below + right]};
+      if (std::ranges::find(four, 0U) != four.end()) continue;
+      words_[at] = four[0] | four[1] << 8U | four[2] << 16U | four[3] << 24U;
     }
   }
 }

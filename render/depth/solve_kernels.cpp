@@ -23,8 +23,12 @@ using D = hn::ScalableTag<float>;
 using V = hn::Vec<D>;
 constexpr int kMostLanes = 16;
 
-/// Bilinear luma at pixel positions within the image.
-HWY_INLINE V luma_at(D d, const MatchingImage& image, V u, V v) {
+/// Bilinear luma at pixel positions within the image, and where it is known.
+struct Luma {
+  V code;
+  hn::Mask<D> is_known;
+};
+HWY_INLINE Luma luma_at(D d, const MatchingImage& image, V u, V v) {
   const hn::RebindToSigned<D> di;
   const auto half = hn::Set(d, 0.5F), zero = hn::Zero(d);
   const auto last = [&](int size) HWY_ATTR { return hn::Set(d, static_cast<float>(size - 1)); };
@@ -42,7 +46,8 @@ HWY_INLINE V luma_at(D d, const MatchingImage& image, V u, V v) {
   const auto lower_right = hn::ConvertTo(d, hn::And(hn::ShiftRight<24>(word), byte));
   const auto upper = hn::MulAdd(right, hn::Sub(upper_right, upper_left), upper_left);
   const auto lower = hn::MulAdd(right, hn::Sub(lower_right, lower_left), lower_left);
-  return hn::MulAdd(down, hn::Sub(lower, upper), upper);
+  return {hn::MulAdd(down, hn::Sub(lower, upper), upper),
+          hn::RebindMask(d, hn::Ne(word, hn::Zero(di)))};
 }
 
 /// The camera's own luma at lanes from pixel x on; the row's last pixel again beyond its end.
@@ -82,24 +87,28 @@ void match(const MatchRow& row) {
   HWY_ALIGN std::int32_t bytes[kMostLanes];
   for (int x = 0; x < width; x += lanes) {
     const auto own = own_luma(d, *row.image, x, row.y);
+    const auto own_known = hn::Gt(own, zero);
     const int n = std::min(lanes, width - x);
+    auto most = zero;
     for (int plane = 0; plane < row.planes; ++plane) {
       const auto q = hn::Set(d, static_cast<float>(row.farthest + plane * row.step));
       V least[kMostPartners / 2] = {truncation, truncation, truncation, truncation};
       auto count = zero;
       for (std::size_t p = 0; p < row.partners.size(); ++p) {
-        const auto seen = transfers[p].at(d, x, q);
-        if (hn::AllFalse(d, seen.inside)) continue;
-        const auto other = luma_at(d, *row.partners[p].image, seen.u, seen.v);
-        auto value = hn::Min(hn::Abs(hn::Sub(other, own)), truncation);
-        value = hn::IfThenElse(seen.inside, value, truncation);
-        count = hn::Add(count, hn::IfThenElseZero(seen.inside, one));
+        const auto place = transfers[p].at(d, x, q);
+        if (hn::AllFalse(d, place.inside)) continue;
+        const auto other = luma_at(d, *row.partners[p].image, place.u, place.v);
+        const auto seen = hn::And(hn::And(place.inside, own_known), other.is_known);
+        auto value = hn::Min(hn::Abs(hn::Sub(other.code, own)), truncation);
+        value = hn::IfThenElse(seen, value, truncation);
+        count = hn::Add(count, hn::IfThenElseZero(seen, one));
         for (V& smaller : least) {
           const auto larger = hn::Max(smaller, value);
           smaller = hn::Min(smaller, value);
           value = larger;
         }
       }
+      most = hn::Max(most, count);
       // Cut-off values cost the truncation whether seen or not, so no others can be among the half.
       const auto cost = mean_of_smaller_half(d, least, count, hn::Div(unknown, scale));
       hn::Store(hn::NearestInt(hn::Mul(cost, scale)), di, bytes);
@@ -107,6 +116,8 @@ void match(const MatchRow& row) {
       for (int i = 0; i < n; ++i)
         out[static_cast<std::ptrdiff_t>(i) * row.stride] = static_cast<std::uint8_t>(bytes[i]);
     }
+    hn::Store(hn::ConvertTo(di, most), di, bytes);
+    for (int i = 0; i < n; ++i) row.seen[x + i] = bytes[i] > 0 ? 1 : 0;
   }
 }
 
@@ -128,6 +139,7 @@ void refine(const RefineRow& row) {
     for (int i = 0; i < lanes; ++i) present[i] = row.present[x + std::min(i, n - 1)];
     const auto base = hn::Load(d, present);
     const auto own = own_luma(d, *row.image, x, row.y);
+    const auto own_known = hn::Gt(own, zero);
     V sums[kOffsets] = {zero, zero, zero, zero, zero, zero, zero};
     auto count = zero;
     for (std::size_t p = 0; p < row.partners.size(); ++p) {
@@ -140,17 +152,22 @@ void refine(const RefineRow& row) {
       const auto line = hn::Min(hn::ConvertTo(di, seen.v), hn::Set(di, partner.depths->height - 1));
       const auto at = hn::Add(hn::Mul(line, hn::Set(di, partner.depths->width)), column);
       const auto its = hn::GatherIndex(d, partner.depths->values.data(), at);
-      const auto visible =
-          hn::And(seen.inside, hn::Le(its, hn::Add(seen.inverse_depth, tolerance)));
-      count = hn::Add(count, hn::IfThenElseZero(visible, one));
+      auto visible = hn::And(hn::And(seen.inside, own_known),
+                             hn::Le(its, hn::Add(seen.inverse_depth, tolerance)));
+      V tried[kOffsets];
       for (int i = 0; i < kOffsets; ++i) {
         const int steps = i - kOffsets / 2;
         const auto step = hn::Set(d, static_cast<float>(steps * row.step));
         const auto moved = transfer.at(d, x, hn::Add(base, step));
-        const auto off = hn::Sub(luma_at(d, *partner.image, moved.u, moved.v), own);
+        const auto other = luma_at(d, *partner.image, moved.u, moved.v);
+        visible = hn::And(visible, hn::And(moved.inside, other.is_known));
+        const auto off = hn::Sub(other.code, own);
         const auto square = hn::Mul(off, off);
-        const auto cost = hn::Div(square, hn::MulAdd(square, per_truncation, one));
-        sums[i] = hn::Add(sums[i], hn::IfThenElseZero(visible, cost));
+        tried[i] = hn::Div(square, hn::MulAdd(square, per_truncation, one));
+      }
+      count = hn::Add(count, hn::IfThenElseZero(visible, one));
+      for (int i = 0; i < kOffsets; ++i) {
+        sums[i] = hn::Add(sums[i], hn::IfThenElseZero(visible, tried[i]));
       }
     }
     const auto per_partner = hn::Div(one, hn::Max(count, one));

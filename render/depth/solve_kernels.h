@@ -29,10 +29,12 @@ struct MatchRow {
   int planes = 1, stride = 32;    ///< bytes from a pixel's costs to the next's
   float truncation = 40;          ///< codes of 255
   std::uint8_t* costs = nullptr;  ///< of the first pixel
+  std::uint8_t* seen = nullptr;   ///< by pixel: 1 if a partner sees it at some plane, else 0
 };
 /// How badly partners agree with the camera's own luma: the mean of the smaller half of the
 /// absolute differences among those that see the point (an occlusion hides it from some, on one
-/// side), each cut off at the truncation, which becomes 255. Bilinear.
+/// side), each cut off at the truncation, which becomes 255; kUnknownCost where none does.
+/// Bilinear. A pixel that an image does not know is seen neither by it nor from it.
 void match_row(const MatchRow& row);
 
 inline constexpr int kMostWitnesses = 64;  ///< partners of refine_row()
@@ -50,8 +52,9 @@ struct RefineRow {
   float truncation = 15;   ///< codes of 255
   float* costs = nullptr;  ///< of the row's first pixel; the eighth of each is 0
 };
-/// The mean over partners that see the point, in their own depths too, of e^2 / (1 + e^2 / t^2),
-/// e = difference of luma, t = truncation (Geman and McClure); 0 where none does.
+/// The mean over partners that see the point at all the depths tried, in their own depths too, of
+/// e^2 / (1 + e^2 / t^2), e = difference of luma, t = truncation (Geman and McClure); 0 where none
+/// does. The same partners for all depths, or the costs could not be compared.
 void refine_row(const RefineRow& row);
 
 inline constexpr int kMostReports = 32;

@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: Apache-2.0
+// What camera_depths.cpp, its images, fusion and kernels do, written down plainly.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <optional>
+
+#include "render/depth/camera_depths.h"
+#include "render/depth/fusion.h"
+#include "render/depth/solve_kernels.h"
+#include "render/matching/matching.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage {
+namespace {
+
+/// Values of an image's pixels.
+struct Plane {
+  int width = 0, height = 0;
+  std::vector<double> values;
+
+  Plane(int w, int h, double value)
+      : width(w),
+        height(h),
+        values(static_cast<std::size_t>(w) * static_cast<std::size_t>(h), value) {}
+  std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+           static_cast<std::size_t>(x);
+  }
+  double& at(int x, int y) { return values[index(x, y)]; }
+  double at(int x, int y) const { return values[index(x, y)]; }
+  /// Of the nearest pixel.
+  double near(int x, int y) const {
+    return at(std::clamp(x, 0, width - 1), std::clamp(y, 0, height - 1));
+  }
+};
+
+/// Bilinear between pixel centres, with the border's pixels beyond them.
+double bilinear(const Plane& plane, double u, double v) {
+  const double x = std::clamp(u - 0.5, 0.0, plane.width - 1.0);
+  const double y = std::clamp(v - 0.5, 0.0, plane.height - 1.0);
+  const int left = static_cast<int>(x), top = static_cast<int>(y);
+  const double right = x - left, down = y - top;
+  return (1 - down) * ((1 - right) * plane.at(left, top) + right * plane.near(left + 1, top)) +
+         down * ((1 - right) * plane.near(left, top + 1) + right * plane.near(left + 1, top + 1));
+}
+
+/// See MatchingImage.
+struct Picture {
+  Plane luma;  ///< -1 where the frame shows nothing
+
+  bool shows(double u, double v) const {
+    const int x = static_cast<int>(std::clamp(u - 0.5, 0.0, luma.width - 1.0));
+    const int y = static_cast<int>(std::clamp(v - 0.5, 0.0, luma.height - 1.0));
+    return luma.at(x, y) >= 0 && luma.near(x + 1, y) >= 0 && luma.near(x, y + 1) >= 0 &&
+           luma.near(x + 1, y + 1) >= 0;
+  }
+  bool shows_pixel(int x, int y) const { return shows(x + 0.5, y + 0.5); }
+};
+
+Picture picture_of(const DecodedFrame& frame, BlendSpace space, const CameraModel& model,
+                   const VirtualCamera& pinhole) {
+  Plane luma(frame.width, frame.height, 0);
+  const auto code = [&](std::size_t i) {
+    const double upper = static_cast<double>(frame.rgbx[i] / 16) / 4095;  // 12 of 16 bits
+    return 255 * (space == BlendSpace::kLinear ? srgb_from_linear(upper) : upper);
+  };
+  for (std::size_t i = 0; i < luma.values.size(); ++i) {
+    const double y = 0.299 * code(4 * i) + 0.587 * code(4 * i + 1) + 0.114 * code(4 * i + 2);
+    luma.values[i] = std::max(1.0, std::floor(y + 0.5));
+  }
+  if (!model.has_distortion()) return {luma};
+  Plane straight(pinhole.width, pinhole.height, -1);
+  const Intrinsics& k = pinhole.intrinsics;
+  for (int y = 0; y < pinhole.height; ++y) {
+    for (int x = 0; x < pinhole.width; ++x) {
+      const auto pixel = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
+      if (!pixel || pixel->x() < 0 || pixel->y() < 0 || pixel->x() > frame.width ||
+          pixel->y() > frame.height) {
+        continue;
+      }
+      straight.at(x, y) = std::floor(bilinear(luma, pixel->x(), pixel->y()) + 0.5);
+    }
+  }
+  return {straight};
+}
+
+/// Where another camera sees a point; nullopt where it lies behind it or beside its image.
+struct Place {
+  double u = 0, v = 0, inverse_depth = 0;
+};
+std::optional<Place> place_of(const VirtualCamera& to, const VirtualCamera& from, int x, int y,
+                              double q) {
+  const PixelTransfer t = pixel_transfer(to, from);
+  std::array<double, 3> p{};
+  for (std::size_t r = 0; r < 3; ++r) {
+    p[r] = t.direction[3 * r] * (x + 0.5) + t.direction[3 * r + 1] * (y + 0.5) +
+           t.direction[3 * r + 2] + q * t.parallax[r];
+  }
+  const Place place{p[0] / p[2], p[1] / p[2], q / p[2]};
+  const bool is_inside =
+      p[2] > 0 && place.u >= 0 && place.v >= 0 && place.u <= to.width && place.v <= to.height;
+  return is_inside ? std::optional(place) : std::nullopt;
+}
+
+class Reference {
+ public:
+  Reference(const Instant& instant, const DepthSettings& settings)
+      : instant_(instant), settings_(settings), depths_(depth_cameras(instant, settings)) {
+    for (std::size_t i = 0; i < depths_.pinholes.size(); ++i) {
+      pictures_.push_back({Plane(0, 0, 0)});
+      if (!instant.is_present(static_cast<int>(i))) continue;
+      std::int64_t decoded = 0;
+      const auto frame =
+          instant.cache->fetch(static_cast<int>(i), instant.frame_of_camera[i], {}, decoded);
+      pictures_[i] = picture_of(*frame, instant.cache->blend_space(), instant.rig->cameras[i].model,
+                                depths_.pinholes[i]);
+    }
+  }
+
+  CameraDepths solve() {
+    for_each_camera([&](int camera) { return first_guess(camera); });
+    if (depths_.pixel > 0) {
+      for_each_camera([&](int camera) { return agreed(camera); });
+      for_each_camera([&](int camera) { return refined(camera); });
+    }
+    return depths_;
+  }
+
+ private:
+  template <class Make>
+  void for_each_camera(const Make& make) {
+    std::vector<InverseDepthMap> made(depths_.maps.size());
+    for (std::size_t i = 0; i < made.size(); ++i) {
+      if (instant_.is_present(static_cast<int>(i))) made[i] = make(static_cast<int>(i));
+    }
+    depths_.maps = made;
+  }
+  const VirtualCamera& pinhole(int camera) const {
+    return depths_.pinholes[static_cast<std::size_t>(camera)];
+  }
+  const Picture& picture(int camera) const { return pictures_[static_cast<std::size_t>(camera)]; }
+  const InverseDepthMap& map(int camera) const {
+    return depths_.maps[static_cast<std::size_t>(camera)];
+  }
+  std::vector<int> neighbours(int camera, int count) const {
+    const InverseDepthRange range =
+        inverse_depths_in_view(pinhole(camera), *instant_.rig, settings_.scene);
+    return depth_neighbours(depths_, instant_, camera, range, count);
+  }
+
+  InverseDepthMap first_guess(int camera) const {
+    const VirtualCamera& from = pinhole(camera);
+    const Picture& own = picture(camera);
+    const GuessPlanes planes = guess_planes(depths_, instant_, camera, settings_);
+    Plane is_seen(from.width, from.height, planes.count == 1 ? 1 : 0);
+    const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
+      for (int x = 0; x < from.width; ++x) {
+        for (int plane = 0; plane < planes.count; ++plane) {
+          const auto cost = guess_cost(camera, x, y, planes.inverse_depth(plane));
+          if (cost) is_seen.at(x, y) = 1;
+          costs[static_cast<std::size_t>(x * plane_stride(planes.count) + plane)] =
+              cost ? static_cast<std::uint8_t>(std::lround(*cost)) : kUnknownCost;
+        }
+      }
+    };
+    std::vector<std::uint8_t> guide;
+    for (int i = 0; i < from.width * from.height; ++i) {
+      const int x = i % from.width, y = i / from.width;
+      guide.push_back(own.shows_pixel(x, y) ? static_cast<std::uint8_t>(own.luma.at(x, y))
+                                            : std::uint8_t{0});
+    }
+    SemiGlobalSettings matching;
+    matching.p1 = depth_solve::kOnePlane;
+    matching.p2 = depth_solve::kJump;
+    matching.guide = guide;
+    matching.guide_scale = depth_solve::kGuideCodes;
+    PlaneMap found{from.width, from.height, std::vector<float>(is_seen.values.size()), {}};
+    if (planes.count > 1) {
+      found = semi_global_match_reference({from.width, from.height, planes.count}, fill, matching);
+    }
+    InverseDepthMap guess{from.width, from.height, {}};
+    for (int i = 0; i < from.width * from.height; ++i) {
+      const int x = i % from.width, y = i / from.width;
+      const auto plane = static_cast<double>(found.plane[static_cast<std::size_t>(i)]);
+      guess.values.push_back(planes.count > 0 && own.shows_pixel(x, y) && is_seen.at(x, y) > 0
+                                 ? static_cast<float>(planes.inverse_depth(plane))
+                                 : kUnknownDepth);
+    }
+    return guess;
+  }
+
+  /// See match_row(); nullopt where no neighbour sees the point.
+  std::optional<double> guess_cost(int camera, int x, int y, double depth) const {
+    constexpr double kTruncation = 40;  // codes of 255
+    const Picture& own = picture(camera);
+    std::vector<double> differences;
+    for (const int other : neighbours(camera, settings_.neighbours)) {
+      const auto at = place_of(pinhole(other), pinhole(camera), x, y, depth);
+      if (!at || !own.shows_pixel(x, y) || !picture(other).shows(at->u, at->v)) continue;
+      const double off = bilinear(picture(other).luma, at->u, at->v) - own.luma.at(x, y);
+      differences.push_back(std::min(std::abs(off), kTruncation));
+    }
+    if (differences.empty()) return std::nullopt;
+    std::ranges::sort(differences);
+    differences.resize((differences.size() + 1) / 2);
+    double sum = 0;
+    for (const double difference : differences) sum += difference;
+    return 255 / kTruncation * sum / static_cast<double>(differences.size());
+  }
+
+  InverseDepthMap agreed(int camera) const {
+    const VirtualCamera& view = pinhole(camera);
+    std::vector<DepthReport> reports{
+        {&map(camera), &view, even_weights(view, depth_solve::kOwnReport)}};
+    for (const int other : neighbours(camera, settings_.neighbours)) {
+      reports.push_back({&map(other), &pinhole(other), even_weights(view, 1)});
+    }
+    return fuse_depths_reference(
+        view, reports,
+        {static_cast<float>(settings_.tolerance_px * depths_.pixel), depth_solve::kLeastAgreeing});
+  }
+
+  float link(int camera, int x, int y, int other_x, int other_y) const {
+    const Picture& own = picture(camera);
+    if (other_x < 0 || other_y < 0) return 0;
+    if (!own.shows_pixel(x, y) || !own.shows_pixel(other_x, other_y)) return 0;
+    const double codes = std::abs(own.luma.at(x, y) - own.luma.at(other_x, other_y));
+    const double apart = std::abs(static_cast<double>(map(camera).at(x, y)) -
+                                  static_cast<double>(map(camera).at(other_x, other_y)));
+    return static_cast<float>(
+        std::exp(-(std::numbers::sqrt2 / depth_solve::kLinkReach + codes / depth_solve::kLinkCodes +
+                   apart / depths_.pixel / depth_solve::kLinkDisparity)));
+  }
+
+  InverseDepthMap refined(int camera) const {
+    InverseDepthMap result = map(camera);
+    const int width = result.width, height = result.height;
+    PixelLinks links;
+    for (int i = 0; i < width * height; ++i) {
+      const int x = i % width, y = i / width;
+      links.left.push_back(link(camera, x, y, x - 1, y));
+      links.above.push_back(link(camera, x, y, x, y - 1));
+    }
+    smooth_along_links_reference(result.values, 1, width, height, links);
+    std::vector<float> costs;
+    for (int i = 0; i < width * height; ++i) {
+      for (const double cost : refine_costs(camera, i % width, i / width,
+                                            static_cast<double>(result.at(i % width, i / width)))) {
+        costs.push_back(static_cast<float>(cost));
+      }
+    }
+    smooth_along_links_reference(costs, kOffsets, width, height, links);
+    for (int i = 0; i < width * height; ++i) {
+      float& depth = result.values[static_cast<std::size_t>(i)];
+      if (map(camera).at(i % width, i / width) < 0 ||
+          !picture(camera).shows_pixel(i % width, i / width)) {
+        depth = kUnknownDepth;
+        continue;
+      }
+      const double offset =
+          best_offset(std::span(costs).subspan(static_cast<std::size_t>(i) * kOffsets, kOffsets));
+      depth = static_cast<float>(std::max(0.0, static_cast<double>(depth) + offset * step()));
+    }
+    return result;
+  }
+
+  double step() const { return settings_.refine_px * depths_.pixel; }
+
+  /// See refine_row().
+  std::array<double, kOffsets> refine_costs(int camera, int x, int y, double present) const {
+    constexpr double kTruncation = 15;  // codes of 255
+    const VirtualCamera& from = pinhole(camera);
+    const Picture& own = picture(camera);
+    std::array<double, kOffsets> costs{};
+    int count = 0;
+    for (const int other : neighbours(camera, settings_.witnesses)) {
+      const auto at = place_of(pinhole(other), from, x, y, present);
+      if (!at) continue;
+      const double its = map(other).at(std::min(static_cast<int>(at->u), map(other).width - 1),
+                                       std::min(static_cast<int>(at->v), map(other).height - 1));
+      if (its > at->inverse_depth + settings_.tolerance_px * depths_.pixel) continue;
+      std::vector<double> tried;
+      for (int i = -kOffsets / 2; i <= kOffsets / 2; ++i) {
+        const auto moved = place_of(pinhole(other), from, x, y, present + i * step());
+        if (!moved || !own.shows_pixel(x, y) || !picture(other).shows(moved->u, moved->v)) break;
+        const double off = bilinear(picture(other).luma, moved->u, moved->v) - own.luma.at(x, y);
+        tried.push_back(off * off / (1 + off * off / (kTruncation * kTruncation)));
+      }
+      if (tried.size() < kOffsets) continue;
+      ++count;
+      for (std::size_t i = 0; i < kOffsets; ++i) costs[i] += tried[i];
+    }
+    for (double& cost : costs) cost /= std::max(1, count);
+    return costs;
+  }
+
+  /// Of the least cost, the middle first; between steps by the parabola through three. In steps.
+  static double best_offset(std::span<const float> costs) {
+    std::size_t best = kOffsets / 2;
+    for (std::size_t i = 0; i < kOffsets; ++i) {
+      if (costs[i] < costs[best]) best = i;
+    }
+    const double whole = static_cast<double>(best) - kOffsets / 2;
+    if (best == 0 || best == kOffsets - 1) return whole;
+    const auto cost = [&](std::size_t i) { return static_cast<double>(costs[i]); };
+    const double before = cost(best - 1) - cost(best), after = cost(best + 1) - cost(best);
+    return before + after > 1e-6 ? whole + 0.5 * (before - after) / (before + after) : whole;
+  }
+
+  const Instant& instant_;
+  const DepthSettings& settings_;
+  CameraDepths depths_;
+  std::vector<Picture> pictures_;
+};
+
+}  // namespace
+
+CameraDepths solve_camera_depths_reference(const Instant& instant, const DepthSettings& settings) {
+  return Reference(instant, settings).solve();
+}
+
+}  // namespace raystage

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/camera_depths.h"
+
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <set>
+#include <string>
+
+#include "render/depth/solve_kernels.h"
+#include "render/view/ray_cells.h"
+#include "render/view/synthetic_take.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+using testing::SyntheticTake;
+
+constexpr double kWall = 2.5, kBack = 5;  // metres off
+
+/// Left of x = 0.1 a wall, behind it another one.
+double depth_along(const Vector3d& from, const Vector3d& direction) {
+  const double wall = (-kWall - from.z()) / direction.z();
+  return (from + wall * direction).x() < 0.1 ? wall : (-kBack - from.z()) / direction.z();
+}
+std::array<double, 3> scene(const Vector3d& from, const Vector3d& direction) {
+  const Vector3d hit = from + depth_along(from, direction) * direction;
+  const auto coarse = testing::painted_plane(1.5 * hit.x(), 1.5 * hit.y() - hit.z());
+  const auto fine = testing::painted_plane(4 * hit.x() + 1, 4 * hit.y());
+  return {(coarse[0] + fine[1]) / 2, (coarse[1] + fine[2]) / 2, (coarse[2] + fine[0]) / 2};
+}
+
+/// A take of two walls, and its first instant.
+class CameraDepthsTest : public ::testing::Test {
+ protected:
+  void record(int rows, int columns, int width, int height, const Distortion& distortion) {
+    SyntheticTake settings;
+    settings.cameras = testing::camera_grid(rows, columns, 0.1, width, height, distortion);
+    // Not quite in rows: no sample of another camera falls on a row of pixels, from where rounding
+    // would decide which pixels it is of.
+    for (std::size_t i = 0; i < settings.cameras.size(); ++i) {
+      auto& pose = settings.cameras[i].world_from_camera;
+      pose[3] += 0.0041 * (static_cast<double>(i * 7 % 5) - 2);
+      pose[7] += 0.0033 * (static_cast<double>(i * 5 % 7) - 3);
+      pose[11] += 0.0027 * (static_cast<double>(i * 3 % 4) - 1);
+    }
+    settings.depth_range = DepthRange{2.2, 6};
+    settings.painting = scene;
+    write_synthetic_take(settings, folder_.path() / "take");
+    take_ = std::make_unique<Take>(folder_.path() / "take");
+    cache_ = std::make_unique<FrameCache>(*take_, std::size_t{1} << 28, BlendSpace::kPerceptual);
+    instant_.take = take_.get();
+    instant_.rig = &take_->rig();
+    instant_.cache = cache_.get();
+    instant_.frame_of_camera.assign(take_->rig().cameras.size(), 0);
+    settings_.scene = *settings.depth_range;
+  }
+
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+  std::unique_ptr<FrameCache> cache_;
+  Instant instant_;
+  DepthSettings settings_;
+};
+
+constexpr std::size_t kPlenty = std::size_t{1} << 30;
+const Distortion kBarrel{-0.15, 0.02, 0.001, -0.002, 0};
+
+TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
+  record(3, 3, 56, 42, kBarrel);
+  const CameraDepths slow = solve_camera_depths_reference(instant_, settings_);
+  std::set<std::string> seen;
+  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    SCOPED_TRACE(depth_solve_target());
+    seen.insert(depth_solve_target());
+    const CameraDepths fast = solve_camera_depths(instant_, settings_, kPlenty);
+    int all = 0, known = 0, differ = 0;
+    for (std::size_t camera = 0; camera < slow.maps.size(); ++camera) {
+      ASSERT_EQ(fast.maps[camera].values.size(), slow.maps[camera].values.size());
+      for (std::size_t i = 0; i < slow.maps[camera].values.size(); ++i) {
+        const float expected = slow.maps[camera].values[i], found = fast.maps[camera].values[i];
+        ++all;
+        known += expected >= 0 ? 1 : 0;
+        // A hundredth of a pixel of disparity; further off where rounding decides a choice.
+        const bool is_other = (found < 0) != (expected < 0);
+        differ += is_other || std::abs(found - expected) > 0.01 * slow.pixel ? 1 : 0;
+      }
+    }
+    EXPECT_GT(known, all / 2);
+    EXPECT_LT(known, all);
+    EXPECT_LE(differ, all / 1000);
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  hwy::GetChosenTarget().DeInit();
+  EXPECT_FALSE(seen.empty());
+}
+
+TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
+  record(3, 3, 96, 72, {-0.25, 0.05, 0, 0, 0});
+  const CameraDepths depths = solve_camera_depths(instant_, settings_, kPlenty);
+  int beside = 0, at_border = 0, wrong = 0;
+  for (std::size_t camera = 0; camera < depths.maps.size(); ++camera) {
+    const VirtualCamera& pinhole = depths.pinholes[camera];
+    const Intrinsics& k = pinhole.intrinsics;
+    const CameraModel& model = take_->rig().cameras[camera].model;
+    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(pinhole);
+    ASSERT_GT(pinhole.width, model.width());
+    for (int y = 0; y < pinhole.height; ++y) {
+      for (int x = 0; x < pinhole.width; ++x) {
+        const auto p = model.pixel_from_ideal({(x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy});
+        const double inside =
+            !p ? -1 : std::min({p->x(), p->y(), model.width() - p->x(), model.height() - p->y()});
+        const float found = depths.maps[camera].at(x, y);
+        if (inside < 0) {
+          ASSERT_EQ(found, kUnknownDepth) << x << ", " << y;
+          ++beside;
+        }
+        if (inside < 2 || inside > 5) continue;
+        const Vector3d ray = ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1);
+        const double truth = 1 / depth_along(pinhole.pose.position, ray);
+        ++at_border;
+        wrong += std::abs(static_cast<double>(found) - truth) > depths.pixel ? 1 : 0;
+      }
+    }
+  }
+  EXPECT_GT(beside, 1000);
+  EXPECT_LT(wrong, at_border / 100);
+}
+
+}  // namespace
+}  // namespace raystage

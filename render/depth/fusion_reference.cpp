@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+
+#include "render/depth/fusion.h"
+#include "render/depth/warp.h"
+
+namespace raystage {
+namespace {
+
+/// What a report counts at a pixel: see DepthReport::weights.
+double weight_at(const VirtualCamera& view, const DepthReport& report, int x, int y) {
+  const int column = x / kDepthTile, row = y / kDepthTile;
+  const auto& corners =
+      report.weights[static_cast<std::size_t>(row * depth_tile_columns(view) + column)];
+  const int width = std::min(kDepthTile, view.width - column * kDepthTile);
+  const int height = std::min(kDepthTile, view.height - row * kDepthTile);
+  const double across = (x % kDepthTile + 0.5) / width, down = (y % kDepthTile + 0.5) / height;
+  const auto corner = [&](std::size_t i) { return static_cast<double>(corners[i]); };
+  return (1 - down) * ((1 - across) * corner(0) + across * corner(1)) +
+         down * ((1 - across) * corner(2) + across * corner(3));
+}
+
+/// The depth that most support, and the share of the weights that do: see vote().
+struct Agreed {
+  double depth = static_cast<double>(kUnknownDepth), share = 0;
+};
+Agreed vote_of(const std::vector<double>& reports, const std::vector<double>& weights,
+               double tolerance) {
+  Agreed agreed;
+  double all = 0, best = 0, chosen = -1;
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    if (reports[i] < 0 || weights[i] <= 0) continue;
+    all += weights[i];
+    double support = 0, sum = 0;
+    for (std::size_t j = 0; j < reports.size(); ++j) {
+      if (reports[j] < 0) continue;
+      const double weight =
+          weights[j] * std::max(0.0, 1 - std::abs(reports[j] - reports[i]) / tolerance);
+      support += weight;
+      sum += weight * reports[j];
+    }
+    const bool is_as_good = support > 0.9999 * best && reports[i] > chosen;
+    if (support > 1.0001 * best || is_as_good) {
+      best = support;
+      chosen = reports[i];
+      agreed.depth = sum / support;
+    }
+  }
+  agreed.share = all > 0 ? best / all : 0;
+  return agreed;
+}
+
+/// The farthest of the depths next in the row and column that enough agree on.
+float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& share, float least_share,
+                   int x, int y) {
+  constexpr int kReach = 40;  // pixels
+  std::vector<float> around;
+  for (const auto& [dx, dy] : {std::pair(1, 0), {-1, 0}, {0, 1}, {0, -1}}) {
+    for (int i = 1; i <= kReach; ++i) {
+      const int column = x + i * dx, row = y + i * dy;
+      if (column < 0 || row < 0 || column >= depths.width || row >= depths.height) break;
+      if (depths.at(column, row) < 0 || share.at(column, row) < least_share) continue;
+      around.push_back(depths.at(column, row));
+      break;
+    }
+  }
+  return around.empty() ? depths.at(x, y) : *std::ranges::min_element(around);
+}
+
+InverseDepthMap median(const InverseDepthMap& depths) {
+  InverseDepthMap result{depths.width, depths.height, {}};
+  for (int y = 0; y < depths.height; ++y) {
+    for (int x = 0; x < depths.width; ++x) {
+      std::vector<float> nine;
+      for (int i = 0; i < 9; ++i) {
+        nine.push_back(depths.at(std::clamp(x + i % 3 - 1, 0, depths.width - 1),
+                                 std::clamp(y + i / 3 - 1, 0, depths.height - 1)));
+      }
+      std::ranges::sort(nine);
+      result.values.push_back(nine[4]);
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+InverseDepthMap fuse_depths_reference(const VirtualCamera& view,
+                                      std::span<const DepthReport> reports,
+                                      const FusionSettings& settings) {
+  std::vector<InverseDepthMap> warped;
+  for (const DepthReport& report : reports) {
+    warped.push_back(warp_depths_reference(*report.map, *report.camera, view));
+  }
+  InverseDepthMap depths{view.width, view.height, {}}, share = depths, result = depths;
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      std::vector<double> said, weights;
+      for (std::size_t i = 0; i < reports.size(); ++i) {
+        said.push_back(static_cast<double>(warped[i].at(x, y)));
+        weights.push_back(weight_at(view, reports[i], x, y));
+      }
+      const Agreed found = vote_of(said, weights, static_cast<double>(settings.tolerance));
+      depths.values.push_back(static_cast<float>(found.depth));
+      share.values.push_back(static_cast<float>(found.share));
+    }
+  }
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      const bool is_known = depths.at(x, y) >= 0 && share.at(x, y) >= settings.least_share;
+      result.values.push_back(is_known ? depths.at(x, y)
+                                       : depth_behind(depths, share, settings.least_share, x, y));
+    }
+  }
+  return median(result);
+}
+
+void smooth_along_links_reference(std::vector<float>& values, int channels, int width, int height,
+                                  const PixelLinks& links) {
+  const auto pixel = [&](int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+           static_cast<std::size_t>(x);
+  };
+  const auto channel_count = static_cast<std::size_t>(channels);
+  std::vector<double> exact(values.begin(), values.end());
+  const auto draw = [&](std::size_t to, std::size_t from, float link) {
+    for (std::size_t c = 0; c < channel_count; ++c) {
+      double& value = exact[to * channel_count + c];
+      value += static_cast<double>(link) * (exact[from * channel_count + c] - value);
+    }
+  };
+  for (int y = 0; y < height; ++y) {
+    for (int x = 1; x < width; ++x) draw(pixel(x, y), pixel(x - 1, y), links.left[pixel(x, y)]);
+    for (int x = width - 2; x >= 0; --x) {
+      draw(pixel(x, y), pixel(x + 1, y), links.left[pixel(x + 1, y)]);
+    }
+  }
+  for (int x = 0; x < width; ++x) {
+    for (int y = 1; y < height; ++y) draw(pixel(x, y), pixel(x, y - 1), links.above[pixel(x, y)]);
+    for (int y = height - 2; y >= 0; --y) {
+      draw(pixel(x, y), pixel(x, y + 1), links.above[pixel(x, y + 1)]);
+    }
+  }
+  std::ranges::transform(exact, values.begin(),
+                         [](double value) { return static_cast<float>(value); });
+}
+
+}  // namespace raystage

@@ -5,10 +5,13 @@
 #include <cmath>
 #include <functional>
 #include <numbers>
+#include <utility>
 
 #include "render/depth/fusion.h"
 #include "render/depth/matching_image.h"
 #include "render/depth/solve_kernels.h"
+#include "render/depth/solve_memory.h"
+#include "render/depth/warp.h"
 #include "render/matching/matching.h"
 #include "schemas/parallel.h"
 
@@ -19,30 +22,6 @@ std::size_t pixels_of(const VirtualCamera& camera) {
   return static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
 }
 
-/// Pixels that a point moves by from one camera to another, per 1/m.
-double disparity(const VirtualCamera& to, const VirtualCamera& from) {
-  const PixelTransfer transfer = pixel_transfer(to, from);
-  return std::hypot(transfer.parallax[0], transfer.parallax[1]);
-}
-
-/// Whether `other` sees some of what `camera` does in the middle of the scene.
-bool share_a_view(const VirtualCamera& camera, const VirtualCamera& other,
-                  const InverseDepthRange& range) {
-  const PixelTransfer transfer = pixel_transfer(other, camera);
-  const double q = (range.farthest + range.nearest) / 2;
-  for (int i = 0; i < 9; ++i) {
-    const int column = 1 + i % 3, row = 1 + i / 3;
-    const double x = camera.width * column / 4.0, y = camera.height * row / 4.0;
-    const auto part = [&](std::size_t r) {
-      const double* m = transfer.direction.data() + 3 * r;
-      return m[0] * x + m[1] * y + m[2] + q * transfer.parallax[r];
-    };
-    const double w = part(2), u = part(0), v = part(1);
-    if (w > 0 && u >= 0 && v >= 0 && u <= w * other.width && v <= w * other.height) return true;
-  }
-  return false;
-}
-
 /// What takes part in solving one instant.
 class Solver {
  public:
@@ -51,24 +30,24 @@ class Solver {
         settings_(settings),
         depths_(depth_cameras(instant, settings)),
         images_(depths_.pinholes.size()) {
-    std::size_t most = 1;
+    std::vector<std::size_t> pixels;
     for (std::size_t i = 0; i < images_.size(); ++i) {
       if (!instant.is_present(static_cast<int>(i))) continue;
       members_.push_back(static_cast<int>(i));
-      most = std::max(most, pixels_of(depths_.pinholes[i]));
+      pixels.push_back(pixels_of(depths_.pinholes[i]));
     }
-    // Warped maps, costs of refinement, a cost volume of a moderate number of planes.
-    constexpr std::size_t kBytesPerPixel = 200;
-    in_flight_ = std::clamp<std::size_t>(working_bytes / (most * kBytesPerPixel), 1, 64);
-    matching_bytes_ = working_bytes / in_flight_;
+    guess_ = {positions_read(settings.neighbours), true, false};
+    agreement_ = {guess_.reads, false, true};
+    refinement_ = {positions_read(settings.witnesses), true, true};
+    memory_ =
+        plan_solve_memory({guess_, agreement_, refinement_}, pixels, camera_bytes(), working_bytes);
   }
 
   CameraDepths solve() {
-    open_images();
-    for_each_camera([&](int camera) { return first_guess(camera); });
+    for_each_camera(guess_, [&](int camera) { return first_guess(camera); });
     if (depths_.pixel > 0) {
-      for_each_camera([&](int camera) { return agreed(camera); });
-      for_each_camera([&](int camera) { return refined(camera); });
+      for_each_camera(agreement_, [&](int camera) { return agreed(camera); });
+      for_each_camera(refinement_, [&](int camera) { return refined(camera); });
     }
     return std::move(depths_);
   }
@@ -88,25 +67,92 @@ class Solver {
     return depth_neighbours(depths_, instant_, camera, range(camera), count);
   }
 
-  /// All maps anew, each from all of the present ones.
-  template <class Make>
-  void for_each_camera(const Make& make) {
-    std::vector<InverseDepthMap> made(depths_.maps.size());
-    for_each_in_flight(
-        members_.size(), in_flight_, [] { return false; },
-        [&](std::size_t i) { made[static_cast<std::size_t>(members_[i])] = make(members_[i]); });
-    depths_.maps = std::move(made);
+  /// Neighbours of each member, as members.
+  std::vector<std::vector<std::size_t>> positions_read(int count) const {
+    std::vector<std::vector<std::size_t>> reads;
+    for (const int camera : members_) {
+      reads.emplace_back();
+      for (const int other : neighbours(camera, count)) {
+        reads.back().push_back(
+            static_cast<std::size_t>(std::ranges::lower_bound(members_, other) - members_.begin()));
+      }
+    }
+    return reads;
   }
 
-  void open_images() {
-    raystage::parallel_for(std::size_t{0}, members_.size(), [&](std::size_t i) {
-      const auto camera = static_cast<std::size_t>(members_[i]);
-      std::int64_t decoded = 0;
-      const auto frame =
-          instant_.cache->fetch(members_[i], instant_.frame_of_camera[camera], {}, decoded);
-      images_[camera] = MatchingImage(*frame, instant_.cache->blend_space(),
-                                      instant_.rig->cameras[camera], depths_.pinholes[camera]);
-    });
+  CostVolume volume_of(int camera) const {
+    return {pinhole(camera).width, pinhole(camera).height,
+            guess_planes(depths_, instant_, camera, settings_).count};
+  }
+  /// Beside the cost volume: what is seen, the guide, the planes found and their costs.
+  static constexpr std::size_t kGuessBytes = 7;  // a pixel
+
+  /// Of the camera that takes most.
+  CameraBytes camera_bytes() const {
+    constexpr std::size_t kOpenBytes = 10;     // a pixel: a decoded frame and its luma, twice
+    constexpr std::size_t kRefineBytes = 44;   // costs, links, smoothed depths
+    constexpr std::size_t kMoreToFuse = 16;    // voted depths, shares, filled depths
+    constexpr std::size_t kPlenty = 200;       // so that most cost volumes fit whole
+    constexpr std::size_t kSmall = 1U << 17U;  // tables, weights of tiles, rows
+    constexpr std::size_t kTile = 4 * kDepthTile * kDepthTile;
+    CameraBytes most;
+    for (const int camera : members_) {
+      const std::size_t pixels = pixels_of(pinhole(camera));
+      const auto reports = static_cast<std::size_t>(settings_.neighbours) + 1;
+      const std::size_t fuse =
+          reports * (depth_tile_count(pinhole(camera)) + 2) * kTile + kMoreToFuse * pixels;
+      const CostVolume volume = volume_of(camera);
+      const std::size_t match = volume.planes > 1 ? semi_global_bytes(volume, 0) : 0;
+      most.least = std::max({most.least, kOpenBytes * pixels, kRefineBytes * pixels, fuse,
+                             kGuessBytes * pixels + match});
+      most.plenty = std::max(most.plenty, kPlenty * pixels);
+    }
+    most.least += kSmall;
+    return most;
+  }
+
+  /// All maps anew, each from all of the present ones.
+  template <class Make>
+  void for_each_camera(const SolvePass& pass, const Make& make) {
+    const std::vector<std::size_t> last_readers = pass.last_readers();
+    std::vector<InverseDepthMap> made(members_.size());
+    for (std::size_t begin = 0; begin < members_.size(); begin += memory_.group) {
+      const std::size_t end = std::min(members_.size(), begin + memory_.group);
+      hold_images(pass, begin, end);
+      for_each_in_flight(
+          end - begin, memory_.in_flight, [] { return false; },
+          [&](std::size_t i) { made[begin + i] = make(members_[begin + i]); });
+      for (std::size_t i = 0; i < end; ++i) {
+        if (made[i].values.empty() || last_readers[i] >= end) continue;
+        depths_.maps[static_cast<std::size_t>(members_[i])] = std::exchange(made[i], {});
+      }
+    }
+  }
+
+  /// Of the cameras that a group looks at, and no others unless all fit.
+  void hold_images(const SolvePass& pass, std::size_t begin, std::size_t end) {
+    std::vector<bool> is_needed(members_.size(), memory_.group >= members_.size());
+    for (std::size_t i = begin; i < end && pass.images; ++i) {
+      is_needed[i] = true;
+      for (const std::size_t other : pass.reads[i]) is_needed[other] = true;
+    }
+    std::vector<int> missing;
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      MatchingImage& held = images_[static_cast<std::size_t>(members_[i])];
+      if (!is_needed[i]) held = {};
+      if (is_needed[i] && held.width() == 0) missing.push_back(members_[i]);
+    }
+    for_each_in_flight(
+        missing.size(), memory_.in_flight, [] { return false; },
+        [&](std::size_t i) { open_image(missing[i]); });
+  }
+
+  void open_image(int camera) {
+    const auto i = static_cast<std::size_t>(camera);
+    std::int64_t decoded = 0;
+    const auto frame = instant_.cache->fetch(camera, instant_.frame_of_camera[i], {}, decoded);
+    images_[i] = MatchingImage(*frame, instant_.cache->blend_space(), instant_.rig->cameras[i],
+                               depths_.pinholes[i]);
   }
 
   std::vector<Partner> partners(int camera, int count) const {
@@ -140,7 +186,7 @@ class Solver {
     matching.p2 = depth_solve::kJump;
     matching.guide = guide;
     matching.guide_scale = depth_solve::kGuideCodes;
-    matching.working_bytes = matching_bytes_;
+    matching.working_bytes = memory_.each - std::min(memory_.each, kGuessBytes * pixels_of(from));
     std::vector<std::uint8_t> is_seen(pixels_of(from));
     const PlaneMap found = semi_global_match(
         volume,
@@ -256,7 +302,8 @@ class Solver {
   CameraDepths depths_;
   std::vector<MatchingImage> images_;  // by camera of the rig
   std::vector<int> members_;
-  std::size_t in_flight_ = 1, matching_bytes_ = 0;
+  SolvePass guess_, agreement_, refinement_;
+  SolveMemory memory_;
 };
 
 }  // namespace
@@ -273,61 +320,6 @@ std::size_t CameraDepths::bytes() const {
     for (const InverseDepthMap& map : kept.get()) sum += map.values.size() * sizeof(float);
   }
   return sum;
-}
-
-std::vector<int> depth_neighbours(const CameraDepths& depths, const Instant& instant, int camera,
-                                  const InverseDepthRange& range, int count) {
-  const VirtualCamera& from = depths.pinholes[static_cast<std::size_t>(camera)];
-  std::vector<std::pair<double, int>> others;
-  for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
-    const int other = static_cast<int>(i);
-    if (other == camera || !instant.is_present(other)) continue;
-    const double distance = (depths.pinholes[i].pose.position - from.pose.position).norm();
-    if (!(disparity(depths.pinholes[i], from) > 0)) continue;
-    if (share_a_view(from, depths.pinholes[i], range)) others.emplace_back(distance, other);
-  }
-  std::ranges::sort(others);
-  others.resize(std::min(others.size(), static_cast<std::size_t>(count)));
-  std::vector<int> nearest;
-  for (const auto& [distance, other] : others) nearest.push_back(other);
-  return nearest;
-}
-
-GuessPlanes guess_planes(const CameraDepths& depths, const Instant& instant, int camera,
-                         const DepthSettings& settings) {
-  const VirtualCamera& from = depths.pinholes[static_cast<std::size_t>(camera)];
-  const InverseDepthRange seen = inverse_depths_in_view(from, *instant.rig, settings.scene);
-  if (seen.empty()) return {};
-  const std::vector<int> nearest = depth_neighbours(depths, instant, camera, seen, 1);
-  const double moves =
-      nearest.empty() ? 0 : disparity(depths.pinholes[static_cast<std::size_t>(nearest[0])], from);
-  const double steps = std::ceil((seen.nearest - seen.farthest) * moves / settings.plane_px - 1e-9);
-  const int count = 1 + static_cast<int>(std::clamp(steps, 0.0, depth_solve::kMostPlanes - 1.0));
-  if (count == 1) return {1, (seen.farthest + seen.nearest) / 2, 0};
-  return {count, seen.farthest, (seen.nearest - seen.farthest) / (count - 1)};
-}
-
-CameraDepths depth_cameras(const Instant& instant, const DepthSettings& settings) {
-  CameraDepths depths;
-  for (const Rig::Camera& camera : instant.rig->cameras) {
-    depths.pinholes.push_back(undistorted(camera.model, camera.pose));
-  }
-  depths.maps.resize(depths.pinholes.size());
-  std::vector<double> moves;
-  for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
-    if (!instant.is_present(static_cast<int>(i))) continue;
-    const InverseDepthRange range =
-        inverse_depths_in_view(depths.pinholes[i], *instant.rig, settings.scene);
-    const auto nearest = depth_neighbours(depths, instant, static_cast<int>(i), range, 1);
-    if (nearest.empty()) continue;
-    moves.push_back(
-        disparity(depths.pinholes[static_cast<std::size_t>(nearest[0])], depths.pinholes[i]));
-  }
-  if (moves.empty()) return depths;
-  const auto middle = moves.begin() + static_cast<std::ptrdiff_t>(moves.size() / 2);
-  std::nth_element(moves.begin(), middle, moves.end());
-  depths.pixel = 1 / *middle;
-  return depths;
 }
 
 CameraDepths solve_camera_depths(const Instant& instant, const DepthSettings& settings,

@@ -63,9 +63,11 @@ struct CameraDepths {
 /// where all cameras that see the point agree best, with edges of the picture and of the depth
 /// holding apart what does not belong together.
 ///
-/// The result does not depend on the number of threads. Memory beside the result: for each camera
-/// a matching image (4 bytes a pixel) and a second map; and what cameras in flight need, as many
-/// as fit `working_bytes` (one at least). Throws Error (bad input) for frames that cannot be read.
+/// The result depends on neither the number of threads nor `working_bytes`, which bounds the memory
+/// taken beside the result: for each camera a matching image (4 bytes a pixel), made again where
+/// not all fit, and a second map until its neighbours have read the first; and what cameras in
+/// flight need. See SolveMemory. Throws Error (bad input) for frames that cannot be read, and where
+/// one camera at a time does not fit.
 CameraDepths solve_camera_depths(const Instant& instant, const DepthSettings& settings,
                                  std::size_t working_bytes);
 

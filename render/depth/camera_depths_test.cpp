@@ -12,6 +12,7 @@
 #include "render/depth/solve_kernels.h"
 #include "render/view/ray_cells.h"
 #include "render/view/synthetic_take.h"
+#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -130,6 +131,28 @@ TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
   }
   EXPECT_GT(beside, 1000);
   EXPECT_LT(wrong, at_border / 100);
+}
+
+TEST_F(CameraDepthsTest, SameInGroupsOfAnySizeAndInLittleMemory) {
+  record(4, 4, 56, 42, kBarrel);
+  settings_.witnesses = 5;
+  settings_.neighbours = 4;
+  const CameraDepths expected = solve_camera_depths(instant_, settings_, kPlenty);
+  std::size_t fitting = 0;
+  for (std::size_t bytes = 100'000; bytes < 6'000'000; bytes = bytes * 5 / 4) {
+    try {
+      const CameraDepths found = solve_camera_depths(instant_, settings_, bytes);
+      for (std::size_t i = 0; i < found.maps.size(); ++i) {
+        ASSERT_EQ(found.maps[i].values, expected.maps[i].values) << bytes << " bytes, camera " << i;
+      }
+      ++fitting;
+    } catch (const Error& error) {
+      EXPECT_EQ(fitting, 0U) << "more memory, yet not enough";
+      EXPECT_NE(std::string(error.what()).find("memory"), std::string::npos);
+    }
+  }
+  EXPECT_GT(fitting, 6U);
+  EXPECT_THROW(solve_camera_depths(instant_, settings_, 0), Error);
 }
 
 }  // namespace

@@ -114,8 +114,8 @@ MatchingImage picture_of(const Instant& instant, std::size_t camera, const Camer
           depths.pinholes[camera]};
 }
 
-/// An instant's depths with those before and after in mind: as many maps again, and three pictures
-/// per thread.
+/// An instant's depths with those before and after in mind: three instants' maps, and as many
+/// cameras at a time as fit `working_bytes`.
 std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptResults& kept_results,
                                                   std::size_t working_bytes,
                                                   const DepthSettings& solving, bool keep) {
@@ -135,7 +135,13 @@ std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptRe
     auto kept = std::make_shared<KeptDepths>(*depths_at(instant));
     CameraDepths& depths = kept->depths;
     const auto tolerance = static_cast<float>(solving.tolerance_px * depths.pixel);
-    raystage::parallel_for(std::size_t{0}, depths.maps.size(), [&](std::size_t i) {
+    constexpr std::size_t kBytesPerPixel = 30;  // a frame, three pictures, the new map
+    std::size_t most = 1;
+    for (const InverseDepthMap& map : depths.maps) most = std::max(most, map.values.size());
+    const std::size_t in_flight =
+        std::clamp<std::size_t>(working_bytes / (most * kBytesPerPixel), 1, depths.maps.size());
+    const auto never = [] { return false; };
+    for_each_in_flight(depths.maps.size(), in_flight, never, [&](std::size_t i) {
       if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
       std::vector<MatchingImage> pictures;
       std::vector<OtherInstant> of_camera;

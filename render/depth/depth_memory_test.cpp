@@ -1,0 +1,105 @@
+// SPDX-License-Identifier: Apache-2.0
+// A program of its own: it counts what every allocation takes.
+#include <gtest/gtest.h>
+#include <malloc.h>
+
+#include <atomic>
+#include <cerrno>
+
+#include "render/depth/camera_depths.h"
+#include "render/view/synthetic_take.h"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define RAYSTAGE_COUNTS_MEMORY 0
+#else
+#define RAYSTAGE_COUNTS_MEMORY 1
+#endif
+
+namespace {
+
+std::atomic<std::ptrdiff_t> held{0}, peak{0};
+
+[[maybe_unused]] void* taken(void* memory) {
+  if (memory == nullptr) return nullptr;
+  const auto bytes = static_cast<std::ptrdiff_t>(malloc_usable_size(memory));
+  const std::ptrdiff_t now = held.fetch_add(bytes) + bytes;
+  std::ptrdiff_t most = peak.load();
+  while (now > most && !peak.compare_exchange_weak(most, now)) {
+  }
+  return memory;
+}
+
+[[maybe_unused]] void given_back(void* memory) {
+  if (memory != nullptr) held -= static_cast<std::ptrdiff_t>(malloc_usable_size(memory));
+}
+
+}  // namespace
+
+#if RAYSTAGE_COUNTS_MEMORY
+// glibc's own, below the names that programs use.
+extern "C" {
+void* __libc_malloc(std::size_t bytes);                           // NOLINT
+void* __libc_calloc(std::size_t count, std::size_t bytes);        // NOLINT
+void* __libc_realloc(void* memory, std::size_t bytes);            // NOLINT
+void* __libc_memalign(std::size_t alignment, std::size_t bytes);  // NOLINT
+void __libc_free(void* memory);                                   // NOLINT
+
+void* malloc(std::size_t bytes) { return taken(__libc_malloc(bytes)); }
+void* calloc(std::size_t count, std::size_t bytes) { return taken(__libc_calloc(count, bytes)); }
+void* realloc(void* memory, std::size_t bytes) {
+  given_back(memory);
+  return taken(__libc_realloc(memory, bytes));
+}
+void* memalign(std::size_t alignment, std::size_t bytes) {
+  return taken(__libc_memalign(alignment, bytes));
+}
+void* aligned_alloc(std::size_t alignment, std::size_t bytes) { return memalign(alignment, bytes); }
+int posix_memalign(void** memory, std::size_t alignment, std::size_t bytes) {
+  *memory = memalign(alignment, bytes);
+  return *memory == nullptr ? ENOMEM : 0;
+}
+void free(void* memory) {
+  given_back(memory);
+  __libc_free(memory);
+}
+}
+#endif
+
+namespace raystage {
+namespace {
+
+TEST(DepthMemory, SolvingKeepsWithinItsBound) {
+  if (RAYSTAGE_COUNTS_MEMORY == 0) GTEST_SKIP() << "sanitizers take memory of their own";
+  testing::SyntheticTake recorded;
+  recorded.cameras = testing::camera_grid(4, 6, 0.1, 200, 150, {-0.1, 0.02, 0, 0, 0});
+  recorded.depth_range = DepthRange{2.2, 6};
+  const TestFolder folder;
+  write_synthetic_take(recorded, folder.path() / "take");
+  const Take take(folder.path() / "take");
+  FrameCache cache(take, std::size_t{1} << 28, BlendSpace::kPerceptual);
+  Instant instant;
+  instant.take = &take;
+  instant.rig = &take.rig();
+  instant.cache = &cache;
+  instant.frame_of_camera.assign(take.rig().cameras.size(), 0);
+  DepthSettings settings;
+  settings.scene = *recorded.depth_range;
+  const std::size_t plenty = std::size_t{1} << 30;
+  const CameraDepths warm = solve_camera_depths(instant, settings, plenty);  // frames, threads
+  std::ptrdiff_t most = 0;
+  for (const std::size_t bound :
+       {std::size_t{8'000'000}, std::size_t{11'000'000}, std::size_t{30'000'000}, plenty}) {
+    const std::ptrdiff_t before = held;
+    peak = before;
+    const CameraDepths depths = solve_camera_depths(instant, settings, bound);
+    const std::ptrdiff_t beside = peak - before - static_cast<std::ptrdiff_t>(depths.bytes());
+    EXPECT_LT(beside, static_cast<std::ptrdiff_t>(bound));
+    EXPECT_GT(beside, most / 2) << "more memory would have been of use";
+    most = std::max(most, beside);
+    EXPECT_EQ(depths.maps[7].values, warm.maps[7].values);
+  }
+  EXPECT_GT(most, 10'000'000);  // so the smaller bounds were put to the test
+}
+
+}  // namespace
+}  // namespace raystage

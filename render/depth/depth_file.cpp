@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/depth/depth_file.h"
 
-#include <fmt/format.h>
-#include <xxhash.h>
 #include <zstd.h>
 
 #include <algorithm>
@@ -11,15 +9,14 @@
 #include <cmath>
 #include <memory>
 #include <new>
+#include <string>
 
-#include "schemas/atomic_file.h"
 #include "schemas/error.h"
 #include "store/little_endian.h"
 
 namespace raystage {
 namespace {
 
-constexpr std::uint32_t kAlgorithm = 2;  ///< raised whenever the same input gives other depths
 constexpr std::array<char, 8> kMagic{'R', 'A', 'Y', 'S', 'D', 'E', 'P', 'T'};
 constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kVersionAt = 8, kMapsAt = 12, kFingerprintAt = 16, kHeaderBytes = 24;
@@ -51,29 +48,6 @@ std::size_t bytes_of(const InverseDepthMap& map) { return kMapHeaderBytes + 2 * 
 void quantise(InverseDepthMap& map) {
   const float step = step_of(map);
   for (float& depth : map.values) depth = depth_of(code_of(depth, step), step);
-}
-
-std::uint64_t depth_fingerprint(const Instant& instant, const DepthSettings& s) {
-  std::array<std::byte, 64> fixed{};
-  store_little_endian(fixed, 0, kAlgorithm);
-  store_little_endian(fixed, 4, static_cast<std::uint32_t>(instant.cache->blend_space()));
-  store_little_endian(fixed, 8, std::bit_cast<std::uint64_t>(s.scene.near));
-  store_little_endian(fixed, 16, std::bit_cast<std::uint64_t>(s.scene.far));
-  store_little_endian(fixed, 24, std::bit_cast<std::uint64_t>(s.plane_px));
-  store_little_endian(fixed, 32, std::bit_cast<std::uint64_t>(s.refine_px));
-  store_little_endian(fixed, 40, std::bit_cast<std::uint64_t>(s.tolerance_px));
-  store_little_endian(fixed, 48, static_cast<std::int64_t>(s.neighbours));
-  store_little_endian(fixed, 56, static_cast<std::int64_t>(s.witnesses));
-  std::uint64_t hash = XXH3_64bits(fixed.data(), fixed.size());
-  const std::string rig = read_file(instant.take->folder() / "rig.json");
-  hash = XXH3_64bits_withSeed(rig.data(), rig.size(), hash);
-  for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
-    const int frame = instant.frame_of_camera[i];
-    const auto jpeg = frame < 0 ? std::span<const std::byte>{}
-                                : instant.take->archive(static_cast<int>(i)).jpeg(frame);
-    hash = XXH3_64bits_withSeed(jpeg.data(), jpeg.size(), hash);
-  }
-  return hash;
 }
 
 std::vector<std::byte> encode_depth_maps(std::span<const InverseDepthMap> maps,
@@ -173,49 +147,6 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
   }
   if (at != payload.size()) throw refuse("the depths are damaged");
   return maps;
-}
-
-std::filesystem::path depth_file(const std::filesystem::path& take_folder,
-                                 std::uint64_t fingerprint) {
-  return take_folder / "depth" / fmt::format("{:016x}.zst", fingerprint);
-}
-
-namespace {
-
-bool read_maps(const std::filesystem::path& file, std::uint64_t fingerprint, CameraDepths& depths) {
-  std::error_code error;
-  if (!std::filesystem::exists(file, error)) return false;
-  try {
-    const std::string bytes = read_file(file);
-    depths.maps = decode_depth_maps(std::as_bytes(std::span(bytes)), fingerprint, depths.pinholes,
-                                    file.string());
-    return true;
-  } catch (const Error&) {
-    return false;  // found anew, and written over
-  }
-}
-
-}  // namespace
-
-CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& settings,
-                                std::size_t working_bytes, bool keep, std::string& note) {
-  const std::uint64_t fingerprint = keep ? depth_fingerprint(instant, settings) : 0;
-  const std::filesystem::path file = depth_file(instant.take->folder(), fingerprint);
-  if (keep) {
-    CameraDepths depths = depth_cameras(instant, settings);
-    if (read_maps(file, fingerprint, depths)) return depths;
-  }
-  CameraDepths depths = solve_camera_depths(instant, settings, working_bytes);
-  for (InverseDepthMap& map : depths.maps) quantise(map);
-  if (!keep) return depths;
-  try {
-    create_folder(file.parent_path());
-    write_file_atomically(file, encode_depth_maps(depths.maps, fingerprint));
-  } catch (const Error& error) {
-    note = fmt::format("depths are found anew each time, as they cannot be kept: {}",
-                       error.what_happened());
-  }
-  return depths;
 }
 
 }  // namespace raystage

@@ -3,20 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <filesystem>
-#include <optional>
 #include <span>
-#include <string>
 #include <string_view>
 #include <vector>
 
-#include "render/depth/camera_depths.h"
+#include "render/depth/pinhole.h"
 
 namespace raystage {
-
-/// What an instant's depths stand on: XXH3 over the version of the algorithm, the settings, the
-/// rig, and for each camera its frame's JPEG bytes or that it has none.
-std::uint64_t depth_fingerprint(const Instant& instant, const DepthSettings& settings);
 
 /// Depths as a file keeps them: multiples of a power of two, 65534 at most. Solved depths are
 /// brought to these, so that a view does not depend on whether they were found or read.
@@ -34,15 +27,5 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
                                                std::uint64_t fingerprint,
                                                std::span<const VirtualCamera> expected,
                                                std::string_view name);
-
-/// Where a take keeps them: TAKE/depth/FINGERPRINT.zst.
-std::filesystem::path depth_file(const std::filesystem::path& take_folder,
-                                 std::uint64_t fingerprint);
-
-/// The instant's depths: those kept in the take's folder if they are whole and fit, else found anew
-/// and kept there. What hinders the keeping (a read-only take, a full disk) is no error but told in
-/// `note`, for people.
-CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& settings,
-                                std::size_t working_bytes, bool keep, std::string& note);
 
 }  // namespace raystage

@@ -96,8 +96,8 @@ class Depth : public ::testing::Test {
   std::vector<fs::path> kept_files() const {
     std::vector<fs::path> files;
     std::error_code none;
-    for (const auto& entry : fs::directory_iterator(take_folder() / "depth", none)) {
-      files.push_back(entry.path());
+    for (const auto& entry : fs::recursive_directory_iterator(take_folder() / "depth", none)) {
+      if (entry.is_regular_file()) files.push_back(entry.path());
     }
     return files;
   }

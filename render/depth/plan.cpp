@@ -5,7 +5,7 @@
 #include <set>
 
 #include "render/depth/depth.h"
-#include "render/depth/depth_file.h"
+#include "render/depth/depth_store.h"
 #include "render/depth/fusion.h"
 #include "render/depth/solve_kernels.h"
 #include "render/depth/temporal.h"

@@ -1,0 +1,125 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/depth_store.h"
+
+#include <fmt/format.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "render/depth/depth_file.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "store/little_endian.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uint32_t kAlgorithm = 2;  ///< raised whenever the same input gives other depths
+constexpr std::size_t kDigits = 16;
+
+bool read_maps(const fs::path& file, std::uint64_t fingerprint, CameraDepths& depths) {
+  std::error_code error;
+  if (!fs::exists(file, error)) return false;
+  try {
+    const std::string bytes = read_file(file);
+    depths.maps = decode_depth_maps(std::as_bytes(std::span(bytes)), fingerprint, depths.pinholes,
+                                    file.string());
+  } catch (const Error&) {
+    return false;  // found anew, and written over
+  }
+  // The set is in use. That this may not be written down is no reason to go without.
+  fs::last_write_time(file.parent_path(), fs::file_time_type::clock::now(), error);
+  return true;
+}
+
+bool is_fingerprint(const std::string& name) {
+  return name.size() == kDigits && name.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+}  // namespace
+
+DepthKey depth_key(const Instant& instant, const DepthSettings& s) {
+  std::array<std::byte, 64> fixed{};
+  store_little_endian(fixed, 0, kAlgorithm);
+  store_little_endian(fixed, 4, static_cast<std::uint32_t>(instant.cache->blend_space()));
+  store_little_endian(fixed, 8, std::bit_cast<std::uint64_t>(s.scene.near));
+  store_little_endian(fixed, 16, std::bit_cast<std::uint64_t>(s.scene.far));
+  store_little_endian(fixed, 24, std::bit_cast<std::uint64_t>(s.plane_px));
+  store_little_endian(fixed, 32, std::bit_cast<std::uint64_t>(s.refine_px));
+  store_little_endian(fixed, 40, std::bit_cast<std::uint64_t>(s.tolerance_px));
+  store_little_endian(fixed, 48, static_cast<std::int64_t>(s.neighbours));
+  store_little_endian(fixed, 56, static_cast<std::int64_t>(s.witnesses));
+  const std::string rig = read_file(instant.take->folder() / "rig.json");
+  DepthKey key;
+  key.set = XXH3_64bits_withSeed(rig.data(), rig.size(), XXH3_64bits(fixed.data(), fixed.size()));
+  key.instant = key.set;
+  for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
+    const int frame = instant.frame_of_camera[i];
+    const auto jpeg = frame < 0 ? std::span<const std::byte>{}
+                                : instant.take->archive(static_cast<int>(i)).jpeg(frame);
+    key.instant = XXH3_64bits_withSeed(jpeg.data(), jpeg.size(), key.instant);
+  }
+  return key;
+}
+
+fs::path depth_file(const fs::path& take_folder, const DepthKey& key) {
+  return take_folder / "depth" / fmt::format("{:016x}", key.set) /
+         fmt::format("{:016x}.zst", key.instant);
+}
+
+void remove_old_depth_sets(const fs::path& folder, fs::file_time_type now) {
+  std::error_code error;
+  std::vector<std::pair<fs::file_time_type, fs::path>> sets, files;  // by last use
+  for (fs::directory_iterator entry(folder, error), end; entry != end; entry.increment(error)) {
+    const fs::path& path = entry->path();
+    const fs::file_status status = entry->symlink_status(error);
+    const bool is_set = fs::is_directory(status) && is_fingerprint(path.filename().string());
+    const bool is_file = fs::is_regular_file(status) && path.extension() == ".zst" &&
+                         is_fingerprint(path.stem().string());
+    if (!is_set && !is_file) continue;
+    const fs::file_time_type used = fs::last_write_time(path, error);
+    if (!error) (is_set ? sets : files).emplace_back(used, path);
+  }
+  std::ranges::sort(sets, std::greater());
+  sets.erase(sets.begin(),
+             sets.begin() + static_cast<std::ptrdiff_t>(std::min(sets.size(), kKeptDepthSets)));
+  for (const auto& old : {sets, files}) {
+    for (const auto& [used, path] : old) {
+      if (now - used > kDepthsInUse) fs::remove_all(path, error);
+    }
+  }
+}
+
+CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& settings,
+                                std::size_t working_bytes, bool keep, std::string& note) {
+  const DepthKey key = keep ? depth_key(instant, settings) : DepthKey{};
+  const fs::path file = depth_file(instant.take->folder(), key);
+  if (keep) {
+    CameraDepths depths = depth_cameras(instant, settings);
+    if (read_maps(file, key.instant, depths)) return depths;
+  }
+  CameraDepths depths = solve_camera_depths(instant, settings, working_bytes);
+  for (InverseDepthMap& map : depths.maps) quantise(map);
+  if (!keep) return depths;
+  try {
+    const fs::path set = file.parent_path();
+    std::error_code error;
+    const bool is_new = !fs::exists(set, error);
+    create_folder(set);
+    if (is_new) remove_old_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
+    write_file_atomically(file, encode_depth_maps(depths.maps, key.instant));
+  } catch (const Error& error) {
+    note = fmt::format("depths are found anew each time, as they cannot be kept: {}",
+                       error.what_happened());
+  }
+  return depths;
+}
+
+}  // namespace raystage

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/depth_store.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "render/view/synthetic_take.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::hours;
+
+std::set<std::string> names_in(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    names.insert(entry.path().filename().string());
+  }
+  return names;
+}
+
+std::string name_of(int set) { return "00000000000000a" + std::to_string(set); }
+
+TEST(DepthStore, KeepsTheSetsUsedLastAndThoseInUse) {
+  const TestFolder folder;
+  const fs::file_time_type now = fs::file_time_type::clock::now();
+  for (int i = 0; i < 8; ++i) {
+    const fs::path set = folder.path() / name_of(i);
+    create_folder(set);
+    write_file_atomically(set / "0123456789abcdef.zst", std::string_view("depths"));
+    fs::last_write_time(set, now - hours(i < 5 ? 0 : 24 * i));
+  }
+  const fs::path old_file = folder.path() / "0123456789abcdef.zst";
+  write_file_atomically(old_file, std::string_view("of an earlier version"));
+  fs::last_write_time(old_file, now - hours(30));
+  for (const char* name : {"notes", "0123456789abcdef.txt"}) {
+    write_file_atomically(folder.path() / name, std::string_view("not ours"));
+    fs::last_write_time(folder.path() / name, now - hours(1000));
+  }
+  remove_old_depth_sets(folder.path(), now);  // five within the hour
+  EXPECT_EQ(names_in(folder.path()),
+            (std::set<std::string>{name_of(0), name_of(1), name_of(2), name_of(3), name_of(4),
+                                   "notes", "0123456789abcdef.txt"}));
+  fs::last_write_time(folder.path() / name_of(2), now - hours(2));
+  remove_old_depth_sets(folder.path(), now);
+  EXPECT_EQ(names_in(folder.path()).count(name_of(2)), 0U);
+  remove_old_depth_sets(folder.path(), now + hours(1000));  // four stay, however old
+  EXPECT_EQ(names_in(folder.path()).size(), 6U);
+  remove_old_depth_sets(folder.path() / "missing", now);
+  remove_old_depth_sets(folder.path() / "notes", now);
+}
+
+class TakeWithDepths : public ::testing::Test {
+ protected:
+  TakeWithDepths() {
+    testing::SyntheticTake recorded;
+    recorded.cameras = testing::camera_grid(1, 2, 0.1, 24, 16);
+    write_synthetic_take(recorded, folder_.path() / "take");
+    take_ = std::make_unique<Take>(folder_.path() / "take");
+    cache_ = std::make_unique<FrameCache>(*take_, std::size_t{1} << 24, BlendSpace::kPerceptual);
+    instant_.take = take_.get();
+    instant_.rig = &take_->rig();
+    instant_.cache = cache_.get();
+    instant_.frame_of_camera.assign(2, 0);
+  }
+  /// Depths to a farthest of `far` metres, asked for `ago`; the folder of their set.
+  fs::path ask(double far, hours ago) {
+    DepthSettings settings;
+    settings.scene = {3, far};
+    std::string note;
+    kept_camera_depths(instant_, settings, std::size_t{1} << 28, true, note);
+    EXPECT_EQ(note, "");
+    const fs::path set = depth_file(take_->folder(), depth_key(instant_, settings)).parent_path();
+    EXPECT_TRUE(fs::exists(set));
+    fs::last_write_time(set, fs::file_time_type::clock::now() - ago);
+    return set;
+  }
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+  std::unique_ptr<FrameCache> cache_;
+  Instant instant_;
+};
+
+TEST_F(TakeWithDepths, OtherOptionsMakeRoomForThemselves) {
+  std::vector<fs::path> sets;
+  for (int i = 0; i < 4; ++i) sets.push_back(ask(5 + i, hours(10 - i)));
+  EXPECT_EQ(names_in(take_->folder() / "depth").size(), 4U);
+  // Use counts, not age: the first is asked for again, so the second is the one to go.
+  DepthSettings first;
+  first.scene = {3, 5};
+  std::string note;
+  kept_camera_depths(instant_, first, std::size_t{1} << 28, true, note);
+  ask(20, hours(0));
+  EXPECT_TRUE(fs::exists(sets[0]));
+  EXPECT_FALSE(fs::exists(sets[1]));
+  EXPECT_EQ(names_in(take_->folder() / "depth").size(), 4U);
+}
+
+}  // namespace
+}  // namespace raystage

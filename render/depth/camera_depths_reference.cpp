@@ -63,7 +63,8 @@ Picture picture_of(const DecodedFrame& frame, BlendSpace space, const CameraMode
                    const VirtualCamera& pinhole) {
   Plane luma(frame.width, frame.height, 0);
   const auto code = [&](std::size_t i) {
-    const double upper = static_cast<double>(frame.rgbx[i] / 16) / 4095;  // 12 of 16 bits
+    const int upper_bits = frame.rgbx[i] >> 4U;  // 12 of 16
+    const double upper = upper_bits / 4095.0;
     return 255 * (space == BlendSpace::kLinear ? srgb_from_linear(upper) : upper);
   };
   for (std::size_t i = 0; i < luma.values.size(); ++i) {
@@ -302,7 +303,7 @@ class Reference {
     for (std::size_t i = 0; i < kOffsets; ++i) {
       if (costs[i] < costs[best]) best = i;
     }
-    const double whole = static_cast<double>(best) - kOffsets / 2;
+    const double whole = static_cast<int>(best) - (kOffsets - 1) / 2.0;
     if (best == 0 || best == kOffsets - 1) return whole;
     const auto cost = [&](std::size_t i) { return static_cast<double>(costs[i]); };
     const double before = cost(best - 1) - cost(best), after = cost(best + 1) - cost(best);

@@ -43,6 +43,102 @@ float depth_of(std::uint16_t code, float step) {
 
 std::size_t bytes_of(const InverseDepthMap& map) { return kMapHeaderBytes + 2 * map.values.size(); }
 
+/// A zstd frame, handed on block by block.
+class Compressor {
+ public:
+  Compressor(std::size_t bytes, const WriteBytes& write)
+      : context_(ZSTD_createCCtx()), write_(write), block_(ZSTD_CStreamOutSize()) {
+    if (!context_) throw std::bad_alloc();
+    ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_compressionLevel, kLevel);
+    ZSTD_CCtx_setParameter(context_.get(), ZSTD_c_checksumFlag, 1);
+    ZSTD_CCtx_setPledgedSrcSize(context_.get(), bytes);
+  }
+  void add(std::span<const std::byte> bytes) { run(bytes, ZSTD_e_continue); }
+  void end() { run({}, ZSTD_e_end); }
+
+ private:
+  struct Deleter {
+    void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
+  };
+
+  void run(std::span<const std::byte> bytes, ZSTD_EndDirective until) {
+    ZSTD_inBuffer input{bytes.data(), bytes.size(), 0};
+    for (bool done = false; !done;) {
+      ZSTD_outBuffer output{block_.data(), block_.size(), 0};
+      const std::size_t left = ZSTD_compressStream2(context_.get(), &output, &input, until);
+      if (ZSTD_isError(left)) throw std::bad_alloc();  // the only way
+      if (output.pos > 0) write_(std::span(block_).first(output.pos));
+      done = until == ZSTD_e_end ? left == 0 : input.pos == input.size;
+    }
+  }
+
+  std::unique_ptr<ZSTD_CCtx, Deleter> context_;
+  const WriteBytes& write_;
+  std::vector<std::byte> block_;
+};
+
+/// What is in a zstd frame, as many bytes at a time as are asked for.
+class Decompressor {
+ public:
+  explicit Decompressor(std::span<const std::byte> file)
+      : context_(ZSTD_createDCtx()), input_{file.data(), file.size(), 0} {
+    if (!context_) throw std::bad_alloc();
+    ZSTD_DCtx_setParameter(context_.get(), ZSTD_d_windowLogMax, kMostWindowLog);
+  }
+  /// False where the frame is damaged or holds less.
+  bool take(std::span<std::byte> bytes) {
+    ZSTD_outBuffer output{bytes.data(), bytes.size(), 0};
+    while (output.pos < output.size) {
+      if (!step(output)) return false;
+    }
+    return true;
+  }
+  /// Whether the frame ends here, with the right checksum, and the file with it.
+  bool ends() {
+    std::byte more{};
+    ZSTD_outBuffer output{&more, 1, 0};
+    while (!is_over_ && step(output)) {
+    }
+    return is_over_ && output.pos == 0 && input_.pos == input_.size;
+  }
+
+ private:
+  struct Deleter {
+    void operator()(ZSTD_DCtx* context) const { ZSTD_freeDCtx(context); }
+  };
+  static constexpr int kMostWindowLog = 21;  // what kLevel writes
+
+  bool step(ZSTD_outBuffer& output) {
+    if (is_over_) return false;
+    const std::size_t read = input_.pos, written = output.pos;
+    const std::size_t left = ZSTD_decompressStream(context_.get(), &output, &input_);
+    is_over_ = left == 0;
+    return !ZSTD_isError(left) && (is_over_ || input_.pos > read || output.pos > written);
+  }
+
+  std::unique_ptr<ZSTD_DCtx, Deleter> context_;
+  ZSTD_inBuffer input_;
+  bool is_over_ = false;
+};
+
+/// What a file holds of a map, header included.
+std::vector<std::byte> payload_of(const InverseDepthMap& map) {
+  std::vector<std::byte> payload(bytes_of(map));
+  const float step = step_of(map);
+  store_little_endian(payload, 0, static_cast<std::uint32_t>(map.width));
+  store_little_endian(payload, 4, static_cast<std::uint32_t>(map.height));
+  store_little_endian(payload, 8, std::bit_cast<std::uint32_t>(step));
+  std::size_t at = kMapHeaderBytes;
+  std::uint16_t before = 0;  // differences along the rows are small, which compresses well
+  for (const float depth : map.values) {
+    const std::uint16_t code = code_of(depth, step);
+    store_little_endian(payload, at, static_cast<std::uint16_t>(code - before));
+    before = code;
+    at += 2;
+  }
+  return payload;
+}
+
 }  // namespace
 
 void quantise(InverseDepthMap& map) {
@@ -50,43 +146,19 @@ void quantise(InverseDepthMap& map) {
   for (float& depth : map.values) depth = depth_of(code_of(depth, step), step);
 }
 
-std::vector<std::byte> encode_depth_maps(std::span<const InverseDepthMap> maps,
-                                         std::uint64_t fingerprint) {
+void encode_depth_maps(std::span<const InverseDepthMap> maps, std::uint64_t fingerprint,
+                       const WriteBytes& write) {
   std::size_t bytes = kHeaderBytes;
   for (const InverseDepthMap& map : maps) bytes += bytes_of(map);
-  std::vector<std::byte> payload(bytes);
-  std::ranges::copy(std::as_bytes(std::span(kMagic)), payload.begin());
-  store_little_endian(payload, kVersionAt, kVersion);
-  store_little_endian(payload, kMapsAt, static_cast<std::uint32_t>(maps.size()));
-  store_little_endian(payload, kFingerprintAt, fingerprint);
-  std::size_t at = kHeaderBytes;
-  for (const InverseDepthMap& map : maps) {
-    const float step = step_of(map);
-    store_little_endian(payload, at, static_cast<std::uint32_t>(map.width));
-    store_little_endian(payload, at + 4, static_cast<std::uint32_t>(map.height));
-    store_little_endian(payload, at + 8, std::bit_cast<std::uint32_t>(step));
-    at += kMapHeaderBytes;
-    std::uint16_t before = 0;  // differences along the rows are small, which compresses well
-    for (const float depth : map.values) {
-      const std::uint16_t code = code_of(depth, step);
-      store_little_endian(payload, at, static_cast<std::uint16_t>(code - before));
-      before = code;
-      at += 2;
-    }
-  }
-  struct Deleter {
-    void operator()(ZSTD_CCtx* context) const { ZSTD_freeCCtx(context); }
-  };
-  const std::unique_ptr<ZSTD_CCtx, Deleter> context(ZSTD_createCCtx());
-  if (!context) throw std::bad_alloc();
-  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, kLevel);
-  ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
-  std::vector<std::byte> file(ZSTD_compressBound(payload.size()));
-  const std::size_t size =
-      ZSTD_compress2(context.get(), file.data(), file.size(), payload.data(), payload.size());
-  if (ZSTD_isError(size)) throw std::bad_alloc();  // the only way: the room is enough
-  file.resize(size);
-  return file;
+  std::array<std::byte, kHeaderBytes> header{};
+  std::ranges::copy(std::as_bytes(std::span(kMagic)), header.begin());
+  store_little_endian(header, kVersionAt, kVersion);
+  store_little_endian(header, kMapsAt, static_cast<std::uint32_t>(maps.size()));
+  store_little_endian(header, kFingerprintAt, fingerprint);
+  Compressor frame(bytes, write);
+  frame.add(header);
+  for (const InverseDepthMap& map : maps) frame.add(payload_of(map));
+  frame.end();
 }
 
 std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
@@ -96,56 +168,50 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
   const auto refuse = [&](const std::string& what) {
     return Error::bad_input(what, std::string(name), "Delete the file: depths are found anew");
   };
-  std::size_t most = kHeaderBytes;
-  for (const VirtualCamera& camera : expected) {
-    most += kMapHeaderBytes +
-            2 * static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+  const auto damaged = [&] { return refuse("the depths are damaged"); };
+  Decompressor frame(file);
+  std::array<std::byte, kHeaderBytes> header{};
+  if (!frame.take(header) || !std::ranges::equal(std::span(header).first<kMagic.size()>(),
+                                                 std::as_bytes(std::span(kMagic)))) {
+    throw damaged();
   }
-  std::vector<std::byte> payload(most);
-  const std::size_t size =
-      ZSTD_decompress(payload.data(), payload.size(), file.data(), file.size());
-  if (ZSTD_isError(size) || size < kHeaderBytes ||
-      !std::ranges::equal(std::span(payload).first<kMagic.size()>(),
-                          std::as_bytes(std::span(kMagic)))) {
-    throw refuse("the depths are damaged");
-  }
-  if (load_little_endian<std::uint32_t>(payload, kVersionAt) != kVersion) {
+  if (load_little_endian<std::uint32_t>(header, kVersionAt) != kVersion) {
     throw refuse("the depths have another format version than this program's");
   }
-  if (load_little_endian<std::uint64_t>(payload, kFingerprintAt) != fingerprint ||
-      load_little_endian<std::uint32_t>(payload, kMapsAt) != expected.size()) {
+  if (load_little_endian<std::uint64_t>(header, kFingerprintAt) != fingerprint ||
+      load_little_endian<std::uint32_t>(header, kMapsAt) != expected.size()) {
     throw refuse("the depths are of other frames, another rig or other settings");
   }
-  payload.resize(size);
   std::vector<InverseDepthMap> maps;
-  std::size_t at = kHeaderBytes;
+  std::vector<std::byte> codes;
   for (const VirtualCamera& camera : expected) {
-    if (payload.size() - at < kMapHeaderBytes) throw refuse("the depths are damaged");
-    const auto width = load_little_endian<std::uint32_t>(payload, at);
-    const auto height = load_little_endian<std::uint32_t>(payload, at + 4);
-    const auto step = std::bit_cast<float>(load_little_endian<std::uint32_t>(payload, at + 8));
-    at += kMapHeaderBytes;
+    std::array<std::byte, kMapHeaderBytes> of_map{};
+    if (!frame.take(of_map)) throw damaged();
+    const auto width = load_little_endian<std::uint32_t>(of_map, 0);
+    const auto height = load_little_endian<std::uint32_t>(of_map, 4);
+    const auto step = std::bit_cast<float>(load_little_endian<std::uint32_t>(of_map, 8));
     if (width == 0 && height == 0) {  // of an absent camera
       maps.emplace_back();
       continue;
     }
     const std::size_t pixels =
         static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
+    codes.resize(2 * pixels);
     if (width != static_cast<std::uint32_t>(camera.width) ||
-        height != static_cast<std::uint32_t>(camera.height) || payload.size() - at < 2 * pixels ||
-        !std::isfinite(step) || step <= 0) {
-      throw refuse("the depths are damaged");
+        height != static_cast<std::uint32_t>(camera.height) || !std::isfinite(step) || step <= 0 ||
+        !frame.take(codes)) {
+      throw damaged();
     }
     InverseDepthMap map{camera.width, camera.height, {}};
     map.values.reserve(pixels);
     std::uint16_t code = 0;
-    for (std::size_t i = 0; i < pixels; ++i, at += 2) {
-      code = static_cast<std::uint16_t>(code + load_little_endian<std::uint16_t>(payload, at));
+    for (std::size_t at = 0; at < codes.size(); at += 2) {
+      code = static_cast<std::uint16_t>(code + load_little_endian<std::uint16_t>(codes, at));
       map.values.push_back(depth_of(code, step));
     }
     maps.push_back(std::move(map));
   }
-  if (at != payload.size()) throw refuse("the depths are damaged");
+  if (!frame.ends()) throw damaged();
   return maps;
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -15,14 +16,17 @@ namespace raystage {
 /// brought to these, so that a view does not depend on whether they were found or read.
 void quantise(InverseDepthMap& map);
 
-/// The file's bytes; layout in docs/formats/depth.md. Maps as quantise() leaves them are kept to
-/// the bit.
-std::vector<std::byte> encode_depth_maps(std::span<const InverseDepthMap> maps,
-                                         std::uint64_t fingerprint);
+/// Takes a file's bytes, block by block.
+using WriteBytes = std::function<void(std::span<const std::byte> block)>;
+
+/// Writes the file; layout in docs/formats/depth.md. Maps as quantise() leaves them are kept to the
+/// bit. Memory: as for one map, and some megabytes for zstd.
+void encode_depth_maps(std::span<const InverseDepthMap> maps, std::uint64_t fingerprint,
+                       const WriteBytes& write);
 
 /// Reads any bytes; no more memory is taken than maps of the sizes of `expected` (whose values are
-/// not looked at) need. Throws Error (bad input): damaged, of another version, with another
-/// fingerprint, of maps of other sizes.
+/// not looked at) need, and some megabytes for zstd. Throws Error (bad input): damaged, of another
+/// version, with another fingerprint, of maps of other sizes.
 std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
                                                std::uint64_t fingerprint,
                                                std::span<const VirtualCamera> expected,

@@ -2,6 +2,7 @@
 #include "render/depth/depth_file.h"
 
 #include <gtest/gtest.h>
+#include <zstd.h>
 
 #include <cmath>
 #include <random>
@@ -35,6 +36,14 @@ std::vector<InverseDepthMap> some_maps() {
   return maps;
 }
 
+std::vector<std::byte> encoded(std::span<const InverseDepthMap> maps, std::uint64_t fingerprint) {
+  std::vector<std::byte> file;
+  encode_depth_maps(maps, fingerprint, [&](std::span<const std::byte> block) {
+    file.insert(file.end(), block.begin(), block.end());
+  });
+  return file;
+}
+
 TEST(DepthFile, KeepsQuantisedDepthsToTheBit) {
   std::vector<InverseDepthMap> maps = some_maps();
   const std::vector<InverseDepthMap> exact = maps;
@@ -45,7 +54,7 @@ TEST(DepthFile, KeepsQuantisedDepthsToTheBit) {
       EXPECT_EQ(maps[m].values[i] < 0, exact[m].values[i] < 0);
     }
   }
-  const auto file = encode_depth_maps(maps, 42);
+  const auto file = encoded(maps, 42);
   const auto read = decode_depth_maps(file, 42, cameras(), "test");
   ASSERT_EQ(read.size(), maps.size());
   for (std::size_t m = 0; m < maps.size(); ++m) EXPECT_EQ(read[m].values, maps[m].values);
@@ -60,9 +69,38 @@ TEST(DepthFile, KeepsQuantisedDepthsToTheBit) {
   }
 }
 
+TEST(DepthFile, RefusesAnotherVersionAndWhatGoesOn) {
+  const auto pack = [](const std::vector<std::byte>& payload) {
+    std::vector<std::byte> file(ZSTD_compressBound(payload.size()));
+    file.resize(ZSTD_compress(file.data(), file.size(), payload.data(), payload.size(), 1));
+    return file;
+  };
+  const auto refusal = [](std::span<const std::byte> file) -> std::string {
+    try {
+      decode_depth_maps(file, 42, cameras(), "test");
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const auto file = encoded(some_maps(), 42);
+  std::vector<std::byte> payload(100'000);
+  payload.resize(ZSTD_decompress(payload.data(), payload.size(), file.data(), file.size()));
+  EXPECT_EQ(refusal(pack(payload)), "");
+  auto other = payload;
+  other[8] = std::byte{2};
+  EXPECT_NE(refusal(pack(other)).find("version"), std::string::npos);
+  other = payload;
+  other.push_back({});
+  EXPECT_NE(refusal(pack(other)).find("damaged"), std::string::npos);
+  auto longer = file;
+  longer.push_back({});
+  EXPECT_NE(refusal(longer).find("damaged"), std::string::npos);
+}
+
 TEST(DepthFile, RefusesWhatIsDamagedOrOfOtherInput) {
   std::vector<InverseDepthMap> maps = some_maps();
-  const auto file = encode_depth_maps(maps, 42);
+  const auto file = encoded(maps, 42);
   EXPECT_THROW(decode_depth_maps(file, 43, cameras(), "test"), Error);
   auto others = cameras();
   others[2].height = 12;

@@ -6,7 +6,8 @@
 #include <atomic>
 #include <cerrno>
 
-#include "render/depth/camera_depths.h"
+#include "render/depth/depth_file.h"
+#include "render/depth/depth_store.h"
 #include "render/view/synthetic_take.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -85,18 +86,28 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
   DepthSettings settings;
   settings.scene = *recorded.depth_range;
   const std::size_t plenty = std::size_t{1} << 30;
-  const CameraDepths warm = solve_camera_depths(instant, settings, plenty);  // frames, threads
+  CameraDepths warm = solve_camera_depths(instant, settings, plenty);  // frames, threads
+  for (InverseDepthMap& map : warm.maps) quantise(map);
   std::ptrdiff_t most = 0;
   for (const std::size_t bound :
        {std::size_t{8'000'000}, std::size_t{11'000'000}, std::size_t{30'000'000}, plenty}) {
     const std::ptrdiff_t before = held;
     peak = before;
-    const CameraDepths depths = solve_camera_depths(instant, settings, bound);
+    std::string note;
+    const CameraDepths depths = kept_camera_depths(instant, settings, bound, true, note);
+    EXPECT_EQ(note, "");
     const std::ptrdiff_t beside = peak - before - static_cast<std::ptrdiff_t>(depths.bytes());
     EXPECT_LT(beside, static_cast<std::ptrdiff_t>(bound));
     EXPECT_GT(beside, most / 2) << "more memory would have been of use";
     most = std::max(most, beside);
     EXPECT_EQ(depths.maps[7].values, warm.maps[7].values);
+    // Kept, they are read in less.
+    peak = held.load();
+    const std::ptrdiff_t before_reading = held;
+    const CameraDepths read = kept_camera_depths(instant, settings, bound, true, note);
+    EXPECT_LT(peak - before_reading - static_cast<std::ptrdiff_t>(read.bytes()), 5'000'000);
+    EXPECT_EQ(read.maps[7].values, warm.maps[7].values);
+    std::filesystem::remove_all(take.folder() / "depth");
   }
   EXPECT_GT(most, 10'000'000);  // so the smaller bounds were put to the test
 }

@@ -7,6 +7,8 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <fstream>
+#include <functional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -15,6 +17,7 @@
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 #include "store/little_endian.h"
+#include "store/posix_file.h"
 
 namespace raystage {
 namespace {
@@ -28,15 +31,29 @@ bool read_maps(const fs::path& file, std::uint64_t fingerprint, CameraDepths& de
   std::error_code error;
   if (!fs::exists(file, error)) return false;
   try {
-    const std::string bytes = read_file(file);
-    depths.maps = decode_depth_maps(std::as_bytes(std::span(bytes)), fingerprint, depths.pinholes,
-                                    file.string());
+    const MappedFile mapped(file);
+    if (!mapped.can_read(mapped.bytes())) return false;
+    depths.maps = decode_depth_maps(mapped.bytes(), fingerprint, depths.pinholes, file.string());
   } catch (const Error&) {
     return false;  // found anew, and written over
   }
   // The set is in use. That this may not be written down is no reason to go without.
   fs::last_write_time(file.parent_path(), fs::file_time_type::clock::now(), error);
   return true;
+}
+
+/// Under a temporary name, then renamed.
+void write_maps(const fs::path& file, std::span<const InverseDepthMap> maps,
+                std::uint64_t fingerprint) {
+  TemporaryFile temporary(file);
+  std::ofstream out(temporary.path(), std::ios::binary);
+  encode_depth_maps(maps, fingerprint, [&](std::span<const std::byte> block) {
+    out.write(reinterpret_cast<const char*>(block.data()),  // NOLINT: bytes are bytes
+              static_cast<std::streamsize>(block.size()));
+  });
+  out.close();
+  if (!out) throw Error::failed("cannot write the file", file.string(), "Check the disk");
+  temporary.commit();
 }
 
 bool is_fingerprint(const std::string& name) {
@@ -114,7 +131,7 @@ CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& set
     const bool is_new = !fs::exists(set, error);
     create_folder(set);
     if (is_new) remove_old_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
-    write_file_atomically(file, encode_depth_maps(depths.maps, key.instant));
+    write_maps(file, depths.maps, key.instant);
   } catch (const Error& error) {
     note = fmt::format("depths are found anew each time, as they cannot be kept: {}",
                        error.what_happened());

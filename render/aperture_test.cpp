@@ -143,6 +143,7 @@ TEST_F(Aperture, AgreesWithTheReferenceForEveryShapePlaneAndScale) {
 
 TEST_F(Aperture, EveryInstructionSetAgreesWithTheReference) {
   const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
+  const Take without_distortion = write(grid_take(4, 4));
   std::set<std::string> seen;
   for (const auto target : hwy::SupportedAndGeneratedTargets()) {
     hwy::SetSupportedTargetsForTest(target);
@@ -151,10 +152,40 @@ TEST_F(Aperture, EveryInstructionSetAgreesWithTheReference) {
     seen.insert(kernel_target());
     render_both(take, view_from({0, 0.01, 0.1}, 2, 117, 83, 45),
                 {{{"radius", 0.09}, {"shape", "hexagon"}}, {0, 0, 1, 3.7}});
+    render_both(without_distortion, view_from({0, 0.01, 0.1}, 2, 1037, 11, 30),
+                {{{"radius", 0.09}}, {0, 0, 1, 3.7}});
   }
   hwy::SetSupportedTargetsForTest(0);
   hwy::GetChosenTarget().DeInit();
   EXPECT_FALSE(seen.empty());
+}
+
+TEST_F(Aperture, CamerasTurnedAboutTheirAxesAgreeWithTheReference) {
+  for (const auto& [degrees, width, height] : {std::tuple{0.5, 160, 120},
+                                               {-3.0, 160, 120},
+                                               {30.0, 160, 120},
+                                               {90.0, 160, 120},
+                                               {180.0, 160, 120},
+                                               {177.0, 160, 120},
+                                               {0.0, 15, 11},
+                                               {0.0, 16, 12}}) {
+    SyntheticTake settings;
+    settings.cameras = testing::camera_grid(3, 3, 0.06, width, height);
+    for (CameraGeometry& camera : settings.cameras) {
+      const double c = std::cos(degrees * kDegree), s = std::sin(degrees * kDegree);
+      auto& m = camera.world_from_camera;
+      m[0] = m[5] = c;
+      m[1] = -s;
+      m[4] = s;
+    }
+    const Take take = write(settings);
+    for (const int view_width : {60, 131, 531}) {  // larger and smaller than the frames
+      SCOPED_TRACE(std::to_string(degrees) + " degrees, " + std::to_string(view_width));
+      const VirtualCamera view = view_from({0.003, 0.01, 0.05}, 1, view_width, view_width / 2, 32);
+      const RenderedView image = render_both(take, view, {{{"radius", 0.1}}});
+      EXPECT_GT(mean_alpha(image), 0.5);
+    }
+  }
 }
 
 TEST_F(Aperture, ASceneInFocusComesOutTrueAndAsFocalPlaneSeesIt) {

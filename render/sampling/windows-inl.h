@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+// Positions and samples of a vector of pixels that a camera sees close together, in registers.
+// Included once per instruction set, as Highway's kernels are: no include guard of the common kind.
+
+#if defined(RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H) == defined(HWY_TARGET_TOGGLE)
+#ifdef RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H
+#undef RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H
+#else
+#define RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H
+#endif
+
+// The order matters.
+// clang-format off
+#include <hwy/cache_control.h>
+#include <hwy/highway.h>
+#include "render/sampling/roots-inl.h"
+#include "render/sampling/taps-inl.h"
+// clang-format on
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "render/sampling/source_view.h"
+
+HWY_BEFORE_NAMESPACE();
+namespace raystage {
+namespace HWY_NAMESPACE {
+
+#if HWY_TARGET <= HWY_AVX3  // better targets have lesser numbers; others cannot pick so
+
+/// Pixels of a row that two vectors hold. A vector of taps whose left neighbours are all among the
+/// first kWindow - 1 is sampled by reading the window once per row, and picking from it.
+constexpr int kWindow = 16;
+
+/// A camera's part in a stretch of pixels, all well within its frame.
+struct WindowedCamera {
+  const std::uint16_t* rgbx;
+  std::size_t row;           ///< values from one row to the next
+  Ramp x, y, w;              ///< SourceView::ideal_from_pixel by (fx, fy, 1), from its first pixel
+  float left, top;           ///< (left, top) + 1/2: the principal point, in pixel centres
+  std::int32_t width, back;  ///< `back`: how far a window begins before its first tap
+};
+
+/// Whether windows serve n pixels, and how: where the camera sees all of them, at about the view's
+/// own scale or larger and along the frame's rows (a vector of pixels wants less than two windows
+/// on average).
+inline bool fits_windows(const SourceView& source, int begin, int y, int n,
+                         WindowedCamera& camera) {
+  // A window at the frame's end reaches into the row beyond, no further.
+  if (source.width < kWindow || !sees_whole_run(source, begin, y, n)) return false;
+  const double* m = source.ideal_from_pixel.data();
+  const double first = begin + 0.5, last = begin + n - 0.5;
+  const auto at = [&](int axis, double x) {
+    return m[3 * axis] * x + (m[3 * axis + 1] * (y + 0.5) + m[3 * axis + 2]);
+  };
+  const double scale = 1 / at(2, first), last_scale = 1 / at(2, last);
+  const double along = source.fx * (at(0, last) * last_scale - at(0, first) * scale);
+  const double across = source.fy * (at(1, last) * last_scale - at(1, first) * scale);
+  const double vectors = n / 16.0;
+  if (std::abs(along) > (kWindow - 2) * vectors || std::abs(across) > 0.5 * vectors) return false;
+  camera.rgbx = source.rgbx;
+  camera.row = std::size_t{4} * static_cast<std::size_t>(source.width);
+  camera.x = ramp(m, begin, 0, y, scale * source.fx);
+  camera.y = ramp(m + 3, begin, 0, y, scale * source.fy);
+  camera.w = ramp(m + 6, begin, 0, y, scale);
+  camera.left = source.cx - 1;
+  camera.top = source.cy - 1;
+  camera.width = source.width;
+  camera.back = along < 0 ? kWindow - 2 : 0;
+  return true;
+}
+
+/// For each pixel of a chunk: the upper left of four neighbours, counted through the frame; the
+/// weights, by kUnit, of left and right ones, in the halves of each word; and the shares of the
+/// upper and of the lower row.
+struct WindowTaps {
+  HWY_ALIGN std::int32_t pixel[kChunk], pairs[kChunk];
+  HWY_ALIGN float upper[kChunk], lower[kChunk];
+};
+
+/// Where n pixels of a chunk are seen that begins `from` pixels after the stretch. share(i): the
+/// camera's share of a vector of rays, by 1 / kUnit.
+template <class Share>
+HWY_INLINE void find_window_taps(const WindowedCamera& camera, int from, int n, const Share& share,
+                                 WindowTaps& taps) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::ScalableTag<float> d;
+  const hn::RebindToSigned<decltype(d)> d32;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
+  // As store_taps().
+  constexpr float kRounder = 12582912.0F;
+  constexpr std::int32_t kRounderBits = 0x4B400000;
+  const auto rounder = set(kRounder), unit = set(kUnit), half_unit = set(kRounder + kUnit / 2);
+  const auto whole = hn::Set(d32, kRounderBits + static_cast<std::int32_t>(kUnit));
+  const auto rounders =
+      hn::Set(d32, static_cast<std::int32_t>(static_cast<std::uint32_t>(kRounderBits) *
+                                             (static_cast<std::uint32_t>(camera.width) + 1)));
+  const auto width = hn::Set(d32, camera.width);
+  const auto principal_left = set(camera.left), principal_top = set(camera.top);
+  const auto stride = set(static_cast<float>(lanes)), half = set(0.5F);
+  auto steps = counting_from(d, from);
+  for (int i = 0; i < n; i += lanes, steps = hn::Add(steps, stride)) {
+    const auto inverse = reciprocal(d, values(d, camera.w, steps));
+    const auto left = hn::MulAdd(values(d, camera.x, steps), inverse, principal_left);
+    const auto top = hn::MulAdd(values(d, camera.y, steps), inverse, principal_top);
+    const auto column = hn::Add(left, rounder), line = hn::Add(top, rounder);
+    const auto to_right = hn::Sub(left, hn::Sub(column, rounder));  // less 1/2
+    const auto to_lower = hn::Sub(top, hn::Sub(line, rounder));
+    const auto right = hn::BitCast(d32, hn::MulAdd(to_right, unit, half_unit));
+    const auto pixel = hn::Sub(
+        hn::Add(hn::Mul(hn::BitCast(d32, line), width), hn::BitCast(d32, column)), rounders);
+    const auto all = share(i);
+    const auto lower = hn::Mul(all, hn::Add(to_lower, half));
+    hn::Store(pixel, d32, taps.pixel + i);
+    hn::Store(hn::Add(hn::Sub(hn::ShiftLeft<16>(right), right), whole), d32, taps.pairs + i);
+    hn::Store(lower, d, taps.lower + i);
+    hn::Store(hn::Sub(all, lower), d, taps.upper + i);
+  }
+}
+
+/// Sums of a chunk's pixels: codes less 32768, times kUnit and share; and shares.
+struct WindowSums {
+  HWY_ALIGN float r[kChunk], g[kChunk], b[kChunk], share[kChunk];
+};
+
+/// Adds one window's samples. `column`: of each tap's left neighbour in the window.
+template <class D, class V, class VI>
+HWY_INLINE void add_window(D d, const std::uint16_t* upper_row, std::size_t row, VI column,
+                           VI pairs, V upper, V lower, V& r, V& g, V& b) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::RebindToSigned<D> d32;
+  const hn::Repartition<std::int16_t, D> d16;
+  const hn::Repartition<std::uint16_t, D> du16;
+  const auto middle = hn::Set(du16, std::uint16_t{32768});
+  const auto codes = [&](const std::uint16_t* at) HWY_ATTR {
+    return hn::BitCast(d16, hn::Xor(hn::LoadU(du16, at), middle));
+  };
+  constexpr int kHalf = kWindow / 2 * 4;
+  const std::uint16_t* lower_row = upper_row + row;
+  const auto upper_begin = codes(upper_row), upper_end = codes(upper_row + kHalf);
+  const auto lower_begin = codes(lower_row), lower_end = codes(lower_row + kHalf);
+  const auto left_red = hn::ShiftLeft<2>(column);
+  const auto red = hn::Or(left_red, hn::ShiftLeft<16>(left_red));
+  const auto weights = hn::BitCast(d16, pairs);
+  const auto add = [&](std::int32_t channel, V& sum) HWY_ATTR {
+    const auto words = hn::Add(red, hn::Set(d32, ((4 + channel) << 16) | channel));
+    const auto blend = [&](auto of_begin, auto of_end) HWY_ATTR {  // Highway 1.0.3 cannot pick so
+      const decltype(of_begin) picked{
+          _mm512_permutex2var_epi16(of_begin.raw, words.raw, of_end.raw)};
+      auto unused = hn::Zero(d32);
+      return hn::ConvertTo(
+          d, hn::ReorderWidenMulAccumulate(d32, picked, weights, hn::Zero(d32), unused));
+    };
+    sum = hn::MulAdd(blend(upper_begin, upper_end), upper, sum);
+    sum = hn::MulAdd(blend(lower_begin, lower_end), lower, sum);
+  };
+  add(0, r);
+  add(1, g);
+  add(2, b);
+}
+
+/// Adds the samples of `count` cameras for n pixels of a chunk.
+HWY_INLINE void add_window_samples(const WindowedCamera* cameras, const WindowTaps* taps, int count,
+                                   int n, WindowSums& sums) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::ScalableTag<float> d;
+  const hn::RebindToSigned<decltype(d)> d32;
+  const hn::RebindToUnsigned<decltype(d)> du32;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto last_column = hn::Set(du32, kWindow - 2);
+  for (int i = 0; i < n; i += lanes) {
+    auto r = hn::Load(d, sums.r + i), g = hn::Load(d, sums.g + i), b = hn::Load(d, sums.b + i);
+    for (int c = 0; c < count; ++c) {
+      const auto pixel = hn::Load(d32, taps[c].pixel + i), pairs = hn::Load(d32, taps[c].pairs + i);
+      auto upper = hn::Load(d, taps[c].upper + i), lower = hn::Load(d, taps[c].lower + i);
+      auto needed = hn::FirstN(du32, static_cast<std::size_t>(n - i));
+      std::int32_t first = taps[c].pixel[i];
+      for (;;) {
+        const std::int32_t begin = std::max(first - cameras[c].back, 0);
+        const auto column = hn::Sub(pixel, hn::Set(d32, begin));
+        const auto beyond = hn::And(hn::Gt(hn::BitCast(du32, column), last_column), needed);
+        const std::uint16_t* from =
+            cameras[c].rgbx + std::size_t{4} * static_cast<std::size_t>(begin);
+        hwy::Prefetch(from + 2 * cameras[c].row);  // what the view's next row will want
+        hwy::Prefetch(from + 2 * cameras[c].row + kWindow * 2);
+        if (HWY_LIKELY(hn::AllFalse(du32, beyond))) {
+          add_window(d, from, cameras[c].row, column, pairs, upper, lower, r, g, b);
+          break;
+        }
+        const auto outside = hn::RebindMask(d, beyond);
+        add_window(d, from, cameras[c].row, column, pairs, hn::IfThenZeroElse(outside, upper),
+                   hn::IfThenZeroElse(outside, lower), r, g, b);
+        upper = hn::IfThenElseZero(outside, upper);
+        lower = hn::IfThenElseZero(outside, lower);
+        needed = beyond;
+        first = taps[c].pixel[i + hn::FindFirstTrue(du32, needed)];
+      }
+    }
+    hn::Store(r, d, sums.r + i);
+    hn::Store(g, d, sums.g + i);
+    hn::Store(b, d, sums.b + i);
+  }
+}
+
+#endif  // AVX-512
+
+// NOLINTNEXTLINE(google-readability-namespace-comments)
+}  // namespace HWY_NAMESPACE
+}  // namespace raystage
+HWY_AFTER_NAMESPACE();
+
+#endif  // per target

@@ -32,6 +32,8 @@ namespace HWY_NAMESPACE {
 /// Pixels of a row that two vectors hold. A vector of taps whose left neighbours are all among the
 /// first kWindow - 1 is sampled by reading the window once per row, and picking from it.
 constexpr int kWindow = 16;
+/// As many for a vector of pixels cost about half of what taps one by one do.
+constexpr int kMostWindows = 2;
 
 /// A camera's part in a stretch of pixels, all well within its frame.
 struct WindowedCamera {
@@ -42,9 +44,8 @@ struct WindowedCamera {
   std::int32_t width, back;  ///< `back`: how far a window begins before its first tap
 };
 
-/// Whether windows serve n pixels, and how: where the camera sees all of them, at about the view's
-/// own scale or larger and along the frame's rows (a vector of pixels wants less than two windows
-/// on average).
+/// Whether windows serve n pixels, and how: where the camera sees all of them, roughly along its
+/// own rows, and not so much smaller than the view that a vector of them wants many windows.
 inline bool fits_windows(const SourceView& source, int begin, int y, int n,
                          WindowedCamera& camera) {
   // A window at the frame's end reaches into the row beyond, no further.
@@ -57,8 +58,8 @@ inline bool fits_windows(const SourceView& source, int begin, int y, int n,
   const double scale = 1 / at(2, first), last_scale = 1 / at(2, last);
   const double along = source.fx * (at(0, last) * last_scale - at(0, first) * scale);
   const double across = source.fy * (at(1, last) * last_scale - at(1, first) * scale);
-  const double vectors = n / 16.0;
-  if (std::abs(along) > (kWindow - 2) * vectors || std::abs(across) > 0.5 * vectors) return false;
+  const double windows = std::abs(along) / (kWindow - 2) + std::abs(across);
+  if (windows > kMostWindows * n / 16.0) return false;
   camera.rgbx = source.rgbx;
   camera.row = std::size_t{4} * static_cast<std::size_t>(source.width);
   camera.x = ramp(m, begin, 0, y, scale * source.fx);

@@ -23,11 +23,11 @@
 
 #include "render/sampling/source_view.h"
 
+#if HWY_TARGET <= HWY_AVX3  // better targets have lesser numbers; others cannot pick so
+
 HWY_BEFORE_NAMESPACE();
 namespace raystage {
 namespace HWY_NAMESPACE {
-
-#if HWY_TARGET <= HWY_AVX3  // better targets have lesser numbers; others cannot pick so
 
 /// Pixels of a row that two vectors hold. A vector of taps whose left neighbours are all among the
 /// first kWindow - 1 is sampled by reading the window once per row, and picking from it.
@@ -205,11 +205,11 @@ HWY_INLINE void add_window_samples(const WindowedCamera* cameras, const WindowTa
   }
 }
 
-#endif  // AVX-512
-
 // NOLINTNEXTLINE(google-readability-namespace-comments)
 }  // namespace HWY_NAMESPACE
 }  // namespace raystage
 HWY_AFTER_NAMESPACE();
+
+#endif  // AVX-512
 
 #endif  // per target

@@ -9,6 +9,7 @@
 #include <mutex>
 
 #include "render/fill/push_pull.h"
+#include "render/hull/visual_hull.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/methods.h"
 #include "render/view/footprint.h"
@@ -185,8 +186,9 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
   const Method& method = method_named(reconstruction.method);
   MethodOptions options(method.options, reconstruction.options, "method " + reconstruction.method);
   const Method lumigraph = lumigraph_method();
+  const bool by_hull = method.name == "visual_hull";
   DepthRange scene;  // as the method's options say it, where they do
-  if (method.name != lumigraph.name) {
+  if (method.name != lumigraph.name && !by_hull) {
     OptionValues unless_told;
     if (method.name == "depth" || method.name == "plane_sweep") {
       unless_told["proxy"] = std::string("depth");
@@ -197,10 +199,13 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
   const Instant instant = state_->instant(frames);
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
-  const RaySurface surface =
-      proxy_surface(options, reconstruction.focal_plane, instant, *state_->kept,
-                    state_->settings.working_bytes, state_->settings.use_take_folder, scene);
-  const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
+  const bool reference = state_->settings.reference;
+  const auto hull = reference ? visual_hull_surface_reference : visual_hull_surface;
+  const RaySurface surface = by_hull ? hull(options, instant, *state_->kept)
+                                     : proxy_surface(options, reconstruction.focal_plane, instant,
+                                                     *state_->kept, state_->settings.working_bytes,
+                                                     state_->settings.use_take_folder, scene);
+  const auto answer = reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, ray_weighing(options), samples);
 }
 

@@ -75,8 +75,9 @@ class LightFieldRenderer {
   void read_ahead(const FrameSelection& frames) const;
 
   /// Any rays, not only those of a view, into as many `samples`: see query_rays(). Method
-  /// `lumigraph` by its options; every other with lumigraph's own weights, `depth` and
-  /// `plane_sweep` where `depth` finds the scene, the others on the focal plane. No fill.
+  /// `lumigraph` and `visual_hull` by their options; every other with lumigraph's own weights,
+  /// `depth` and `plane_sweep` where `depth` finds the scene, the others on the focal plane. No
+  /// fill.
   void query(std::span<const WorldRay> rays, const FrameSelection& frames,
              const Reconstruction& reconstruction, std::span<RaySample> samples) const;
 

@@ -125,12 +125,13 @@ class VisualHull : public ::testing::Test {
     return testing::painted_plane(point.x() + point.z(), point.y());
   }
   RenderedView render(const VirtualCamera& view, bool reference = false,
-                      const OptionValues& options = {{"nearest", 1.0}}) const {
+                      const OptionValues& options = {{"nearest", 1.0}},
+                      HoleFill fill = HoleFill::kNone) const {
     const Take take(folder());
     RendererSettings settings;
     settings.reference = reference;
     return LightFieldRenderer(take, settings)
-        .render(view, select_frames(take, 0, 1), {"visual_hull", {0, 0, 0, 1}, options});
+        .render(view, select_frames(take, 0, 1), {"visual_hull", {0, 0, 0, 1}, options, fill});
   }
   std::filesystem::path folder() const { return folder_.path() / "take"; }
 
@@ -198,6 +199,73 @@ TEST_F(VisualHull, AgreesWithTheReference) {
     EXPECT_GT(both, 500);
     EXPECT_LT(one, both / 30);
     EXPECT_LT(apart, both / 30);
+  }
+}
+
+TEST_F(VisualHull, AFillPaintsNothingBesideTheHull) {
+  write(cameras_around(160, 120));
+  // As fine as the cameras, and coarser: then each pixel is the mean of many rays.
+  for (const int width : {240, 30}) {
+    const VirtualCamera view =
+        virtual_camera_with_fov(width, width / 3, 40 * kDegree, around(33, 15, 2));
+    for (const bool reference : {false, true}) {
+      if (reference && width > 30) continue;  // slow
+      const RenderedView plain = render(view, reference, {{"nearest", 1.0}});
+      const RenderedView filled = render(view, reference, {{"nearest", 1.0}}, HoleFill::kPushPull);
+      int outside = 0, inside = 0;
+      for (std::size_t i = 0; i < plain.coverage.size(); ++i) {
+        outside += plain.rgba[i * 4 + 3] == 0 ? 1 : 0;
+        inside += plain.rgba[i * 4 + 3] > 0 ? 1 : 0;
+        ASSERT_NEAR(filled.rgba[i * 4 + 3], 1 - plain.nothing_there[i], 1e-6) << i;
+        if (plain.nothing_there[i] == 1) {
+          ASSERT_EQ(filled.rgba[i * 4 + 3], 0) << i;
+        }
+        if (plain.rgba[i * 4 + 3] == 0) {
+          ASSERT_EQ(plain.nothing_there[i], 1) << i;  // all of the sphere is seen
+        }
+      }
+      EXPECT_GT(outside, 50) << width;
+      EXPECT_GT(inside, 50) << width;
+    }
+  }
+}
+
+TEST_F(VisualHull, RaysOfAViewAreAnsweredAsTheViewShowsThem) {
+  write(cameras_around(160, 120));
+  const VirtualCamera view = virtual_camera_with_fov(60, 50, 40 * kDegree, around(33, 15, 2));
+  std::vector<WorldRay> rays;
+  for (int y = 0; y < view.height; ++y) {
+    for (int x = 0; x < view.width; ++x) {
+      rays.push_back({view.pose.position,
+                      (world_ray_from_pixel(view) * Vector3d(x + 0.5, y + 0.5, 1)).normalized()});
+    }
+  }
+  const Take take(folder());
+  for (const bool reference : {false, true}) {
+    RendererSettings settings;
+    settings.reference = reference;
+    settings.most_supersampling = 1;  // a ray a pixel
+    const LightFieldRenderer renderer(take, settings);
+    const FrameSelection frames = select_frames(take, 0, 1);
+    // The focal plane, through the sphere's middle, must not matter.
+    const Reconstruction by_hull{"visual_hull", {0, 0, 1, 3}, {{"nearest", 1.0}}};
+    const RenderedView image = renderer.render(view, frames, by_hull);
+    std::vector<RaySample> samples(rays.size());
+    renderer.query(rays, frames, by_hull, samples);
+    int hits = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      for (std::size_t c = 0; c < 4; ++c) {
+        ASSERT_NEAR(samples[i].rgba[c], image.rgba[i * 4 + c], 2e-3) << i;
+      }
+      ASSERT_NEAR(samples[i].coverage, image.coverage[i], 2e-3) << i;
+      ASSERT_EQ(std::isfinite(samples[i].depth), std::isfinite(image.z[i])) << i;
+      if (!std::isfinite(image.z[i])) continue;
+      ++hits;
+      const double cosine = rays[i].direction.dot(view.pose.viewing_direction());
+      ASSERT_NEAR(double{samples[i].depth} * cosine, double{image.z[i]}, 1e-3) << i;
+    }
+    EXPECT_GT(hits, 500);
+    EXPECT_LT(hits, 2500);  // of 3000: others pass it by
   }
 }
 

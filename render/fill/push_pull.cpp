@@ -72,12 +72,16 @@ void pull(const Image& fine, const Image& coarse) {
   });
 }
 
-void push(const Image& coarse, const Image& fine) {
+/// `nothing_there`: of the fine image's pixels, or null.
+void push(const Image& coarse, const Image& fine, const float* nothing_there) {
   for_each_row(fine.height, [&](int y) {
     const Between rows = coarse_of(y, coarse.height);
     for (int x = 0; x < fine.width; ++x) {
       float* pixel = fine.at(x, y);
-      const float missing = 1 - pixel[3];
+      const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(fine.width) +
+                             static_cast<std::size_t>(x);
+      const float whole = nothing_there == nullptr ? 1 : 1 - nothing_there[at];
+      const float missing = whole - pixel[3];
       if (!(missing > 0)) continue;
       const Between columns = coarse_of(x, coarse.width);
       const float *upper_left = coarse.at(columns.first, rows.first),
@@ -90,7 +94,7 @@ void push(const Image& coarse, const Image& fine) {
         const float below = lower_left[c] + right * (lower_right[c] - lower_left[c]);
         pixel[c] += missing * (above + lower * (below - above));
       }
-      pixel[3] = 1;
+      pixel[3] = whole;
     }
   });
 }
@@ -100,7 +104,7 @@ void push(const Image& coarse, const Image& fine) {
 void fill_push_pull(RenderedView& view) {
   std::vector<Image> levels{{view.width, view.height, view.rgba.data()}};
   std::vector<std::vector<float>> coarser;
-  while (levels.back().width > 1 || levels.back().height > 1) {
+  while (levels.size() == 1 || levels.back().width > 1 || levels.back().height > 1) {
     Image next{(levels.back().width + 1) / 2, (levels.back().height + 1) / 2, nullptr};
     coarser.emplace_back(static_cast<std::size_t>(next.width) *
                          static_cast<std::size_t>(next.height) * 4);
@@ -112,7 +116,9 @@ void fill_push_pull(RenderedView& view) {
   if (mean[3] < kLeastConfidence) return;  // nobody saw anything
   for (int c = 0; c < 3; ++c) mean[c] /= mean[3];
   mean[3] = 1;
-  for (std::size_t i = levels.size() - 1; i > 0; --i) push(levels[i], levels[i - 1]);
+  for (std::size_t i = levels.size() - 1; i > 1; --i) push(levels[i], levels[i - 1], nullptr);
+  const float* nothing_there = view.nothing_there.empty() ? nullptr : view.nothing_there.data();
+  push(levels[1], levels[0], nothing_there);
 }
 
 }  // namespace raystage

@@ -14,9 +14,10 @@ namespace raystage {
 /// coarsest level down, a pixel of confidence A keeps what it has and takes 1 - A from the level
 /// above, interpolated linearly.
 ///
-/// Changes `rgba` only: alpha becomes 1 everywhere, or stays 0 everywhere where no pixel was seen
-/// at all. Where alpha was 1 nothing changes, by no bit. Coverage and z still show the holes.
-/// Memory: a third of rgba's. The same bytes for any number of threads.
+/// Changes `rgba` only: alpha becomes 1 everywhere but where nothing is there
+/// (RenderedView::nothing_there), which stays as transparent, or stays 0 everywhere where no pixel
+/// was seen at all. Where alpha was 1 nothing changes, by no bit. Coverage and z still show the
+/// holes. Memory: a third of rgba's. The same bytes for any number of threads.
 void fill_push_pull(RenderedView& view);
 
 /// The same pixel by pixel in double, one level inside the other.

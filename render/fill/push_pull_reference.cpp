@@ -81,9 +81,17 @@ void fill_push_pull_reference(RenderedView& view) {
   for (std::size_t i = 0; i < view.rgba.size(); ++i) {
     image.pixels[i / 4][i % 4] = static_cast<double>(view.rgba[i]);
   }
+  const Image seen = image;
   image = opaque(std::move(image));
-  for (std::size_t i = 0; i < view.rgba.size(); ++i) {
-    view.rgba[i] = static_cast<float>(image.pixels[i / 4][i % 4]);
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    const double missing = 1 - seen.pixels[i][3];
+    const double empty =
+        view.nothing_there.empty() ? 0 : static_cast<double>(view.nothing_there[i]);
+    const double part = missing > 0 ? std::max(0.0, (missing - empty) / missing) : 0;
+    for (std::size_t c = 0; c < 4; ++c) {
+      const double before = seen.pixels[i][c];
+      view.rgba[4 * i + c] = static_cast<float>(before + part * (image.pixels[i][c] - before));
+    }
   }
 }
 

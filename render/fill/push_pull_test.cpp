@@ -73,6 +73,26 @@ TEST(PushPull, ChangesNothingThatWasSeenWhole) {
   }
 }
 
+TEST(PushPull, LeavesWhatIsKnownToBeEmptyTransparent) {
+  for (const auto& [width, height] : {std::pair{1, 1}, {37, 21}, {64, 64}}) {
+    RenderedView view = with_holes(width, height, 0.5);
+    std::mt19937 random(3);
+    std::uniform_real_distribution<float> any(0, 1);
+    for (const float alpha : view.coverage) {  // all, some or none of what was not seen
+      const float part = any(random);
+      view.nothing_there.push_back((1 - alpha) * (part < 0.3F ? 1 : part < 0.6F ? 0.5F : 0));
+    }
+    SCOPED_TRACE(width);
+    expect_filled_as_by_the_reference(view);
+    RenderedView filled = view;
+    fill_push_pull(filled);
+    if (view.coverage.size() == 1 && view.coverage[0] == 0) continue;
+    for (std::size_t i = 0; i < view.coverage.size(); ++i) {
+      ASSERT_NEAR(filled.rgba[i * 4 + 3], 1 - view.nothing_there[i], 1e-6) << i;
+    }
+  }
+}
+
 TEST(PushPull, LeavesAnEmptyViewEmpty) {
   for (const auto& [width, height] : {std::pair{1, 1}, {40, 30}}) {
     const RenderedView nothing = empty(width, height);

@@ -17,11 +17,12 @@ namespace {
 
 constexpr int kReferenceSteps = 4096;
 
-std::shared_ptr<const Matte> kept_matte(const ViewRequest& request, int camera, int frame,
+std::shared_ptr<const Matte> kept_matte(const Instant& instant, KeptResults& kept, int camera,
                                         double threshold) {
-  const auto file = matte_file(*request.instant.take, camera, frame);
-  const CameraModel& model = request.instant.rig->cameras[static_cast<std::size_t>(camera)].model;
-  return request.kept.get<Matte>(
+  const auto index = static_cast<std::size_t>(camera);
+  const auto file = matte_file(*instant.take, camera, instant.frame_of_camera[index]);
+  const CameraModel& model = instant.rig->cameras[index].model;
+  return kept.get<Matte>(
       fmt::format("matte {} {}", threshold, file.string()), [&](std::size_t& bytes) {
         auto matte = std::make_shared<const Matte>(read_matte(file, model, threshold));
         bytes = matte->bytes();
@@ -30,11 +31,12 @@ std::shared_ptr<const Matte> kept_matte(const ViewRequest& request, int camera, 
 }
 
 /// Of the cameras that have a frame and a matte of it.
-std::vector<Silhouette> silhouettes_of(const ViewRequest& request) {
+std::vector<Silhouette> silhouettes_of(const Instant& instant, KeptResults& kept,
+                                       double threshold) {
   std::vector<Silhouette> silhouettes;
-  const Take& take = *request.instant.take;
-  for (const int camera : request.instant.members) {
-    const int frame = request.instant.frame_of_camera[static_cast<std::size_t>(camera)];
+  const Take& take = *instant.take;
+  for (const int camera : instant.members) {
+    const int frame = instant.frame_of_camera[static_cast<std::size_t>(camera)];
     if (frame < 0 || !std::filesystem::exists(matte_file(take, camera, frame))) continue;
     silhouettes.push_back({camera, nullptr});
   }
@@ -43,37 +45,27 @@ std::vector<Silhouette> silhouettes_of(const ViewRequest& request) {
                            (take.folder() / "mattes").string(),
                            "Write TAKE/mattes/CAMERA/FRAME.png, see docs/formats/mattes.md");
   }
-  const double threshold = request.options.number("threshold");
   raystage::parallel_for(std::size_t{0}, silhouettes.size(), [&](std::size_t i) {
-    const int camera = silhouettes[i].camera;
-    silhouettes[i].matte =
-        kept_matte(request, camera,
-                   request.instant.frame_of_camera[static_cast<std::size_t>(camera)], threshold);
+    silhouettes[i].matte = kept_matte(instant, kept, silhouettes[i].camera, threshold);
   });
   return silhouettes;
 }
 
-int least_seeing(const ViewRequest& request, const std::vector<Silhouette>& silhouettes) {
-  const double share = request.options.number("seen_by");
+int least_seeing(const MethodOptions& options, const std::vector<Silhouette>& silhouettes) {
+  const double share = options.number("seen_by");
   return std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(silhouettes.size()))));
 }
 
 RenderedView by_hull(const ViewRequest& request) {
-  const std::vector<Silhouette> silhouettes = silhouettes_of(request);
   return render_lumigraph(
-      request,
-      hull_surface(*request.instant.rig, silhouettes, least_seeing(request, silhouettes),
-                   request.options.number("nearest")),
-      ray_weighing(request.options), WeightField::kPerPixel);
+      request, visual_hull_surface(request.options, request.instant, request.kept),
+      ray_weighing(request.options), WeightField::kPerPixel, Missed::kNothingThere);
 }
 
 RenderedView by_hull_reference(const ViewRequest& request) {
-  const std::vector<Silhouette> silhouettes = silhouettes_of(request);
   return render_lumigraph_reference(
-      request,
-      hull_surface_reference(*request.instant.rig, silhouettes, least_seeing(request, silhouettes),
-                             request.options.number("nearest"), kReferenceSteps),
-      ray_weighing(request.options));
+      request, visual_hull_surface_reference(request.options, request.instant, request.kept),
+      ray_weighing(request.options), Missed::kNothingThere);
 }
 
 std::vector<std::filesystem::path> mattes_read(const MethodOptions&, const Take& take,
@@ -89,6 +81,20 @@ std::vector<std::filesystem::path> mattes_read(const MethodOptions&, const Take&
 }
 
 }  // namespace
+
+RaySurface visual_hull_surface(const MethodOptions& options, const Instant& instant,
+                               KeptResults& kept) {
+  const auto silhouettes = silhouettes_of(instant, kept, options.number("threshold"));
+  return hull_surface(*instant.rig, silhouettes, least_seeing(options, silhouettes),
+                      options.number("nearest"));
+}
+
+RaySurface visual_hull_surface_reference(const MethodOptions& options, const Instant& instant,
+                                         KeptResults& kept) {
+  const auto silhouettes = silhouettes_of(instant, kept, options.number("threshold"));
+  return hull_surface_reference(*instant.rig, silhouettes, least_seeing(options, silhouettes),
+                                options.number("nearest"), kReferenceSteps);
+}
 
 Method visual_hull_method() {
   static const std::vector<OptionSpec> options = [] {

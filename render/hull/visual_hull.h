@@ -2,6 +2,7 @@
 #pragma once
 
 #include "render/view/method.h"
+#include "render/view/world_ray.h"
 
 namespace raystage {
 
@@ -10,5 +11,14 @@ namespace raystage {
 /// from a camera are not looked for: between cameras far apart, colours may come from what stands
 /// before.
 Method visual_hull_method();
+
+/// Where rays meet the hull that the method's options ask for, for who queries rays instead of a
+/// view; `instant`'s rig must live on. Throws Error (bad input) where no camera has a matte at the
+/// instant, or one that is none.
+RaySurface visual_hull_surface(const MethodOptions& options, const Instant& instant,
+                               KeptResults& kept);
+/// hull_surface_reference() of it.
+RaySurface visual_hull_surface_reference(const MethodOptions& options, const Instant& instant,
+                                         KeptResults& kept);
 
 }  // namespace raystage

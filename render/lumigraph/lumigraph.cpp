@@ -48,7 +48,7 @@ struct Scratch {
 class LumigraphFrame {
  public:
   LumigraphFrame(const ViewRequest& request, const RaySurface& surface, const RayWeighing& weighing,
-                 WeightField field)
+                 WeightField field, Missed missed)
       : request_(request),
         view_(request.view),
         rig_(*request.instant.rig),
@@ -57,6 +57,7 @@ class LumigraphFrame {
         spacing_(camera_spacing(rig_)),
         chunk_weighing_(weighing, spacing_),
         field_(field),
+        missed_(missed),
         middle_(rig_.centre()),
         world_ray_(world_ray_from_pixel(request.view)),
         cameras_(chunk_cameras(rig_)),
@@ -73,9 +74,10 @@ class LumigraphFrame {
       image.cameras.assign(image.coverage.size(), 0.0F);
       image.nearest_ray.assign(image.coverage.size(), kNowhere);
     }
+    if (missed_ == Missed::kNothingThere) image.nothing_there.assign(image.coverage.size(), 0.0F);
     const auto start = Clock::now();
     make_blocks();
-    meet_surface();
+    meet_surface(image);
     frames_.open(used_cameras());
     if (!frames_.are_whole()) mark_wanted();
     const auto planned = Clock::now();
@@ -127,7 +129,7 @@ class LumigraphFrame {
   }
 
   /// Where the rays end, and who can see it.
-  void meet_surface() {
+  void meet_surface(RenderedView& image) {
     inverse_distance_.resize(at(0, view_.height));
     for_each_block([&](Block& block, Scratch& scratch) {
       double least = std::numeric_limits<double>::infinity(), most = 0;
@@ -142,7 +144,10 @@ class LumigraphFrame {
         for (int x = block.x0; x < block.x1; ++x) {
           const double inverse = scratch.inverse_distance[static_cast<std::size_t>(x - block.x0)];
           inverse_distance_[at(x, y)] = static_cast<float>(inverse);
-          if (!(inverse >= 0)) continue;
+          if (!(inverse >= 0)) {
+            if (missed_ == Missed::kNothingThere) image.nothing_there[at(x, y)] = 1;
+            continue;
+          }
           least = std::min(least, inverse);
           most = std::max(most, inverse);
         }
@@ -317,6 +322,7 @@ class LumigraphFrame {
   double spacing_;
   ChunkWeighing chunk_weighing_;
   WeightField field_;
+  Missed missed_;
   Vector3d middle_;
   Eigen::Matrix3d world_ray_;
   std::vector<ChunkCamera> cameras_;
@@ -329,8 +335,8 @@ class LumigraphFrame {
 }  // namespace
 
 RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                              const RayWeighing& weighing, WeightField field) {
-  return LumigraphFrame(request, surface, weighing, field).render();
+                              const RayWeighing& weighing, WeightField field, Missed missed) {
+  return LumigraphFrame(request, surface, weighing, field, missed).render();
 }
 
 }  // namespace raystage

@@ -16,6 +16,10 @@ enum class WeightField { kPerPixel, kBlendingField };
 
 inline constexpr int kFieldTile = 16;
 
+/// What a ray that does not meet the surface is: seen by nobody, or known to meet nothing
+/// (RenderedView::nothing_there).
+enum class Missed { kUnseen, kNothingThere };
+
 /// Unstructured lumigraph: each ray is looked up where it meets `surface`, in the few cameras that
 /// suit it best (see RayWeighing). A = the largest share of it that a camera sees, coverage lower
 /// by the weight that cameras absent at this instant would have had. `request`'s options are not
@@ -23,11 +27,13 @@ inline constexpr int kFieldTile = 16;
 /// block only cameras are looked at that can count there. Memory: 4 bytes a pixel, the frames'
 /// masks, and what FrameCache holds.
 RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                              const RayWeighing& weighing, WeightField field);
+                              const RayWeighing& weighing, WeightField field,
+                              Missed missed = Missed::kUnseen);
 
 /// Ray by ray in double; any view; weights always per pixel.
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
-                                        const RayWeighing& weighing);
+                                        const RayWeighing& weighing,
+                                        Missed missed = Missed::kUnseen);
 
 /// What the options `proxy` and `mesh` say: the plane, a mesh and the plane beyond it, or what the
 /// method `depth` finds (see depth_surface) between the depths of `scene`, or the take's where they

@@ -10,7 +10,7 @@
 namespace raystage {
 
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
-                                        const RayWeighing& weighing) {
+                                        const RayWeighing& weighing, Missed missed) {
   const VirtualCamera& view = request.view;
   const Instant& instant = request.instant;
   RenderedView image = empty_view(view);
@@ -24,6 +24,7 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
     image.cameras.assign(image.coverage.size(), 0.0F);
     image.nearest_ray = image.z;  // infinity
   }
+  if (missed == Missed::kNothingThere) image.nothing_there.assign(image.coverage.size(), 0.0F);
 
   const auto reconstruct = [&](int x, int y, std::size_t at) {
     const auto ray_in_view = view_model.unproject({x + 0.5, y + 0.5});
@@ -32,7 +33,10 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
                        (view.pose.world_from_camera_rotation * *ray_in_view).normalized()};
     double inverse_distance = 0;
     surface({&ray, 1}, {&inverse_distance, 1});
-    if (!(inverse_distance >= 0)) return;
+    if (!(inverse_distance >= 0)) {
+      if (missed == Missed::kNothingThere) image.nothing_there[at] = 1;
+      return;
+    }
     const auto cameras = weigh_cameras_reference(*instant.rig, frames.present(), ray,
                                                  inverse_distance, weighing, spacing);
     const auto pixel = frames.blend(cameras);

@@ -112,10 +112,12 @@ RenderedView averaged(const RenderedView& image, int factor) {
   mean.z.resize(pixels);
   if (!image.cameras.empty()) mean.cameras.resize(pixels);
   if (!image.nearest_ray.empty()) mean.nearest_ray.resize(pixels);
+  if (!image.nothing_there.empty()) mean.nothing_there.resize(pixels);
   const float share = 1.0F / static_cast<float>(factor * factor);
   raystage::parallel_for(0, mean.height, [&](int y) {
     for (int x = 0; x < mean.width; ++x) {
       float sum[4] = {0, 0, 0, 0}, coverage = 0, inverse_depth = 0, cameras = 0;
+      float nothing_there = 0;
       float nearest_ray = std::numeric_limits<float>::infinity();
       for (int i = 0; i < factor * factor; ++i) {
         const auto row = static_cast<std::size_t>(y * factor + i / factor);
@@ -124,6 +126,7 @@ RenderedView averaged(const RenderedView& image, int factor) {
         for (std::size_t c = 0; c < 4; ++c) sum[c] += image.rgba[from * 4 + c];
         coverage += image.coverage[from];
         if (!image.cameras.empty()) cameras += image.cameras[from];
+        if (!image.nothing_there.empty()) nothing_there += image.nothing_there[from];
         if (!image.nearest_ray.empty()) {
           nearest_ray = std::min(nearest_ray, image.nearest_ray[from]);
         }
@@ -137,6 +140,7 @@ RenderedView averaged(const RenderedView& image, int factor) {
       mean.coverage[to] = coverage * share;
       if (!image.cameras.empty()) mean.cameras[to] = cameras * share;
       if (!image.nearest_ray.empty()) mean.nearest_ray[to] = nearest_ray;
+      if (!image.nothing_there.empty()) mean.nothing_there[to] = nothing_there * share;
       mean.z[to] =
           inverse_depth > 0 ? sum[3] / inverse_depth : std::numeric_limits<float>::infinity();
     }

@@ -20,6 +20,7 @@
 #include "render/view/plane_projection.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/error.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -143,18 +144,13 @@ TEST_F(ApertureDepthMap, OfAPlaneIsThePlane) {
 
 TEST_F(ApertureDepthMap, AgreesWithTheReferenceOnEveryInstructionSet) {
   write_map(stepped_depths());
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(kernel_target());
+  testing::for_each_target(kernel_target, [&] {
     const RenderedView image = render_both(a_view());
     for (const std::size_t i : {40U, 41U, 42U}) {
       EXPECT_EQ(image.rgba[4 * (i + 97 * 50) + 3], 0);
       EXPECT_EQ(image.z[i + 97 * 50], kInfinity);
     }
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  });
 }
 
 TEST_F(ApertureDepthMap, HasTheFinalSizeWhereAViewIsRenderedFiner) {

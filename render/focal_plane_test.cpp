@@ -2,19 +2,18 @@
 #include "render/planar/focal_plane.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
-#include <set>
 
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/error.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -260,18 +259,9 @@ TEST_F(FocalPlane, SameBytesForAnyNumberOfThreads) {
 TEST_F(FocalPlane, EveryInstructionSetAgreesWithTheReference) {
   const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
   const VirtualCamera view = virtual_camera_with_fov(117, 83, 0.8, looking({0, 0.01, 0.1}, 2));
-  const auto targets = hwy::SupportedAndGeneratedTargets();
-  std::set<std::string> seen;
-  for (const auto target : targets) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(kernel_target());
-    seen.insert(kernel_target());
+  testing::for_each_target(kernel_target, [&] {
     expect_equal(render_both(take, view, {0, 0, 1, 3.7}));
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
+  });
 }
 
 TEST_F(FocalPlane, ATinyCacheOnlyCostsTime) {

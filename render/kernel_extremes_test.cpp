@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
-#include <set>
 #include <string>
 
 #include "render/sampling/kernel_accuracy.h"
 #include "render/sampling/source_view.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -28,11 +27,7 @@ void expect_accurate(const ViewAccuracy& accuracy) {
 }
 
 TEST(KernelExtremes, EveryInstructionSetIsNearTo50Digits) {
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    if (!seen.insert(kernel_target()).second) continue;
+  testing::for_each_target(kernel_target, [&] {
     for (const Extreme& extreme : testing::extremes()) {
       SCOPED_TRACE(std::string(kernel_target()) + ": " + extreme.name);
       const ViewAccuracy accuracy = testing::measure_accuracy(extreme);
@@ -40,10 +35,7 @@ TEST(KernelExtremes, EveryInstructionSetIsNearTo50Digits) {
       EXPECT_EQ(accuracy.in_kernels.positions_compared > 0, !extreme.blank);
       EXPECT_EQ(accuracy.in_kernels.weights_compared > 0, !extreme.blank);
     }
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
+  });
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 #include "render/lumigraph/lumigraph.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
@@ -21,6 +20,7 @@
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -130,12 +130,7 @@ SomeRays rays_from(const Vector3d& eye, double spread, std::pair<double, double>
 
 TEST(LumigraphWeights, AgreeWithTheReferenceOnEveryInstructionSet) {
   const Rig rig = grid_rig(5, 6, {-0.2, 0.05, 0.001, -0.002, 0.003});
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(kernel_target());
-    seen.insert(kernel_target());
+  testing::for_each_target(kernel_target, [&] {
     for (const int k : {1, 4, 16}) {
       RayWeighing weighing;
       weighing.cameras = k;
@@ -149,10 +144,7 @@ TEST(LumigraphWeights, AgreeWithTheReferenceOnEveryInstructionSet) {
         expect_weights_agree(rig, some.rays, some.inverse_distance, weighing);
       }
     }
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_GE(seen.size(), 1U);
+  });
 }
 
 TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
@@ -162,10 +154,7 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
   view.pose.world_from_camera_rotation =
       Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
   const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(kernel_target());
+  testing::for_each_target(kernel_target, [&] {
     for (const int count : {1, 7, 61, RayChunk::kSize}) {
       RayRow row;
       find_directions(ray_from_pixel, 200, 17, count, row);
@@ -193,9 +182,7 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
         ASSERT_TRUE(std::isnan(of_row.inverse_distance[i]));
       }
     }
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  });
 }
 
 TEST(LumigraphWeights, AreFiniteAndSumToWhatIsSeenAtTheExtremes) {
@@ -411,19 +398,14 @@ TEST_F(Lumigraph, AgreesWithTheReferenceFromEverywhere) {
 
 TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryInstructionSet) {
   const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(kernel_target());
+  testing::for_each_target(kernel_target, [&] {
     expect_equal(render_both(
         take, virtual_camera_with_fov(117, 83, 45 * kDegree, looking({0, 0.01, 0.1}, 2, 40)),
         {0.1, 0, 1, 3.7}));
     // Neighbours in the view that are far apart in the frames.
     expect_equal(render_both(
         take, virtual_camera_with_fov(40, 30, 1, looking({0, 0.01, 0.1}, 2, 1)), {0, 0, 1, 4}));
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  });
 }
 
 TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryPlane) {

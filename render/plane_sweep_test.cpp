@@ -3,18 +3,17 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
-#include <set>
 
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/error.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -138,17 +137,9 @@ TEST_F(PlaneSweep, EveryInstructionSetAgreesWithTheReference) {
   RendererSettings slow;
   slow.reference = true;
   const RenderedView expected = render(take, a_view(), {{"step_px", 1.0}}, slow);
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(kernel_target());
-    seen.insert(kernel_target());
+  testing::for_each_target(kernel_target, [&] {
     expect_nearly_equal(render(take, a_view(), {{"step_px", 1.0}}), expected);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
+  });
 }
 
 TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {

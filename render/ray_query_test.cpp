@@ -2,7 +2,6 @@
 #include "render/rays/ray_query.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
@@ -10,9 +9,11 @@
 #include <random>
 
 #include "render/renderer.h"
+#include "render/sampling/source_view.h"
 #include "render/view/ray_cells.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -91,13 +92,8 @@ TEST_F(RayQuery, AgreesWithTheReferenceOnEveryInstructionSet) {
   const std::vector<WorldRay> rays = some_rays(500);
   const Reconstruction reconstruction{"lumigraph", {0, 0, 1, 4}};
   const std::vector<RaySample> reference = ask(take, rays, reconstruction, true);
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    expect_equal(ask(take, rays, reconstruction), reference);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  testing::for_each_target(kernel_target,
+                           [&] { expect_equal(ask(take, rays, reconstruction), reference); });
 }
 
 TEST_F(RayQuery, AnswersAViewsRaysAsTheViewIsRendered) {

@@ -2,7 +2,6 @@
 #include "render/slabs/slabs.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Core>

@@ -3,14 +3,12 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <filesystem>
 #include <numbers>
-#include <set>
 
 #include "render/depth/solve_kernels.h"
 #include "render/quality/image_quality.h"
@@ -18,6 +16,7 @@
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -150,12 +149,7 @@ TEST_F(Depth, EveryInstructionSetSeesTheSame) {
   const Take take = write(step_edge(3, 3));
   const OptionValues anew{{"keep", false}};
   const RenderedView expected = render(take, a_view(), anew);
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(depth_solve_target());
-    seen.insert(depth_solve_target());
+  testing::for_each_target(depth_solve_target, [&] {
     const RenderedView image = render(take, a_view(), anew);
     // Rounded differently, a choice between equals may fall differently; hardly anywhere.
     std::size_t differ = 0;
@@ -163,10 +157,7 @@ TEST_F(Depth, EveryInstructionSetSeesTheSame) {
       differ += std::abs(image.rgba[i] - expected.rgba[i]) > 5e-3F ? 1 : 0;
     }
     EXPECT_LT(differ, image.rgba.size() / 100);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
+  });
 }
 
 TEST_F(Depth, FindsASlantedPlane) {

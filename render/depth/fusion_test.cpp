@@ -2,15 +2,13 @@
 #include "render/depth/fusion.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <cmath>
 #include <random>
-#include <set>
-#include <string>
 
 #include "render/depth/solve_kernels.h"
 #include "render/depth/warp.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -115,12 +113,7 @@ TEST(WarpDepths, EveryInstructionSetAgreesWithTheReference) {
     const unsigned choice = random() % 10;
     depth = choice == 0 ? kUnknownDepth : 0.2F + 0.05F * static_cast<float>(choice);
   }
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(depth_solve_target());
-    seen.insert(depth_solve_target());
+  testing::for_each_target(depth_solve_target, [&] {
     for (const VirtualCamera& view :
          {camera_at({0.31, 0.12, 0.4}, 75, 41),  // aside and behind
           camera_at({-0.1, 0, -0.9}, 66, 60),    // in front: pixels are drawn out
@@ -135,10 +128,7 @@ TEST(WarpDepths, EveryInstructionSetAgreesWithTheReference) {
       EXPECT_GT(known, 300);
       EXPECT_LE(differ, known / 200);  // rounded to another pixel
     }
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
+  });
 }
 
 TEST(WarpDepths, OnlyWhereItIsWanted) {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -8,11 +7,10 @@
 #include <functional>
 #include <optional>
 #include <random>
-#include <set>
-#include <string>
 
 #include "render/depth/blend_kernels.h"
 #include "render/depth/solve_kernels.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -118,20 +116,6 @@ class DepthKernels : public ::testing::Test {
       partners_.push_back({pixel_transfer(others_[i], own_), &images_[i], &depths_[i]});
     }
   }
-  static void on_every_instruction_set(const std::function<void()>& check) {
-    std::set<std::string> seen;
-    for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-      hwy::SetSupportedTargetsForTest(target);
-      hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-      SCOPED_TRACE(depth_solve_target());
-      seen.insert(depth_solve_target());
-      check();
-    }
-    hwy::SetSupportedTargetsForTest(0);
-    hwy::GetChosenTarget().DeInit();
-    EXPECT_FALSE(seen.empty());
-  }
-
   static constexpr std::size_t kPartners = 6;
   VirtualCamera own_ = camera_at({0, 0, 0}, 0);
   MatchingImage image_ = random_image(0, own_, 0.5);
@@ -144,7 +128,7 @@ class DepthKernels : public ::testing::Test {
 TEST_F(DepthKernels, MatchesAsTheReference) {
   constexpr int kPlanes = 5, kStride = 32;
   std::vector<std::uint8_t> costs(kWidth * kStride), is_seen(kWidth);
-  on_every_instruction_set([&] {
+  testing::for_each_target(depth_solve_target, [&] {
     int unknown = 0, told = 0;
     for (const int y : {0, 14, kHeight - 1}) {
       match_row(
@@ -217,7 +201,7 @@ TEST_F(DepthKernels, AnImageKnowsWhatItsFrameShows) {
 TEST_F(DepthKernels, RefinesAsTheReference) {
   const InverseDepthMap present = random_depths(7, 0.15F, 0.45F);
   std::vector<float> costs(kWidth * kOffsetStride, -1.0F);
-  on_every_instruction_set([&] {
+  testing::for_each_target(depth_solve_target, [&] {
     int seen_by_some = 0, hidden = 0, left_out = 0;
     for (const int y : {0, 14, kHeight - 1}) {
       const float* row = present.values.data() + y * kWidth;
@@ -284,7 +268,7 @@ TEST_F(DepthKernels, VotesAsTheReference) {
     weight_of.push_back(weights[i].data());
   }
   std::array<float, kMostVotes> depth{}, share{};
-  on_every_instruction_set([&] {
+  testing::for_each_target(depth_solve_target, [&] {
     vote({report_of, weight_of, kPixels, 0.2F, depth.data(), share.data()});
     for (std::size_t x = 0; x < kPixels; ++x) {
       double all = 0, best = 0, mean = kUnknownDepth;
@@ -334,7 +318,7 @@ TEST_F(DepthKernels, OfEqualReportsTheNearerWins) {
 TEST_F(DepthKernels, TakesMediansAsTheReference) {
   const InverseDepthMap map = random_depths(4, 0, 1);
   std::vector<float> medians(kWidth);
-  on_every_instruction_set([&] {
+  testing::for_each_target(depth_solve_target, [&] {
     for (const int y : {0, 14, kHeight - 1}) {
       const auto row = [&](int at) {
         return map.values.data() +
@@ -372,7 +356,7 @@ TEST_F(DepthKernels, SeesAsTheReference) {
     const InverseDepthMap *its = theirs, *own = ours;  // captured below
     const InverseDepthMap nearest = nearest_of_blocks(*its);
     std::vector<float> visible(kWidth);
-    on_every_instruction_set([&] {
+    testing::for_each_target(depth_solve_target, [&] {
       int part = 0, all = 0;
       for (const int y : {0, 14, kHeight - 1}) {
         const std::span<const float> depths(own->values.data() + y * kWidth, kWidth);
@@ -423,7 +407,7 @@ TEST_F(DepthKernels, ACameraThatDiffersCountsLess) {
     share_of.push_back(shares[i].data());
     visible_of.push_back(visible[i].data());
   }
-  on_every_instruction_set([&] {
+  testing::for_each_target(depth_solve_target, [&] {
     std::array<float, 4> sums{};
     blend_agreeing({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
     const double alpha = 0.2 * 4.5;

@@ -2,14 +2,13 @@
 #include "render/matching/matching.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
 #include <random>
-#include <set>
 #include <stdexcept>
 
 #include "render/matching/path_kernels.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -55,24 +54,8 @@ const std::vector<CostVolume> kShapes{{1, 1, 1},     {1, 9, 5},     {23, 1, 8}, 
                                       {37, 29, 2},   {33, 21, 31},  {19, 40, 32}, {70, 35, 33},
                                       {130, 50, 64}, {25, 18, 100}, {9, 20, 512}};
 
-/// Calls body() under every instruction set that this machine has.
-template <class Body>
-void for_each_target(const Body& body) {
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(matching_target());
-    seen.insert(matching_target());
-    body();
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
-}
-
 TEST(Matching, SemiGlobalIsTheReferenceToTheBit) {
-  for_each_target([] {
+  testing::for_each_target(matching_target, [] {
     for (const CostVolume& volume : kShapes) {
       SCOPED_TRACE(volume.planes);
       const RandomCosts costs(volume, 1);
@@ -90,7 +73,7 @@ TEST(Matching, SemiGlobalIsTheReferenceToTheBit) {
 }
 
 TEST(Matching, BoxIsTheReferenceToTheBit) {
-  for_each_target([] {
+  testing::for_each_target(matching_target, [] {
     for (const CostVolume& volume : kShapes) {
       SCOPED_TRACE(volume.planes);
       const RandomCosts costs(volume, 2);

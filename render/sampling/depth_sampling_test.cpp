@@ -2,16 +2,15 @@
 #include "render/sampling/depth_sampling.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <random>
-#include <set>
 
 #include "render/sampling/depth_planning.h"
 #include "render/view/ray_cells.h"
+#include "schemas/test_targets.h"
 #include "schemas/transfer_function.h"
 
 namespace raystage {
@@ -112,18 +111,10 @@ void expect_samples_equal_reference(LookUp look_up) {
 }
 
 TEST(DepthSampling, EveryInstructionSetAgreesWithTheReference) {
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(kernel_target());
-    seen.insert(kernel_target());
+  testing::for_each_target(kernel_target, [&] {
     expect_samples_equal_reference(LookUp::kLinear);
     expect_samples_equal_reference(LookUp::kCubic);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
+  });
 }
 
 TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {

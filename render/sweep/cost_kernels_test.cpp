@@ -2,15 +2,14 @@
 #include "render/sweep/cost_kernels.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
 #include <numbers>
 #include <random>
-#include <set>
 
 #include "render/matching/matching.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -115,19 +114,11 @@ Counts expect_costs_of_reference(const Case& c) {
 
 /// On every instruction set there is.
 void expect_costs_everywhere(const Case& c, int least_told, int least_unknown) {
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(sweep_target());
-    seen.insert(sweep_target());
+  testing::for_each_target(sweep_target, [&] {
     const Counts counts = expect_costs_of_reference(c);
     EXPECT_GE(counts.told, least_told);
     EXPECT_GE(counts.unknown, least_unknown);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
+  });
 }
 
 TEST(CostKernels, AgreeWithTheReferenceWhereCamerasSeeInPart) {

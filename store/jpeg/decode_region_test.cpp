@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <hwy/highway.h>
 
 #include <algorithm>
 #include <random>
 #include <string>
 
 #include "schemas/error.h"
+#include "schemas/test_targets.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/encode.h"
+#include "store/jpeg/inverse_dct.h"
 #include "store/jpeg/test_encoder.h"
 #include "store/jpeg/test_images.h"
 
@@ -152,7 +153,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeForUnusualSamplings) {
       }
       odd.restart_interval = 3;
       const RgbImage image = test_images::make(Kind::kMixed, width, 53);
-      expect_regions(encode_odd(image, odd), testing::PrintToString(sampling));
+      expect_regions(encode_odd(image, odd), ::testing::PrintToString(sampling));
     }
   }
 }
@@ -178,10 +179,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeForEveryKindOfPicture) {
 
 TEST(DecodeRegion, EqualsTheFullDecodeOnEveryInstructionSet) {
   const RgbImage image = test_images::make(Kind::kMixed, 200, 130);
-  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(hwy::TargetName(target));
+  testing::for_each_target(inverse_dct_target, [&] {
     for (const auto& [h, v] : {std::pair{1, 1}, {2, 1}, {1, 2}, {2, 2}}) {
       OddJpeg odd;
       odd.h[0] = h;
@@ -189,9 +187,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeOnEveryInstructionSet) {
       odd.restart_interval = 3;
       expect_regions(encode_odd(image, odd), "sampling");
     }
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
+  });
 }
 
 TEST(DecodeRegion, FallsBackToTheFullDecode) {

@@ -164,6 +164,8 @@ void InverseDct(BlockPair& pair) {
 
 #endif  // HWY_TARGET == HWY_SCALAR
 
+const char* target() { return hwy::TargetName(HWY_TARGET); }
+
 }  // namespace HWY_NAMESPACE
 }  // namespace raystage
 HWY_AFTER_NAMESPACE();
@@ -172,8 +174,11 @@ HWY_AFTER_NAMESPACE();
 namespace raystage {
 
 HWY_EXPORT(InverseDct);
+HWY_EXPORT(target);
 
 void inverse_dct(BlockPair& pair) { HWY_DYNAMIC_DISPATCH(InverseDct)(pair); }
+
+const char* inverse_dct_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
 std::uint8_t dc_only_sample(std::int16_t dc) {
   const auto scaled =

@@ -22,6 +22,9 @@ extern const std::array<std::uint8_t, 80> kPairIndex;
 /// shifted by 128 and limited to 0-255. Clears the coefficients for the next two blocks.
 void inverse_dct(BlockPair& pair);
 
+/// Name of the instruction set that it runs under.
+const char* inverse_dct_target();
+
 /// The same, one number at a time.
 void inverse_dct_reference(BlockPair& pair);
 

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <random>
 
+#include "schemas/test_targets.h"
+
 namespace raystage {
 namespace {
 
@@ -31,13 +33,15 @@ BlockPair random_pair(std::mt19937& random, int limit, unsigned zeros_in_10) {
   return pair;
 }
 
-TEST(InverseDct, EqualsTheReferenceWhateverTheCoefficients) {
-  std::mt19937 random(1);
-  for (int i = 0; i < 20000; ++i) {
-    const int limits[] = {2, 40, 1024, 8000, 32767};
-    const BlockPair pair = random_pair(random, limits[i % 5], static_cast<unsigned>(i / 5 % 10));
-    ASSERT_EQ(transformed(pair, inverse_dct), transformed(pair, inverse_dct_reference)) << i;
-  }
+TEST(InverseDct, EqualsTheReferenceWhateverTheCoefficientsOnEveryInstructionSet) {
+  testing::for_each_target(inverse_dct_target, [] {
+    std::mt19937 random(1);
+    for (int i = 0; i < 20000; ++i) {
+      const int limits[] = {2, 40, 1024, 8000, 32767};
+      const BlockPair pair = random_pair(random, limits[i % 5], static_cast<unsigned>(i / 5 % 10));
+      ASSERT_EQ(transformed(pair, inverse_dct), transformed(pair, inverse_dct_reference)) << i;
+    }
+  });
 }
 
 TEST(InverseDct, IsTheCosineTransformWithinRounding) {

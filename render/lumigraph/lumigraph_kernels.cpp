@@ -96,11 +96,14 @@ void normalise(std::span<ChunkWeights> weights, int count) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int i = 0; i < count; i += lanes) {
-    auto total = hn::Zero(d), most = hn::Zero(d);
+    // A compensated sum (Kahan): of hundreds of cameras that count, a plain one is off by 3e-6.
+    auto total = hn::Zero(d), too_much = hn::Zero(d), most = hn::Zero(d);
     for (const ChunkWeights& camera : weights) {
       const auto weight = hn::Load(d, camera.weight.data() + i);
       const auto counts = hn::Gt(weight, hn::Zero(d));
-      total = hn::Add(total, weight);
+      const auto part = hn::Sub(weight, too_much), sum = hn::Add(total, part);
+      too_much = hn::Sub(hn::Sub(sum, total), part);
+      total = sum;
       most = hn::Max(most, hn::IfThenElseZero(counts, hn::Load(d, camera.seen.data() + i)));
     }
     const auto scale = hn::Div(most, hn::Max(total, hn::Set(d, 1e-37F)));

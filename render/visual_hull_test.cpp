@@ -2,7 +2,6 @@
 #include "render/hull/visual_hull.h"
 
 #include <gtest/gtest.h>
-#include <png.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
@@ -11,6 +10,7 @@
 #include <optional>
 
 #include "render/hull/carving.h"
+#include "render/hull/test_matte.h"
 #include "render/renderer.h"
 #include "render/view/ray_cells.h"
 #include "render/view/synthetic_take.h"
@@ -109,14 +109,7 @@ class VisualHull : public ::testing::Test {
   }
   void write_matte(const std::string& camera, int width, int height,
                    const std::vector<std::uint8_t>& codes) const {
-    const auto file = folder() / "mattes" / camera / "000000.png";
-    std::filesystem::create_directories(file.parent_path());
-    png_image image{};
-    image.version = PNG_IMAGE_VERSION;
-    image.width = static_cast<png_uint_32>(width);
-    image.height = static_cast<png_uint_32>(height);
-    image.format = PNG_FORMAT_GRAY;
-    ASSERT_NE(png_image_write_to_file(&image, file.c_str(), 0, codes.data(), 0, nullptr), 0);
+    testing::write_matte(folder(), camera, 0, width, height, codes);
   }
   static std::array<double, 3> colour(const Vector3d& eye, const Vector3d& direction,
                                       const std::optional<double>& hit) {
@@ -340,6 +333,11 @@ TEST(Carving, KeepsWhatNoCameraSeesOfARayButShowsOnlyWhatOneDoes) {
     EXPECT_TRUE(std::isnan(inverse[3]));
     EXPECT_NEAR(1 / inverse[4], 2 + 0.25 / tangent, 0.03);
   }
+  // From afar, where all that the cameras see lies within a ten millionth of the inverse distances.
+  const std::vector<WorldRay> from_afar{{{0, 0, 1e6}, -Vector3d::UnitZ()}};
+  double inverse = 0;
+  hull_surface(rig, silhouettes, 1, 0.1)(from_afar, {&inverse, 1});
+  EXPECT_NEAR(1 / inverse, 1e6 + 0.25 / tangent, 0.03);
 }
 
 }  // namespace

@@ -113,10 +113,16 @@ class RayCarving {
     const Vector3d direction = carver.raster_from_world * ray.direction;
     const Vector3d per_inverse = carver.raster_from_world * (ray.origin - carver.centre);
     const auto at = [&](double inverse) { return Vector3d(direction + inverse * per_inverse); };
-    // What lies behind the camera, or all but beside it, is unseen.
-    const double least_w =
-        1e-6 * (std::abs(direction.z()) + interval.near * std::abs(per_inverse.z()));
     const double w_near = at(interval.near).z(), w_far = at(interval.far).z();
+    // What lies behind the camera, or all but beside it, is unseen: beside it lies what is a
+    // million pixels off. Measured where the line comes nearest to passing the camera, as seen from
+    // afar all of what cameras see can lie in the last millionth of the interval.
+    const double beside = std::clamp(per_inverse.z() == 0 ? 0 : -direction.z() / per_inverse.z(),
+                                     interval.far, interval.near);
+    const Vector3d off = at(beside);
+    constexpr double kPixels = 1e6, kRounding = 1e-12;
+    const double least_w =
+        std::max(std::hypot(off.x(), off.y()) / kPixels, kRounding * std::abs(direction.z()));
     if (!(w_near > least_w) && !(w_far > least_w)) {
       visit(interval.near, interval.far, MatteValue::kUnseen);
       return;

@@ -110,17 +110,19 @@ CameraField::CameraField(const VirtualCamera& view, const Rig& rig, std::vector<
                          const InverseDepthRange& range, int count)
     : columns_((view.width + kTile - 1) / kTile), rows_((view.height + kTile - 1) / kTile) {
   const ViewRays rays(view);
+  const auto choose_at = [&](double x, double y) -> std::vector<CameraShare> {
+    const auto ray = rays.through(x, y);
+    if (!ray) return {};
+    // At infinity all cameras see a point along one direction; a million metres tells them apart.
+    const RayPoint point{view.pose.position, *ray,
+                         std::max((range.farthest + range.nearest) / 2, 1e-6)};
+    return choose(point, range, rig, members, count);
+  };
   corners_.resize(static_cast<std::size_t>((columns_ + 1) * (rows_ + 1)));
   raystage::parallel_for(0, rows_ + 1, [&](int row) {
     for (int column = 0; column <= columns_; ++column) {
-      const auto ray =
-          rays.through(std::min(column * kTile, view.width), std::min(row * kTile, view.height));
-      if (!ray) continue;
-      // At infinity all cameras see a point along one direction; a million metres tells them apart.
-      const RayPoint point{view.pose.position, *ray,
-                           std::max((range.farthest + range.nearest) / 2, 1e-6)};
       corners_[static_cast<std::size_t>(row * (columns_ + 1) + column)] =
-          choose(point, range, rig, members, count);
+          choose_at(std::min(column * kTile, view.width), std::min(row * kTile, view.height));
     }
   });
   for (int row = 0; row < rows_; ++row) {
@@ -139,6 +141,14 @@ CameraField::CameraField(const VirtualCamera& view, const Rig& rig, std::vector<
           }
           found->share[i] = static_cast<float>(chosen.share);
         }
+      }
+      if (tile.cameras.empty()) {  // as where it is wider than what all cameras see together
+        for (const CameraShare& chosen :
+             choose_at((tile.left + tile.right) / 2.0, (tile.top + tile.bottom) / 2.0)) {
+          tile.cameras.push_back({chosen.camera, {}});
+          tile.cameras.back().share.fill(static_cast<float>(chosen.share));
+        }
+        tile.by_middle = true;
       }
       std::vector<CameraShare> by_share;
       for (const TileCamera& camera : tile.cameras) {
@@ -221,10 +231,8 @@ double planes_needed(const InverseDepthRange& range, const VirtualCamera& view, 
   constexpr int kParts = 8;
   const ViewRays rays(view);
   double fastest = 0;  // pixels of disparity per part of the range
-  const auto look_at = [&](int column, int row) {
-    const auto& chosen = field.corner(column, row);
-    const auto ray = rays.through(std::min(column * CameraField::kTile, view.width),
-                                  std::min(row * CameraField::kTile, view.height));
+  const auto look_at = [&](double x, double y, const std::vector<CameraShare>& chosen) {
+    const auto ray = rays.through(x, y);
     if (!ray) return;
     for (const CameraShare& one : chosen) {
       const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(one.camera)];
@@ -253,7 +261,19 @@ double planes_needed(const InverseDepthRange& range, const VirtualCamera& view, 
     }
   };
   for (int row = 0; row <= field.rows(); ++row) {
-    for (int column = 0; column <= field.columns(); ++column) look_at(column, row);
+    for (int column = 0; column <= field.columns(); ++column) {
+      look_at(std::min(column * CameraField::kTile, view.width),
+              std::min(row * CameraField::kTile, view.height), field.corner(column, row));
+    }
+  }
+  for (int row = 0; row < field.rows(); ++row) {
+    for (int column = 0; column < field.columns(); ++column) {
+      const CameraField::Tile& tile = field.tile(column, row);
+      if (!tile.by_middle) continue;
+      std::vector<CameraShare> chosen;
+      for (const auto& camera : tile.cameras) chosen.push_back({camera.camera, 0});
+      look_at((tile.left + tile.right) / 2.0, (tile.top + tile.bottom) / 2.0, chosen);
+    }
   }
   return 1 + std::max(0.0, std::ceil(fastest * kParts / step_px - 1e-9));
 }

@@ -53,7 +53,8 @@ struct CameraShare {
 /// Which cameras a view's rays are reconstructed from: the best few at the corners of tiles, with
 /// weights that fall to 0 before a camera leaves the choice (Buehler et al. 2001, eq. 2.3 of the
 /// thesis), and linear between corners: so nothing jumps, neither from pixel to pixel nor from view
-/// to view.
+/// to view. A tile none of whose corners any camera sees has the choice of its middle: the one that
+/// is wider than all that the cameras see.
 class CameraField {
  public:
   static constexpr int kTile = 32;  ///< pixels
@@ -74,6 +75,7 @@ class CameraField {
   struct Tile {
     int left = 0, right = 0, top = 0, bottom = 0;  ///< pixels of the view
     std::vector<TileCamera> cameras;               ///< by index in the rig
+    bool by_middle = false;                        ///< chosen there, not at the corners
     /// Cameras whose share is greatest in the tile's middle, `count` at most, by index in the rig.
     std::vector<int> best;
   };

@@ -12,7 +12,6 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -20,9 +19,9 @@
 #include "render/renderer.h"
 #include "render/view/plane_projection.h"
 #include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
 #include "schemas/transfer_function.h"
 #include "store/jpeg/decode.h"
+#include "tests/bench/bench_take.h"
 
 namespace raystage {
 namespace {
@@ -34,26 +33,20 @@ constexpr double kAllCameras = 0.75;  // metres behind the array
 /// The take under test, opened once; a synthetic one lives in a folder that goes with the program.
 class BenchTakes {
  public:
-  BenchTakes() {
-    restart_ = open("RAYSTAGE_BENCH_TAKE", "restart", -1);
-    plain_ = open("RAYSTAGE_BENCH_TAKE_PLAIN", "plain", 0);
-  }
-  const Take& restart() const { return *restart_; }
-  const Take& plain() const { return *plain_; }
+  const Take& restart() const { return restart_.take(); }
+  const Take& plain() const { return plain_.take(); }
 
  private:
-  std::unique_ptr<Take> open(const char* variable, const char* name, int restart_interval) {
-    if (const char* folder = std::getenv(variable)) return std::make_unique<Take>(folder);
-    testing::SyntheticTake settings;
-    settings.cameras = testing::camera_grid(8, 8, 0.0615, kWidth, kHeight);
+  static testing::SyntheticTake in_motion(int restart_interval) {
+    testing::SyntheticTake settings = painted_array(8, 8);
     settings.plane_depth = kFocalDepth;
-    settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, restart_interval};
+    settings.depth_range.reset();
+    settings.jpeg.restart_interval = restart_interval;
     settings.frames = 8;
-    write_synthetic_take(settings, folder_.path() / name);
-    return std::make_unique<Take>(folder_.path() / name);
+    return settings;
   }
-  TestFolder folder_;
-  std::unique_ptr<Take> restart_, plain_;
+  BenchTake restart_{"RAYSTAGE_BENCH_TAKE", in_motion(-1)};
+  BenchTake plain_{"RAYSTAGE_BENCH_TAKE_PLAIN", in_motion(0)};
 };
 
 const BenchTakes& takes() {

@@ -8,19 +8,21 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdlib>
+#include <cmath>
 #include <cstring>
+#include <ctime>
 #include <limits>
 #include <numbers>
 #include <numeric>
 #include <random>
 
 #include "render/evaluation/trade.h"
+#include "render/hull/test_matte.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/test_folder.h"
+#include "rig/sampling_limits.h"
+#include "tests/bench/bench_take.h"
 
 namespace raystage {
 namespace {
@@ -31,52 +33,66 @@ double ms_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-class BenchTake {
- public:
-  BenchTake() {
-    if (const char* folder = std::getenv("RAYSTAGE_BENCH_TAKE")) {
-      take_ = std::make_unique<Take>(folder);
-      return;
-    }
-    testing::SyntheticTake settings;
-    settings.cameras = testing::camera_grid(8, 8, 0.0615, 960, 640);
-    settings.plane_depth = 5;
-    settings.depth_range = DepthRange{3, 40};
-    settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
-    write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
-  }
-  const Take& take() const { return *take_; }
-
- private:
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
-};
-
 const Take& take() {
-  static const BenchTake opened;
+  static const BenchTake opened("RAYSTAGE_BENCH_TAKE", painted_array(8, 8));
+  return opened.take();
+}
+
+/// For visual_hull: with mattes of a disk on the painted plane, 2 m across. Always written anew, as
+/// captured takes have none.
+const Take& take_with_mattes() {
+  static const testing::SyntheticTake settings = painted_array(8, 8);
+  static const BenchTake opened(settings);
+  [[maybe_unused]] static const bool written = [] {
+    for (const CameraGeometry& camera : settings.cameras) {
+      const CameraModel model(camera);
+      const Pose pose = pose_from_matrix(camera.world_from_camera);
+      std::vector<std::uint8_t> codes;
+      for (int y = 0; y < camera.height; ++y) {
+        for (int x = 0; x < camera.width; ++x) {
+          const Eigen::Vector3d ray = *model.unproject({x + 0.5, y + 0.5});
+          const Eigen::Vector3d hit = pose.position - ray * (settings.plane_depth / ray.z());
+          codes.push_back(std::hypot(hit.x(), hit.y()) < 1 ? 255 : 0);
+        }
+      }
+      testing::write_matte(opened.take().folder(), camera.id, 0, camera.width, camera.height,
+                           codes);
+    }
+    return true;
+  }();
   return opened.take();
 }
 
 /// A little behind the array, turned, off the cameras' places: a dozen cameras and more see it.
-VirtualCamera bench_view() {
+VirtualCamera bench_view(const Take& take) {
   Pose pose;
-  pose.position = take().rig().centre() + Eigen::Vector3d(0.017, -0.011, 0.1);
+  pose.position = take.rig().centre() + Eigen::Vector3d(0.017, -0.011, 0.1);
   return virtual_camera_with_fov(960, 640, 45 * std::numbers::pi / 180, pose);
+}
+
+/// Between neighbouring cameras, pixels, from the nearest depth to the farthest (eq. 2.1).
+double disparity_of(const Take& take) {
+  std::vector<int> all(static_cast<std::size_t>(take.camera_count()));
+  std::iota(all.begin(), all.end(), 0);
+  double longest = 0;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    longest = std::max({longest, camera.model.intrinsics().fx, camera.model.intrinsics().fy});
+  }
+  return disparity_range(longest, camera_spacing(take.rig(), topology_of(take.rig(), all)),
+                         *take.document().depth_range);
 }
 
 /// The shortest of renderings with one and with two threads, in turn, so that whatever else the
 /// machine does troubles both alike.
-void BM_Threads(benchmark::State& state, const TradeSetting& setting) {
+void BM_Threads(benchmark::State& state, const Take& take, const TradeSetting& setting) {
   RendererSettings settings;
   settings.cache_bytes = settings.kept_bytes = std::size_t{2} << 30;
   settings.kept = std::make_shared<KeptResults>(settings.kept_bytes);
-  const LightFieldRenderer renderer(take(), settings);
-  const FrameSelection frames = select_frames(take(), 0, kNanosecondsPerSecond);
-  const VirtualCamera view = bench_view();
+  const LightFieldRenderer renderer(take, settings);
+  const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
+  const VirtualCamera view = bench_view(take);
   const Reconstruction reconstruction{
-      setting.method,
-      plane_in_front_of(take().rig(), best_focal_depth(*take().document().depth_range)),
+      setting.method, plane_in_front_of(take.rig(), best_focal_depth(*take.document().depth_range)),
       setting.options};
   const auto render = [&] {
     const RenderedView image = renderer.render(view, frames, reconstruction);
@@ -86,23 +102,30 @@ void BM_Threads(benchmark::State& state, const TradeSetting& setting) {
   for (int warm = 0; warm < 2; ++warm) render();
   double least_ms[2] = {std::numeric_limits<double>::infinity(),
                         std::numeric_limits<double>::infinity()};
+  std::clock_t least_cpu = std::numeric_limits<std::clock_t>::max();
   RenderStatistics statistics;
   for (auto _ : state) {
     for (std::size_t threads : {1, 2}) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
       const auto start = Clock::now();
+      const std::clock_t cpu_start = std::clock();
       statistics = render();
       least_ms[threads - 1] = std::min(least_ms[threads - 1], ms_since(start));
+      if (threads == 1) least_cpu = std::min(least_cpu, std::clock() - cpu_start);
     }
   }
   state.counters["ms_1"] = least_ms[0];
   state.counters["ms_2"] = least_ms[1];
   state.counters["gain"] = least_ms[0] / least_ms[1];
+  // What render/automatic/automatic_method.cpp says of the candidates of `auto`.
+  state.counters["cpu_ns_per_px"] = 1e9 / CLOCKS_PER_SEC * static_cast<double>(least_cpu) /
+                                    (static_cast<double>(view.width) * view.height);
+  state.counters["disparity_px"] = disparity_of(take);
   // What must be moved at least: every source pixel with a weight once, and the view's channels.
   RendererSettings counting = settings;
   counting.count_needed_pixels = true;
   const RenderStatistics counts =
-      LightFieldRenderer(take(), counting).render(view, frames, reconstruction).statistics;
+      LightFieldRenderer(take, counting).render(view, frames, reconstruction).statistics;
   constexpr double kSourceBytes = 8, kViewBytes = 24;
   state.counters["MB"] = (static_cast<double>(counts.pixels_needed) * kSourceBytes +
                           view.width * view.height * kViewBytes) /
@@ -117,7 +140,7 @@ std::vector<WorldRay> some_rays(bool of_view) {
   constexpr int kRays = 1 << 17;
   std::vector<WorldRay> rays;
   if (of_view) {
-    const VirtualCamera view = bench_view();
+    const VirtualCamera view = bench_view(take());
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
     for (int i = 0; i < kRays; ++i) {
       const Eigen::Vector3d pixel(i % view.width + 0.5, i / view.width + 200.5, 1);
@@ -205,12 +228,17 @@ int main(int argc, char** argv) {
   mallopt(M_TRIM_THRESHOLD, 1 << 30);  // as every raystage command does
   mallopt(M_MMAP_THRESHOLD, 32 << 20);
   benchmark::Initialize(&argc, argv);
-  for (const raystage::TradeSetting& setting : raystage::default_trade_settings()) {
-    // Needs mattes; chooses among the others.
-    if (setting.method == "visual_hull" || setting.method == "auto") continue;
-    benchmark::RegisterBenchmark(
-        ("BM_Threads/" + setting.label).c_str(),
-        [setting](benchmark::State& state) { raystage::BM_Threads(state, setting); })
+  std::vector<raystage::TradeSetting> settings = raystage::default_trade_settings();
+  settings.push_back(raystage::trade_setting_from_text("auto to 30 dB:auto:target_error=30"));
+  for (const raystage::TradeSetting& setting : settings) {
+    benchmark::RegisterBenchmark(("BM_Threads/" + setting.label).c_str(),
+                                 [setting](benchmark::State& state) {
+                                   raystage::BM_Threads(state,
+                                                        setting.method == "visual_hull"
+                                                            ? raystage::take_with_mattes()
+                                                            : raystage::take(),
+                                                        setting);
+                                 })
         ->Unit(benchmark::kMillisecond)
         ->MinTime(1)
         ->UseRealTime();

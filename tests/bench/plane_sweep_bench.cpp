@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // plane_sweep against the same in OpenCV: 96 planes, 4 cameras, 5x5 box, best plane, blend.
-// The take: $RAYSTAGE_BENCH_TAKE; by default 8x8 cameras of 960x640 looking at a painted plane.
+// The take: $RAYSTAGE_BENCH_TAKE; by default 4x4 cameras of 960x640 looking at a painted plane.
 #include <benchmark/benchmark.h>
 #include <tbb/global_control.h>
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -14,9 +13,9 @@
 #include "render/renderer.h"
 #include "render/sweep/camera_field.h"
 #include "render/view/plane_projection.h"
-#include "render/view/synthetic_take.h"
 #include "schemas/transfer_function.h"
 #include "store/jpeg/decode.h"
+#include "tests/bench/bench_take.h"
 
 namespace raystage {
 namespace {
@@ -24,30 +23,8 @@ namespace {
 constexpr int kWidth = 960, kHeight = 640, kPlanes = 96;
 constexpr double kTruncation = 40;
 
-class BenchTake {
- public:
-  BenchTake() {
-    if (const char* folder = std::getenv("RAYSTAGE_BENCH_TAKE")) {
-      take_ = std::make_unique<Take>(folder);
-      return;
-    }
-    testing::SyntheticTake settings;
-    settings.cameras = testing::camera_grid(4, 4, 0.0615, kWidth, kHeight);
-    settings.plane_depth = 5;
-    settings.depth_range = DepthRange{3, 40};
-    settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
-    write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
-  }
-  const Take& take() const { return *take_; }
-
- private:
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
-};
-
 const Take& take() {
-  static const BenchTake opened;
+  static const BenchTake opened("RAYSTAGE_BENCH_TAKE", painted_array(4, 4));
   return opened.take();
 }
 

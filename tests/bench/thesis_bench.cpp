@@ -14,8 +14,7 @@
 #include <numbers>
 
 #include "render/renderer.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/test_folder.h"
+#include "tests/bench/bench_take.h"
 
 namespace raystage {
 namespace {
@@ -25,26 +24,15 @@ constexpr double kSpacing = 0.06, kFov = 40 * std::numbers::pi / 180;
 constexpr const char* kMethods[] = {"focal_plane", "slabs",       "aperture",
                                     "lumigraph",   "plane_sweep", "depth"};
 
-class BenchTake {
- public:
-  BenchTake() {
+const Take& bench_take() {
+  static const BenchTake opened([] {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(kSide, kSide, kSpacing, 320, 240);
     settings.jpeg = {85, JpegEncodeSettings::Chroma::k420, -1};
     settings.frames = kInstants;
     settings.depth_range = DepthRange{2, 20};
-    write_synthetic_take(settings, folder_.path() / "take");
-    take_ = std::make_unique<Take>(folder_.path() / "take");
-  }
-  const Take& take() const { return *take_; }
-
- private:
-  TestFolder folder_;
-  std::unique_ptr<Take> take_;
-};
-
-const Take& bench_take() {
-  static const BenchTake opened;
+    return settings;
+  }());
   return opened.take();
 }
 

@@ -79,6 +79,29 @@ TEST_F(Bench, MeasuresEveryMethodUnlessTold) {
   EXPECT_EQ(result.err.find("Progress"), std::string::npos);
 }
 
+TEST_F(Bench, WithoutADepthRangeSaysWhatToGive) {
+  const CommandResult none = run(command("--repeat 1"));
+  EXPECT_EQ(none.exit_code, 2) << none.err;
+  EXPECT_THAT(none.err, AllOf(HasSubstr("no depth range"), HasSubstr("--focal-depth"),
+                              HasSubstr(take_.string()), Not(HasSubstr("unexpected"))));
+  // With a plane to look up on, those that need a range say so in their rows, the others stand.
+  ASSERT_EQ(run(command("--focal-depth 4 --repeat 1 --quiet")).exit_code, 0);
+  int measured = 0;
+  const auto rows = document()["rows"];
+  for (const auto& row : rows) {
+    const std::string method = row["method"];
+    SCOPED_TRACE(method);
+    if (row["psnr_db"].is_number()) {
+      EXPECT_TRUE(method != "plane_sweep" && method != "depth");
+      ++measured;
+    } else {
+      EXPECT_THAT(row["failure"].get<std::string>(),
+                  HasSubstr(method == "visual_hull" ? "matte" : "how deep the scene is"));
+    }
+  }
+  EXPECT_GE(measured, 5);
+}
+
 TEST_F(Bench, BadUsageIsNamed) {
   for (const char* options :
        {"--setting no_method", "--setting a:nearest --setting a:focal_plane", "--setting a::x=1",

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+
+#include "render/view/synthetic_take.h"
+#include "schemas/test_folder.h"
+#include "store/take.h"
+
+namespace raystage {
+
+/// `rows` x `columns` cameras of 960x640, 61.5 mm apart as those of the light field shop, that look
+/// at a painted plane 5 m off in a scene from 3 to 40 m; JPEG of quality 90 with restart markers.
+testing::SyntheticTake painted_array(int rows, int columns);
+
+/// A take to measure on.
+class BenchTake {
+ public:
+  /// The take in the folder that the environment variable names; written anew where it is unset.
+  BenchTake(const char* variable, const testing::SyntheticTake& written);
+  /// Written anew.
+  explicit BenchTake(const testing::SyntheticTake& written);
+
+  const Take& take() const { return *take_; }
+
+ private:
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+};
+
+}  // namespace raystage

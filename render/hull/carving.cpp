@@ -121,8 +121,8 @@ class RayCarving {
                                      interval.far, interval.near);
     const Vector3d off = at(beside);
     constexpr double kPixels = 1e6, kRounding = 1e-12;
-    const double least_w =
-        std::max(std::hypot(off.x(), off.y()) / kPixels, kRounding * std::abs(direction.z()));
+    const double least_w = std::max(std::max(std::abs(off.x()), std::abs(off.y())) / kPixels,
+                                    kRounding * std::abs(direction.z()));
     if (!(w_near > least_w) && !(w_far > least_w)) {
       visit(interval.near, interval.far, MatteValue::kUnseen);
       return;

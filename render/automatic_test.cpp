@@ -1,14 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/automatic/automatic.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <vector>
 
 #include "render/automatic/left_out_camera.h"
 #include "render/methods.h"
 #include "render/planar/focal_plane.h"
+#include "render/quality/image_quality.h"
 #include "render/renderer.h"
+#include "render/view/ray_cells.h"
 #include "render/view/synthetic_take.h"
+#include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {
@@ -129,6 +138,117 @@ TEST_F(Automatic, GivesWhatTheChosenMethodGivesAndSaysWhich) {
   ASSERT_EQ(chosen.notes.size(), 1U);
   EXPECT_THAT(chosen.notes[0], StartsWith("auto: focal_plane: cameras 20 mm apart"));
   EXPECT_THAT(chosen.notes[0], HasSubstr("3.75 m off"));
+}
+
+/// What auto itself chooses among, on a wall in front of another.
+class AutomaticAmongAll : public ::testing::Test {
+ protected:
+  AutomaticAmongAll() {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(4, 4, 0.1, 96, 72);
+    settings.depth_range = DepthRange{2, 8};  // 80 px * 0.1 m * (1/2 - 1/8) = 3 px
+    settings.painting = two_walls;
+    testing::write_synthetic_take(settings, folder_.path() / "take");
+    take_ = std::make_unique<Take>(folder_.path() / "take");
+  }
+
+  static std::array<double, 3> two_walls(const Eigen::Vector3d& from,
+                                         const Eigen::Vector3d& direction) {
+    const Eigen::Vector3d front = from - direction * ((2.1 + from.z()) / direction.z());
+    const Eigen::Vector3d back = from - direction * ((7.8 + from.z()) / direction.z());
+    const Eigen::Vector3d& hit = front.x() < 0.1 ? front : back;
+    return testing::painted_plane(1.5 * hit.x(), 1.5 * hit.y());
+  }
+
+  struct Rendered {
+    std::string why;     ///< the note, without "auto: "
+    double psnr_db = 0;  ///< against the truth
+    double seconds = 0;  ///< of the processor for a view, on two threads
+  };
+  Rendered render(const std::string& method, const OptionValues& options) const {
+    const LightFieldRenderer renderer(*take_, {});
+    const VirtualCamera view = unseen_view();
+    const FrameSelection frames = select_frames(*take_, 0, 1);
+    Rendered rendered;
+    std::vector<std::clock_t> took;
+    for (int run = 0; run < 4; ++run) {  // the first chooses, decodes, and prepares the instant
+      const std::clock_t start = std::clock();
+      const RenderedView image = renderer.render(view, frames, {method, {0, 0, 1, 4}, options});
+      took.push_back(std::clock() - start);
+      if (run > 0) continue;
+      if (!image.notes.empty()) rendered.why = image.notes.front().substr(6);
+      rendered.psnr_db =
+          compare_images(srgb_image(image), truth(view), covered_pixels(image)).psnr_db;
+    }
+    const auto least = static_cast<double>(*std::min_element(took.begin() + 1, took.end()));
+    rendered.seconds = least / CLOCKS_PER_SEC / 2;
+    return rendered;
+  }
+  Rendered choose(const std::string& target, double value) const {
+    return render("auto", {{target, value}});
+  }
+
+  static VirtualCamera unseen_view() {
+    Pose pose;
+    pose.position = {0.05, -0.04, 0.01};
+    return virtual_camera_with_fov(320, 240, 0.7, pose);
+  }
+  static RgbImage truth(const VirtualCamera& view) {
+    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
+    RgbImage image{view.width, view.height, {}};
+    for (int y = 0; y < view.height; ++y) {
+      for (int x = 0; x < view.width; ++x) {
+        const auto linear =
+            two_walls(view.pose.position, ray_from_pixel * Eigen::Vector3d(x + 0.5, y + 0.5, 1));
+        for (const double value : linear) {
+          image.pixels.push_back(
+              static_cast<std::uint8_t>(std::lround(255 * srgb_from_linear(value))));
+        }
+      }
+    }
+    return image;
+  }
+
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+};
+
+TEST_F(AutomaticAmongAll, MeetsATargetOfErrorByTheCheapestThatDoes) {
+  // Measured at cameras left out: a plane 25 dB, few planes 35, all 36.
+  const Rendered low = choose("target_error", 20), middle = choose("target_error", 30),
+                 high = choose("target_error", 50);
+  EXPECT_THAT(low.why, StartsWith("focal_plane: "));
+  EXPECT_THAT(middle.why, StartsWith("plane_sweep with few planes: "));
+  for (const auto& [chosen, target] : {std::pair{low, 20.0}, {middle, 30.0}}) {
+    EXPECT_GE(chosen.psnr_db, target);
+    EXPECT_THAT(chosen.why,
+                HasSubstr(fmt::format(" dB at cameras left out, {:.1f} asked for", target)));
+  }
+  EXPECT_THAT(high.why, StartsWith("depth: the most accurate, "));
+  EXPECT_THAT(high.why, HasSubstr("dB at most at cameras left out, 50.0 asked for"));
+  EXPECT_GT(middle.psnr_db, low.psnr_db);
+  EXPECT_GT(high.psnr_db, middle.psnr_db);
+  EXPECT_LT(low.seconds, middle.seconds);
+  EXPECT_LT(middle.seconds, high.seconds);
+}
+
+TEST_F(AutomaticAmongAll, MeetsATargetOfTimeByTheMostAccurateThatDoes) {
+  const Rendered little = choose("target_time", 0.002), some = choose("target_time", 0.04),
+                 much = choose("target_time", 1);
+  EXPECT_THAT(little.why, StartsWith("focal_plane: the most accurate within 2 ms a frame, "));
+  EXPECT_THAT(some.why, StartsWith("plane_sweep: the most accurate within 40 ms a frame, "));
+  EXPECT_THAT(much.why, StartsWith("depth: the most accurate within 1.0 s a frame, "));
+  EXPECT_GT(some.psnr_db, little.psnr_db);
+  EXPECT_GT(much.psnr_db, some.psnr_db);
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which take their own time
+  EXPECT_LE(little.seconds, 0.002);
+  EXPECT_LE(some.seconds, 0.04);
+  EXPECT_LE(much.seconds, 1);
+#endif
+}
+
+TEST_F(AutomaticAmongAll, SaysThatNothingMeetsATargetOfTime) {
+  EXPECT_THAT(choose("target_time", 1e-5).why, StartsWith("focal_plane: nothing takes less than "));
 }
 
 TEST_F(Automatic, ChoosesAlikeHoweverFinelyAViewIsSampled) {

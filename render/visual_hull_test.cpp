@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/hull/visual_hull.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
+#include <fstream>
+#include <iterator>
 #include <numbers>
 #include <optional>
 
@@ -23,6 +26,8 @@ namespace raystage {
 namespace {
 
 using Eigen::Vector3d;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
 
 constexpr double kDegree = std::numbers::pi / 180, kRadius = 0.5;
 const Vector3d kMiddle(0, 0.1, -3);
@@ -282,12 +287,46 @@ TEST_F(VisualHull, ACameraWithoutMatteDoesNotCarveAndABlackOneCarvesAllItSees) {
 
 TEST_F(VisualHull, MattesThatAreNoneAreRefused) {
   write(cameras_around(160, 120));
-  const VirtualCamera view = virtual_camera_with_fov(9, 9, 1, around(11, 5, 2));
-  write_matte("c3", 80, 60, std::vector<std::uint8_t>(80 * 60, 255));
-  EXPECT_THROW(render(view), Error);
   const auto file = folder() / "mattes" / "c3" / "000000.png";
-  std::filesystem::resize_file(file, 20);
-  EXPECT_THROW(render(view), Error);
+  const auto refusal = [&] {
+    try {
+      render(virtual_camera_with_fov(9, 9, 1, around(11, 5, 2)));
+    } catch (const Error& error) {
+      EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+      return std::string(error.what());
+    }
+    return std::string("rendered");
+  };
+  // What, where, and what to do.
+  const auto names = [&](const std::string& what) {
+    return AllOf(HasSubstr(what), HasSubstr(file.string()),
+                 HasSubstr("Write a PNG of 160x120 pixels, 8 bits, grey"));
+  };
+  write_matte("c3", 80, 60, std::vector<std::uint8_t>(80 * 60, 255));
+  EXPECT_THAT(refusal(), names("the matte has 80x60 pixels, its camera 160x120"));
+  write_matte("c3", 160, 120, mattes_[3]);
+  EXPECT_EQ(refusal(), "rendered");
+  std::string whole;
+  {
+    std::ifstream in(file, std::ios::binary);
+    whole.assign(std::istreambuf_iterator<char>(in), {});
+  }
+  std::string turned = whole;  // a byte of the picture: its checksum no longer holds
+  turned[whole.size() / 2] = static_cast<char>(~turned[whole.size() / 2]);
+  for (const std::string& content :
+       {std::string(), std::string("no picture at all"), whole.substr(0, 20),
+        whole.substr(0, whole.size() / 2), turned, whole.substr(1)}) {
+    SCOPED_TRACE(content.size());
+    std::ofstream(file, std::ios::binary | std::ios::trunc) << content;
+    EXPECT_THAT(refusal(), names("the matte cannot be read: "));
+  }
+  std::filesystem::remove(file);
+  std::filesystem::create_directory(file);
+  EXPECT_THAT(refusal(), names("the matte cannot be read: "));
+  std::filesystem::remove_all(folder() / "mattes");
+  EXPECT_THAT(refusal(), AllOf(HasSubstr("no camera has a matte at this instant"),
+                               HasSubstr((folder() / "mattes").string()),
+                               HasSubstr("docs/formats/mattes.md")));
 }
 
 TEST_F(VisualHull, SameBytesForAnyNumberOfThreads) {

@@ -97,7 +97,10 @@ Matte read_matte(const std::filesystem::path& file, const CameraModel& model, do
   image.version = PNG_IMAGE_VERSION;
   const auto refuse = [&](const std::string& what) {
     png_image_free(&image);
-    return Error::bad_input(what, file.string(), "Write the matte anew: 8 bits, grey");
+    return Error::bad_input(what, file.string(),
+                            fmt::format("Write a PNG of {}x{} pixels, 8 bits, grey, see "
+                                        "docs/formats/mattes.md",
+                                        model.width(), model.height()));
   };
   if (png_image_begin_read_from_file(&image, file.c_str()) == 0) {
     throw refuse(std::string("the matte cannot be read: ") + image.message);

@@ -58,28 +58,37 @@ std::vector<int> all_cameras(const Rig& rig) {
 
 // ---- weights
 
-/// What the kernels make of rays, as the reference returns it.
-std::vector<std::vector<double>> weights_of(const Rig& rig, const std::vector<WorldRay>& rays,
-                                            const std::vector<float>& inverse_distance,
-                                            const RayWeighing& weighing) {
+/// Calls on_ray(weights of all cameras, index in them) with what the kernels make of each ray.
+template <class OnRay>
+void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
+                const std::vector<float>& inverse_distance, const RayWeighing& weighing,
+                const OnRay& on_ray) {
   const std::vector<ChunkCamera> cameras = chunk_cameras(rig);
   std::vector<const ChunkCamera*> pointers;
   for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
   std::vector<ChunkWeights> weights(cameras.size());
   RayChunk chunk;
-  std::vector<std::vector<double>> result;
   for (std::size_t begin = 0; begin < rays.size(); begin += RayChunk::kSize) {
     const std::size_t n = std::min<std::size_t>(RayChunk::kSize, rays.size() - begin);
     fill_chunk(std::span(rays).subspan(begin, n), std::span(inverse_distance).subspan(begin, n),
                rig.centre(), chunk);
     weigh_cameras(chunk, pointers, ChunkWeighing(weighing, camera_spacing(rig)), weights);
-    for (std::size_t i = 0; i < n; ++i) {
-      result.emplace_back();
-      for (const ChunkWeights& camera : weights) {
-        result.back().push_back(static_cast<double>(camera.weight[i]));
-      }
-    }
+    for (std::size_t i = 0; i < n; ++i) on_ray(weights, i);
   }
+}
+
+/// The same, as the reference returns it.
+std::vector<std::vector<double>> weights_of(const Rig& rig, const std::vector<WorldRay>& rays,
+                                            const std::vector<float>& inverse_distance,
+                                            const RayWeighing& weighing) {
+  std::vector<std::vector<double>> result;
+  weigh_rays(rig, rays, inverse_distance, weighing,
+             [&](const std::vector<ChunkWeights>& weights, std::size_t i) {
+               result.emplace_back();
+               for (const ChunkWeights& camera : weights) {
+                 result.back().push_back(static_cast<double>(camera.weight[i]));
+               }
+             });
   return result;
 }
 
@@ -187,35 +196,26 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
   });
 }
 
-/// Of a chunk's rays the weights must be finite, and sum to what the best camera that counts sees
-/// of the point: 1, but for a pixel's width at the images' borders, or 0.
+/// Weights must be finite, and sum to what the best camera that counts sees of the point: 1, but
+/// for a pixel's width at the images' borders, or 0. Adds to `whole` how many rays' weights sum
+/// to 1.
 void expect_sound_weights(const Rig& rig, const std::vector<WorldRay>& rays,
                           const std::vector<float>& inverse_distance, const RayWeighing& weighing,
                           int& whole) {
-  const std::vector<ChunkCamera> cameras = chunk_cameras(rig);
-  std::vector<const ChunkCamera*> pointers;
-  for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
-  std::vector<ChunkWeights> weights(cameras.size());
-  RayChunk chunk;
-  for (std::size_t begin = 0; begin < rays.size(); begin += RayChunk::kSize) {
-    const std::size_t n = std::min<std::size_t>(RayChunk::kSize, rays.size() - begin);
-    fill_chunk(std::span(rays).subspan(begin, n), std::span(inverse_distance).subspan(begin, n),
-               rig.centre(), chunk);
-    weigh_cameras(chunk, pointers, ChunkWeighing(weighing, camera_spacing(rig)), weights);
-    for (std::size_t i = 0; i < n; ++i) {
-      double sum = 0, most = 0, seen = 0;
-      for (const ChunkWeights& camera : weights) {
-        const double weight = double{camera.weight[i]};
-        ASSERT_TRUE(std::isfinite(weight) && weight >= 0) << weight;
-        sum += weight;
-        seen = std::max(seen, double{camera.seen[i]});
-        if (weight > 0) most = std::max(most, double{camera.seen[i]});
-      }
-      ASSERT_NEAR(sum, most, 1e-6) << "ray " << begin + i;
-      ASSERT_EQ(most > 0, seen > 0) << "ray " << begin + i;  // who can answer does
-      whole += most == 1 ? 1 : 0;
-    }
-  }
+  weigh_rays(rig, rays, inverse_distance, weighing,
+             [&](const std::vector<ChunkWeights>& weights, std::size_t i) {
+               double sum = 0, most = 0, seen = 0;
+               for (const ChunkWeights& camera : weights) {
+                 const double weight = double{camera.weight[i]};
+                 ASSERT_TRUE(std::isfinite(weight) && weight >= 0) << weight;
+                 sum += weight;
+                 seen = std::max(seen, double{camera.seen[i]});
+                 if (weight > 0) most = std::max(most, double{camera.seen[i]});
+               }
+               ASSERT_NEAR(sum, most, 1e-6);
+               ASSERT_EQ(most > 0, seen > 0);  // who can answer does
+               whole += most == 1 ? 1 : 0;
+             });
 }
 
 TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {

@@ -17,6 +17,8 @@
 #include <cstring>
 #include <limits>
 
+#include "images/exr/exr_channels.h"
+#include "images/exr/exr_slice.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 
@@ -58,24 +60,6 @@ std::size_t pixel_count(int width, int height) {
   return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
 }
 
-/// A slice of `bytes`-wide samples, `channels` apart, over a window that starts at (x0, y0).
-/// OpenEXR takes the address of pixel (0, 0), which may lie outside the memory; it is computed as a
-/// number because a pointer must not go there.
-template <class T>
-Imf::Slice slice(Imf::PixelType type, T* first, int width, int channels, int x0, int y0,
-                 double fill) {
-  const auto x_stride = static_cast<std::intptr_t>(sizeof(T)) * channels;
-  const std::intptr_t y_stride = x_stride * width;
-  const std::intptr_t base = reinterpret_cast<std::intptr_t>(first) - x0 * x_stride - y0 * y_stride;
-  return {type,
-          reinterpret_cast<char*>(base),
-          static_cast<std::size_t>(x_stride),
-          static_cast<std::size_t>(y_stride),
-          1,
-          1,
-          fill};
-}
-
 /// Scan lines that are compressed together (OpenEXR file layout); 1 is right for all, only slower.
 int lines_per_chunk(Imf::Compression compression) {
   switch (compression) {
@@ -86,64 +70,6 @@ int lines_per_chunk(Imf::Compression compression) {
     default:
       return 1;
   }
-}
-
-ExrImage read_open_file(Imf::InputFile& input, const std::filesystem::path& file) {
-  const Imf::Header& header = input.header();
-  const Imf::ChannelList& channels = header.channels();
-  if (channels.findChannel("R") == nullptr || channels.findChannel("G") == nullptr ||
-      channels.findChannel("B") == nullptr) {
-    throw Error::bad_input("the EXR file has no channels R, G and B", file.string(),
-                           "Give a colour image");
-  }
-  const Imath::Box2i data = header.dataWindow(), display = header.displayWindow();
-  constexpr std::int64_t kMaxPixels = std::int64_t{1} << 29;
-  const auto area = [](const Imath::Box2i& box) {
-    return (std::int64_t{box.max.x} - box.min.x + 1) * (std::int64_t{box.max.y} - box.min.y + 1);
-  };
-  if (area(data) > kMaxPixels || area(display) > kMaxPixels) {
-    throw Error::bad_input("the EXR file is larger than 2^29 pixels", file.string(),
-                           "Give a smaller image");
-  }
-
-  const int data_width = data.max.x - data.min.x + 1, data_height = data.max.y - data.min.y + 1;
-  std::vector<float> pixels(pixel_count(data_width, data_height) * 4);
-  Imf::FrameBuffer frame_buffer;
-  const char* const names[] = {"R", "G", "B", "A"};
-  for (int c = 0; c < 4; ++c) {
-    frame_buffer.insert(names[c], slice(Imf::FLOAT, pixels.data() + c, data_width, 4, data.min.x,
-                                        data.min.y, c == 3 ? 1.0 : 0.0));
-  }
-  input.setFrameBuffer(frame_buffer);
-  input.readPixels(data.min.y, data.max.y);
-
-  ExrImage image;
-  if (Imf::hasFramesPerSecond(header)) {
-    const Imf::Rational fps = Imf::framesPerSecond(header);
-    if (fps.n > 0 && fps.d > 0 && fps.d <= static_cast<unsigned>(std::numeric_limits<int>::max())) {
-      image.fps_numerator = fps.n;
-      image.fps_denominator = static_cast<int>(fps.d);
-    }
-  }
-  image.width = display.max.x - display.min.x + 1;
-  image.height = display.max.y - display.min.y + 1;
-  if (data == display) {
-    image.rgba = std::move(pixels);
-    return image;
-  }
-  image.rgba.assign(pixel_count(image.width, image.height) * 4, 0.0F);
-  const int x0 = std::max(data.min.x, display.min.x), x1 = std::min(data.max.x, display.max.x);
-  const int y0 = std::max(data.min.y, display.min.y), y1 = std::min(data.max.y, display.max.y);
-  for (int y = y0; y <= y1 && x0 <= x1; ++y) {
-    const float* from =
-        pixels.data() +
-        (pixel_count(data_width, y - data.min.y) + static_cast<std::size_t>(x0 - data.min.x)) * 4;
-    float* to = image.rgba.data() + (pixel_count(image.width, y - display.min.y) +
-                                     static_cast<std::size_t>(x0 - display.min.x)) *
-                                        4;
-    std::copy_n(from, static_cast<std::size_t>(x1 - x0 + 1) * 4, to);
-  }
-  return image;
 }
 
 }  // namespace
@@ -163,10 +89,11 @@ std::vector<std::byte> encode_exr(const RenderedView& view, const ExrMetadata& m
   Imf::FrameBuffer frame_buffer;
   const char* const names[] = {"R", "G", "B", "A"};
   for (int c = 0; c < 4; ++c) {
-    frame_buffer.insert(names[c], slice(Imf::HALF, rgba.data() + c, view.width, 4, 0, 0, 0.0));
+    frame_buffer.insert(names[c], exr_slice(Imf::HALF, rgba.data() + c, view.width, 4, 0, 0, 0.0));
   }
-  frame_buffer.insert("Z", slice(Imf::FLOAT, z.data(), view.width, 1, 0, 0, 0.0));
-  frame_buffer.insert("lf.coverage", slice(Imf::FLOAT, coverage.data(), view.width, 1, 0, 0, 0.0));
+  frame_buffer.insert("Z", exr_slice(Imf::FLOAT, z.data(), view.width, 1, 0, 0, 0.0));
+  frame_buffer.insert("lf.coverage",
+                      exr_slice(Imf::FLOAT, coverage.data(), view.width, 1, 0, 0, 0.0));
 
   PixelValues cameras(view.cameras), nearest(view.nearest_ray);
   if (metadata.coverage_measures) {
@@ -174,8 +101,10 @@ std::vector<std::byte> encode_exr(const RenderedView& view, const ExrMetadata& m
     nearest.resize(pixels, std::numeric_limits<float>::infinity());
     replace_nan(cameras, 0.0F);
     replace_nan(nearest, std::numeric_limits<float>::infinity());
-    frame_buffer.insert("lf.cameras", slice(Imf::FLOAT, cameras.data(), view.width, 1, 0, 0, 0.0));
-    frame_buffer.insert("lf.nearest", slice(Imf::FLOAT, nearest.data(), view.width, 1, 0, 0, 0.0));
+    frame_buffer.insert("lf.cameras",
+                        exr_slice(Imf::FLOAT, cameras.data(), view.width, 1, 0, 0, 0.0));
+    frame_buffer.insert("lf.nearest",
+                        exr_slice(Imf::FLOAT, nearest.data(), view.width, 1, 0, 0, 0.0));
   }
 
   MemoryStream stream;
@@ -218,19 +147,15 @@ bool exr_is_whole(const std::filesystem::path& file, std::string_view fingerprin
 }
 
 ExrImage read_exr(const std::filesystem::path& file) {
-  try {
-    Imf::InputFile input(file.c_str(), kNoThreads);
-    return read_open_file(input, file);
-  } catch (const Error&) {
-    throw;
-  } catch (const std::bad_alloc&) {
-    throw;
-  } catch (const std::exception& error) {
-    std::string what = error.what();
-    while (!what.empty() && (what.back() == '.' || what.back() == '\n')) what.pop_back();
-    throw Error::bad_input("the EXR file cannot be read: " + what, file.string(),
-                           "Render this frame again");
+  constexpr ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
+  ExrPixels pixels = read_exr_channels(
+      file, kChannels, "Give a flat EXR file with channels R, G and B, or render this frame again");
+  ExrImage image{pixels.width, pixels.height, std::move(pixels.values)};
+  if (pixels.fps_numerator > 0) {
+    image.fps_numerator = pixels.fps_numerator;
+    image.fps_denominator = pixels.fps_denominator;
   }
+  return image;
 }
 
 }  // namespace raystage

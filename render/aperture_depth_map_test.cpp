@@ -25,6 +25,7 @@
 namespace raystage {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 constexpr int kWidth = 117, kHeight = 83;
@@ -177,9 +178,9 @@ TEST_F(ApertureDepthMap, IsRefusedWhereItDoesNotFit) {
     }
     return std::string();
   };
-  EXPECT_THAT(complaint(), HasSubstr("depth map cannot be read"));
+  EXPECT_THAT(complaint(), AllOf(HasSubstr("cannot be read"), HasSubstr("Give as depth map")));
   std::ofstream(file()) << "no EXR";
-  EXPECT_THAT(complaint(), HasSubstr("depth map cannot be read"));
+  EXPECT_THAT(complaint(), AllOf(HasSubstr("cannot be read"), HasSubstr("Give as depth map")));
   write_map(std::vector<float>(50 * 50, 4.0F), 50, 50);
   EXPECT_THAT(complaint(), HasSubstr("50 x 50 pixels, the view 117 x 83"));
   write_channel(file(), "depth", std::vector<float>(kWidth * kHeight, 4.0F), kWidth, kHeight,

@@ -42,6 +42,7 @@ ROOMS = {
                "render/matching", "render/planar", "render/quality", "render/rays",
                "render/sampling", "render/slabs", "render/sweep", "render/view"],
     "render/evaluation": ["render", "render/quality", "render/view"],
+    "images/exr": [],
     "ingest/simulated": [],
     "ingest/record": ["ingest/sources"],
     "ingest/sources": ["ingest/simulated"],

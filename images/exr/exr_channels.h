@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace raystage {
+
+/// A channel to read.
+struct ExrChannel {
+  const char* name = "";
+  std::optional<float> fallback = std::nullopt;  ///< where the file has none; nullopt: it must
+};
+
+/// What was read of a file.
+struct ExrPixels {
+  int width = 0, height = 0;  ///< of the display window
+  std::vector<float> values;  ///< of the channels in turn, pixel by pixel, row by row
+  /// Of the header, where it says a rate above 0.
+  int fps_numerator = 0, fps_denominator = 0;
+};
+
+/// Reads channels of any flat EXR within its display window; where the data window ends, they are
+/// 0. Throws Error (bad input, with `what_to_do`) where the file is missing, damaged, larger than
+/// 2^29 pixels, or without a channel that it must have.
+ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
+                            const std::string& what_to_do);
+
+}  // namespace raystage

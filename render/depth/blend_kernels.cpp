@@ -106,7 +106,8 @@ void blend(const BlendRun& run, std::span<float> sums) {
     for (std::size_t c = 0; c < cameras; ++c) {
       const Colour<V> sample = sample_of(c);
       add(weight_of(c), sample, sum);
-      alpha = hn::MulAdd(hn::LoadU(d, run.shares[c] + i), sample.seen, alpha);
+      const auto shown = hn::Mul(hn::LoadU(d, run.shares[c] + i), hn::LoadU(d, run.visible[c] + i));
+      alpha = hn::MulAdd(shown, sample.seen, alpha);
     }
     constexpr int kRounds = 2;
     for (int round = 0; round < kRounds; ++round) {

@@ -34,9 +34,9 @@ struct BlendRun {
   float agreement = 0;                    ///< codes of 65535
 };
 /// The mean by share and visibility; then, twice, by that and 1 / (1 + d^2 / agreement^2), d = root
-/// mean square distance of a sample's colour from the mean. Cameras that do not see a point count
-/// where none does. `sums`: mean times A, and A = the shares of cameras in whose frame the point
-/// is.
+/// mean square distance of a sample's colour from the mean. `sums`: mean times A, and A = the
+/// shares of cameras that see the point: 0 where something hides it from all. kHiddenShare keeps
+/// the mean finite where hardly any does.
 inline constexpr float kHiddenShare = 1e-4F;
 void blend_agreeing(const BlendRun& run, std::span<float> sums);
 

@@ -2,17 +2,16 @@
 #include "render/depth/camera_depths.h"
 
 #include <gtest/gtest.h>
-#include <hwy/targets.h>
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <set>
 #include <string>
 
 #include "render/depth/solve_kernels.h"
 #include "render/view/ray_cells.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/error.h"
+#include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
@@ -73,12 +72,7 @@ const Distortion kBarrel{-0.15, 0.02, 0.001, -0.002, 0};
 TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
   record(3, 3, 56, 42, kBarrel);
   const CameraDepths slow = solve_camera_depths_reference(instant_, settings_);
-  std::set<std::string> seen;
-  for (const auto target : hwy::SupportedAndGeneratedTargets()) {
-    hwy::SetSupportedTargetsForTest(target);
-    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
-    SCOPED_TRACE(depth_solve_target());
-    seen.insert(depth_solve_target());
+  testing::for_each_target(depth_solve_target, [&] {
     const CameraDepths fast = solve_camera_depths(instant_, settings_, kPlenty);
     int all = 0, known = 0, differ = 0;
     for (std::size_t camera = 0; camera < slow.maps.size(); ++camera) {
@@ -95,10 +89,7 @@ TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
     EXPECT_GT(known, all / 2);
     EXPECT_LT(known, all);
     EXPECT_LE(differ, all / 1000);
-  }
-  hwy::SetSupportedTargetsForTest(0);
-  hwy::GetChosenTarget().DeInit();
-  EXPECT_FALSE(seen.empty());
+  });
 }
 
 TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {

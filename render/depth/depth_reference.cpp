@@ -18,7 +18,7 @@ namespace {
 
 struct Sample {
   DepthSample at;
-  double share = 0, weight = 0;
+  double share = 0, visible = 0;
 };
 
 /// See BlendRun: colour (codes, full scale 1) and A.
@@ -28,7 +28,7 @@ std::array<double, 4> agreed(const std::vector<Sample>& samples, double agreemen
     std::array<double, 3> sum{};
     double weights = 0;
     for (const Sample& s : samples) {
-      const double weight = s.weight * s.at.seen * trust(s);
+      const double weight = s.share * (s.visible + kHiddenShare) * s.at.seen * trust(s);
       weights += weight;
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * s.at.code[c];
     }
@@ -44,7 +44,7 @@ std::array<double, 4> agreed(const std::vector<Sample>& samples, double agreemen
     });
   }
   std::copy(colour.begin(), colour.end(), result.begin());
-  for (const Sample& s : samples) result[3] += s.share * s.at.seen;
+  for (const Sample& s : samples) result[3] += s.share * s.visible * s.at.seen;
   return result;
 }
 
@@ -101,13 +101,12 @@ class Reference {
       sample.at =
           sample_at_depth_reference(eye, *ray, depth, camera, *frames_[i], plan_.settings.look_up);
       sample.share = CameraField::share(tile, chosen, x, y);
-      const double visible =
+      sample.visible =
           visibility_of(plan_, chosen.camera, *ray + depth * (eye - camera.pose.position), depth);
-      sample.weight = sample.share * (visible + kHiddenShare);
       samples.push_back(sample);
     }
     const std::array<double, 4> result = agreed(samples, plan_.settings.agreement / 255);
-    const double alpha = result[3];
+    const double alpha = std::min(1.0, result[3] / static_cast<double>(kEnoughShares));
     if (!(alpha > 0)) return;
     const FrameCache& cache = *request_.instant.cache;
     const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +

@@ -258,14 +258,18 @@ void mark(const DepthSource& source, int x, int y, std::span<const float> invers
 void finish_all(std::span<const float> sums, BlendSpace space, float full_scale,
                 std::span<float> rgba) {
   const hn::FixedTag<float, 4> d;
+  const auto full = hn::Set(d, 65535.0F);
   HWY_ALIGN float part[4 * kChunk];
   const std::size_t count = sums.size();
   for (std::size_t begin = 0; begin < count; begin += std::size(part)) {
     const std::size_t n = std::min(std::size(part), count - begin);
     for (std::size_t i = 0; i < n; i += 4) {
       const auto sum = hn::LoadU(d, sums.data() + begin + i);
-      const auto most = hn::Broadcast<3>(sum);
-      hn::Store(hn::Min(hn::Max(sum, hn::Zero(d)), most), d, part + i);
+      const auto seen = hn::Broadcast<3>(sum);
+      const auto colour = hn::Min(hn::Max(sum, hn::Zero(d)), seen);
+      const auto alpha = hn::Min(hn::Mul(seen, hn::Set(d, 1 / kEnoughShares)), full);
+      const auto scale = hn::Div(alpha, hn::Max(seen, hn::Set(d, 1e-20F)));
+      hn::Store(hn::Mul(colour, scale), d, part + i);
     }
     finish(part, static_cast<int>(n / 4), space, full_scale, rgba.data() + begin);
   }

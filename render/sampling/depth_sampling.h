@@ -57,8 +57,12 @@ void mark_samples_at_depth(const DepthSource& source, int x, int y,
                            std::span<const float> inverse_depth, std::span<const float> weight,
                            LookUp look_up);
 
+/// A ray is as opaque as the shares of the cameras that saw it, up to this much of them; from there
+/// on it is a picture like any other, though not all of the chosen cameras made it.
+inline constexpr float kEnoughShares = 0.1F;
 /// Sums become premultiplied linear light (R, G, B, A; code 65535 being `full_scale`); A is the sum
-/// of the weights. What cubic look-ups overshot is cut off. `rgba` may be `sums`.
+/// of the weights over kEnoughShares, 1 at most. What cubic look-ups overshot is cut off. `rgba`
+/// may be `sums`.
 void finish_samples(std::span<const float> sums, BlendSpace space, float full_scale,
                     std::span<float> rgba);
 

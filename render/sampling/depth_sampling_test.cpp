@@ -191,7 +191,8 @@ TEST(DepthSampling, ABlocksPlanHoldsAllThatItsPixelsRead) {
 }
 
 TEST(DepthSampling, FinishCutsOffWhatOvershootsAndTurnsCodesIntoLight) {
-  const std::vector<float> sums{65535 * 0.5F * 0.25F, -900, 70000, 0.5F * 65535, 0, 0, 0, 0};
+  const float seen = 65535 * kEnoughShares / 2;  // by half of what makes a ray opaque
+  const std::vector<float> sums{seen * 0.25F, -900, 2 * seen, seen, 0, 0, 0, 0};
   std::vector<float> rgba(8);
   finish_samples(sums, BlendSpace::kPerceptual, 2, rgba);
   EXPECT_NEAR(rgba[0], linear_from_srgb(0.25) * 2 * 0.5, 1e-5);
@@ -202,6 +203,17 @@ TEST(DepthSampling, FinishCutsOffWhatOvershootsAndTurnsCodesIntoLight) {
   finish_samples(sums, BlendSpace::kLinear, 2, rgba);
   EXPECT_FLOAT_EQ(rgba[0], 0.25F);
   EXPECT_FLOAT_EQ(rgba[2], 1);
+}
+
+TEST(DepthSampling, ARaySeenBySomeOfItsCamerasIsOpaque) {
+  for (const float shares : {1.0F, 0.3F, 1.01F * kEnoughShares}) {
+    const float seen = 65535 * shares;
+    std::vector<float> rgba{seen * 0.5F, seen, 0, seen};
+    finish_samples(rgba, BlendSpace::kLinear, 1, rgba);
+    EXPECT_NEAR(rgba[0], 0.5, 1e-6) << shares;
+    EXPECT_NEAR(rgba[1], 1, 1e-6) << shares;
+    EXPECT_NEAR(rgba[3], 1, 1e-6) << shares;
+  }
 }
 
 TEST(DepthSampling, LooksUpWhereTheInfinitePlaneDoes) {

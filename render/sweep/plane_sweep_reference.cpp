@@ -118,14 +118,15 @@ class Reference {
       weight += share;
     }
     if (weight <= 0) return;
+    const double alpha = std::min(1.0, weight / static_cast<double>(kEnoughShares));
     const FrameCache& cache = *request_.instant.cache;
     for (std::size_t c = 0; c < 3; ++c) {
       const double mean = std::clamp(sum[c] / weight, 0.0, 1.0);
       const double light =
           cache.blend_space() == BlendSpace::kPerceptual ? linear_from_srgb(mean) : mean;
-      rgba[c] = static_cast<float>(light * cache.full_scale() * weight);
+      rgba[c] = static_cast<float>(light * cache.full_scale() * alpha);
     }
-    rgba[3] = static_cast<float>(weight);
+    rgba[3] = static_cast<float>(alpha);
     coverage = rgba[3] * (1 - absent_share(plan_, request_.instant, x, y));
     if (inverse_depth > 0) z = static_cast<float>(1 / inverse_depth);
   }

@@ -130,26 +130,15 @@ class LumigraphFrame {
 
   /// Where the rays end, and who can see it.
   void meet_surface(RenderedView& image) {
-    inverse_distance_.resize(at(0, view_.height));
-    for_each_block([&](Block& block, Scratch& scratch) {
+    find_surface(image);
+    for_each_block([&](Block& block, Scratch&) {
       double least = std::numeric_limits<double>::infinity(), most = 0;
       for (int y = block.y0; y < block.y1; ++y) {
-        find_directions(world_ray_, block.x0, y, block.x1 - block.x0, scratch.row);
-        scratch.rays.clear();
-        for (int i = 0; i < scratch.row.count; ++i) {
-          scratch.rays.push_back({view_.pose.position, scratch.row[i]});
-        }
-        scratch.inverse_distance.resize(scratch.rays.size());
-        surface_(scratch.rays, scratch.inverse_distance);
         for (int x = block.x0; x < block.x1; ++x) {
-          const double inverse = scratch.inverse_distance[static_cast<std::size_t>(x - block.x0)];
-          inverse_distance_[at(x, y)] = static_cast<float>(inverse);
-          if (!(inverse >= 0)) {
-            if (missed_ == Missed::kNothingThere) image.nothing_there[at(x, y)] = 1;
-            continue;
-          }
-          least = std::min(least, inverse);
-          most = std::max(most, inverse);
+          const float inverse = inverse_distance_[at(x, y)];
+          if (!(inverse >= 0)) continue;
+          least = std::min(least, static_cast<double>(inverse));
+          most = std::max(most, static_cast<double>(inverse));
         }
       }
       if (least > most) return;  // nothing there
@@ -163,6 +152,35 @@ class LumigraphFrame {
       if (present_ == complete_) return;
       block.complete = choose_cameras(rig_, complete_, bundle, weighing_, spacing_);
     });
+  }
+
+  /// A block's rows are shared out too: rays through some surfaces take long, and some a hundred
+  /// times as long as others.
+  void find_surface(RenderedView& image) {
+    inverse_distance_.resize(at(0, view_.height));
+    const int rows = static_cast<int>(blocks_.size()) * kBlockHeight;
+    raystage::parallel_for(
+        tbb::blocked_range<int>(0, rows), [&](const tbb::blocked_range<int>& range) {
+          std::vector<WorldRay> rays;
+          std::vector<double> inverse_distance;
+          RayRow row;
+          for (int i = range.begin(); i < range.end(); ++i) {
+            const Block& block = blocks_[static_cast<std::size_t>(i / kBlockHeight)];
+            const int y = block.y0 + i % kBlockHeight;
+            if (y >= block.y1) continue;
+            find_directions(world_ray_, block.x0, y, block.x1 - block.x0, row);
+            rays.clear();
+            for (int k = 0; k < row.count; ++k) rays.push_back({view_.pose.position, row[k]});
+            inverse_distance.resize(rays.size());
+            surface_(rays, inverse_distance);
+            for (int x = block.x0; x < block.x1; ++x) {
+              const double inverse = inverse_distance[static_cast<std::size_t>(x - block.x0)];
+              inverse_distance_[at(x, y)] = static_cast<float>(inverse);
+              if (!(inverse >= 0) && missed_ == Missed::kNothingThere)
+                image.nothing_there[at(x, y)] = 1;
+            }
+          }
+        });
   }
 
   std::vector<bool> used_cameras() const {

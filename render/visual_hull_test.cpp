@@ -285,6 +285,28 @@ TEST_F(VisualHull, ACameraWithoutMatteDoesNotCarveAndABlackOneCarvesAllItSees) {
   EXPECT_THROW(render(view), Error);
 }
 
+TEST_F(VisualHull, MattesAreCountedAsPicturesAreNotAsInstants) {
+  testing::SyntheticTake settings;
+  settings.cameras = testing::camera_grid(1, 2, 0.1, 32, 24);
+  settings.frames = 3;
+  settings.absent = {{0, 1}};
+  testing::write_synthetic_take(settings, folder());
+  const Take take(folder());
+  for (const CameraGeometry& camera : settings.cameras) {
+    for (int frame = 0; frame < 3; ++frame) {
+      testing::write_matte(folder(), camera.id, frame, 32, 24,
+                           std::vector<std::uint8_t>(32 * 24, 255));
+    }
+  }
+  const Method method = visual_hull_method();
+  const FrameSelection third = select_frames(take, 2 * kNanosecondsPerSecond / 15, 10'000'000);
+  const auto matte = [&](std::size_t camera, const char* file) {
+    return folder() / "mattes" / settings.cameras[camera].id / file;
+  };
+  EXPECT_THAT(method.files_read(MethodOptions(method.options, {}, "visual_hull"), take, third),
+              ::testing::ElementsAre(matte(0, "000001.png"), matte(1, "000002.png")));
+}
+
 TEST_F(VisualHull, MattesThatAreNoneAreRefused) {
   write(cameras_around(160, 120));
   const auto file = folder() / "mattes" / "c3" / "000000.png";

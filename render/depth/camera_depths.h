@@ -39,7 +39,8 @@ inline constexpr double kLinkReach = 4, kLinkCodes = 12, kLinkDisparity = 0.5;
 /// scene.
 struct GuessPlanes {
   int count = 0;
-  double farthest = 0, step = 0;  ///< inverse depths, 1/m
+  double farthest = 0, step = 0;  ///< inverse depths, 1/m; one plane is at `farthest`
+  double needed = 0;              ///< how many DepthSettings::plane_px takes, a whole number
 
   double inverse_depth(double plane) const { return farthest + plane * step; }
 };

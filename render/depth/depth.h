@@ -18,10 +18,10 @@ namespace raystage {
 /// pixels the mean of the cameras that see the point, where nothing hides it from them, less of
 /// those that differ from the rest (design, Reconstruction).
 ///
-/// A = the shares of the chosen cameras in whose frame the pixel's point lies. Coverage is lower
-/// than that by the shares of cameras that would have been chosen had they a frame at this instant.
-/// z: planar depth of the point found. Throws Error (bad input) where neither the take nor the
-/// options say how deep the scene is.
+/// A = the shares of the chosen cameras that see the pixel's point, over kEnoughShares and 1 at
+/// most. Coverage is lower than that by the shares of cameras that would have been chosen had they
+/// a frame at this instant. z: planar depth of the point found. Throws Error (bad input) where
+/// neither the take nor the options say how deep the scene is.
 Method depth_method();
 
 namespace depth {

@@ -62,8 +62,8 @@ GuessPlanes guess_planes(const CameraDepths& depths, const Instant& instant, int
       nearest.empty() ? 0 : disparity(depths.pinholes[static_cast<std::size_t>(nearest[0])], from);
   const double steps = std::ceil((seen.nearest - seen.farthest) * moves / settings.plane_px - 1e-9);
   const int count = 1 + static_cast<int>(std::clamp(steps, 0.0, depth_solve::kMostPlanes - 1.0));
-  if (count == 1) return {1, (seen.farthest + seen.nearest) / 2, 0};
-  return {count, seen.farthest, (seen.nearest - seen.farthest) / (count - 1)};
+  if (count == 1) return {1, (seen.farthest + seen.nearest) / 2, 0, 1};
+  return {count, seen.farthest, (seen.nearest - seen.farthest) / (count - 1), 1 + steps};
 }
 
 CameraDepths depth_cameras(const Instant& instant, const DepthSettings& settings) {

@@ -379,6 +379,16 @@ TEST_F(Depth, RendersDistortedViews) {
   EXPECT_LT(error / (48 * 74), 0.03);
 }
 
+TEST_F(Depth, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
+  const Take take = write(slanted(2, 2));
+  const auto notes = [&](double near, double plane_px) {
+    return render(take, a_view(), {{"near", near}, {"far", 7.0}, {"plane_px", plane_px}}).notes;
+  };
+  EXPECT_THAT(notes(3, 0.5), ::testing::Not(::testing::Contains(::testing::HasSubstr("planes"))));
+  EXPECT_THAT(notes(0.13, 0.1), ::testing::Contains(::testing::ContainsRegex(
+                                    "depth: 0.1 pixels .* up to [0-9]+ planes .*; 256 are tried")));
+}
+
 TEST_F(Depth, SaysWhatItLacks) {
   SyntheticTake settings = slanted(2, 2);
   settings.depth_range = DepthRange{};

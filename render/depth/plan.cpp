@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <map>
@@ -66,17 +68,28 @@ std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
 
 /// What the depths depend on besides the take.
 std::string key_of(const Instant& instant, const DepthSettings& s) {
-  std::string key = "camera depths " + std::to_string(s.scene.near) + " " +
-                    std::to_string(s.scene.far) + " " + std::to_string(s.plane_px) + " " +
-                    std::to_string(s.neighbours) + " " + std::to_string(s.witnesses);
+  std::string key = fmt::format("camera depths {} {} {} {} {}", s.scene.near, s.scene.far,
+                                s.plane_px, s.neighbours, s.witnesses);
   for (const int frame : instant.frame_of_camera) key += " " + std::to_string(frame);
   return key;
+}
+
+/// Of the first guess, where no bound held them down: the most of any camera.
+double planes_needed(const CameraDepths& depths, const Instant& instant,
+                     const DepthSettings& solving) {
+  double most = 1;
+  for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
+    const int camera = static_cast<int>(i);
+    if (!instant.is_present(camera)) continue;
+    most = std::max(most, guess_planes(depths, instant, camera, solving).needed);
+  }
+  return most;
 }
 
 /// Depths, and what people should know about them.
 struct KeptDepths {
   CameraDepths depths;
-  std::string note;
+  std::vector<std::string> notes;
 };
 
 std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResults& kept_results,
@@ -84,7 +97,17 @@ std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResu
                                                 const DepthSettings& solving, bool keep) {
   return kept_results.get<KeptDepths>(key_of(instant, solving), [&](std::size_t& bytes) {
     auto kept = std::make_shared<KeptDepths>();
-    kept->depths = kept_camera_depths(instant, solving, working_bytes, keep, kept->note);
+    std::string note;
+    kept->depths = kept_camera_depths(instant, solving, working_bytes, keep, note);
+    if (!note.empty()) kept->notes.push_back(note);
+    const double needed = planes_needed(kept->depths, instant, solving);
+    if (needed > depth_solve::kMostPlanes) {
+      kept->notes.push_back(
+          fmt::format("depth: {:g} pixels from plane to plane take up to {:.0f} planes for a first "
+                      "guess; {} are "
+                      "tried, and near things may be found wrong",
+                      solving.plane_px, rounded_up(needed), depth_solve::kMostPlanes));
+    }
     kept->depths.find_nearest();
     bytes = kept->depths.bytes();
     return kept;
@@ -224,7 +247,7 @@ std::optional<Plan> plan(const ViewRequest& request) {
   if (request.instant.present != request.instant.complete) {
     result.complete.emplace(field_of(true));
   }
-  if (!kept->note.empty()) result.notes.push_back(kept->note);
+  result.notes = kept->notes;
   result.view_depths = depths_of_view(result, request.instant);
   return result;
 }

@@ -221,6 +221,11 @@ InverseDepthRange inverse_depths_in_view(const VirtualCamera& view, const Rig& r
   return range;
 }
 
+double rounded_up(double planes) {
+  const double unit = std::pow(10, std::floor(std::log10(planes))) / 2;
+  return std::ceil(planes / unit) * unit;
+}
+
 SweepPlanes planes_across(const InverseDepthRange& range, int count) {
   if (count <= 1) return {1, (range.farthest + range.nearest) / 2, 0};
   return {count, range.farthest, (range.nearest - range.farthest) / (count - 1)};

@@ -109,6 +109,9 @@ InverseDepthRange inverse_depths_in_view(const VirtualCamera& view, const Rig& r
 /// number, however large. One where the range is a point, or no two cameras see the same.
 double planes_needed(const InverseDepthRange& range, const VirtualCamera& view, const Rig& rig,
                      const CameraField& field, double step_px);
+/// Such a number for people, so coarsely that it is the same for all of a shot: the next multiple
+/// of half its power of ten.
+double rounded_up(double planes);
 /// `count` planes across the range; one, in its middle, if count is 1.
 SweepPlanes planes_across(const InverseDepthRange& range, int count);
 

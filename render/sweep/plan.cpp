@@ -57,11 +57,10 @@ Settings settings_of(const MethodOptions& options) {
 /// One and the same for many frames of a shot: the number is rounded up, by half of its first digit
 /// at most.
 std::string too_few_planes(double step_px, double needed) {
-  const double unit = std::pow(10, std::floor(std::log10(needed))) / 2;
   return fmt::format(
       "plane_sweep: {:g} pixels from plane to plane take up to {:.0f} planes across the view; "
       "{} are tried, and near things may show ghosts",
-      step_px, std::ceil(needed / unit) * unit, kMostPlanes);
+      step_px, rounded_up(needed), kMostPlanes);
 }
 
 std::vector<int> cameras_of(const Instant& instant, bool absent_too) {

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+// Views of captured light fields whose truth is known, by the methods that find the depth.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "schemas/test_data.h"
+#include "schemas/test_folder.h"
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage {
+namespace {
+
+using nlohmann::json;
+using testing::CommandResult;
+using testing::run;
+
+struct Captured {
+  const char* set;
+  const char* method;
+  double psnr_db, covered;  ///< at the least, mean over all views
+  friend void PrintTo(const Captured& captured, std::ostream* out) {
+    *out << captured.set << " by " << captured.method;
+  }
+};
+
+class CapturedDepth : public ::testing::TestWithParam<Captured> {};
+
+// docs/benchmarks.md, "Accuracy on captured light fields", has what is reached, and what limits
+// depth on shop.
+TEST_P(CapturedDepth, ShowsWhatNoCameraSawAsWellAsEver) {
+  const Captured& captured = GetParam();
+  const auto data = testing::captured_data(captured.set);
+  if (!data) GTEST_SKIP() << "no captured light field " << captured.set;
+  const TestFolder folder;
+  std::string take = (folder.path() / "take").string();
+  const std::string from = "'" + data->string() + "/import.json'";
+  ASSERT_EQ(run("raystage import " + from + " -o '" + take + "' --restart-markers").exit_code, 0);
+  if (std::string(captured.set) == "stage") {  // cameras run free; truth lies on these ticks
+    const CommandResult moved = run("raystage sync '" + take + "' -q -o '" + take +
+                                    "_moved' --fps 15 --tick-at 0.233333333 --retime flow");
+    ASSERT_EQ(moved.exit_code, 0) << moved.err;
+    take += "_moved";
+  }
+  const std::string file = (folder.path() / "evaluation.json").string();
+  const CommandResult result =
+      run("raystage evaluate '" + take + "' '" + data->string() + "/views.json' --method " +
+          captured.method + " --json '" + file + "'");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const json mean = json::parse(std::ifstream(file)).at("mean");
+  RecordProperty("psnr_db", std::to_string(mean.at("psnr_db").get<double>()));
+  EXPECT_GE(mean.at("psnr_db").get<double>(), captured.psnr_db);
+  EXPECT_GE(mean.at("covered").get<double>(), captured.covered);
+}
+
+INSTANTIATE_TEST_SUITE_P(Sets, CapturedDepth,
+                         ::testing::Values(Captured{"shop", "plane_sweep", 34.5, 0.999},
+                                           Captured{"shop", "depth", 35.1, 0.999},
+                                           Captured{"stanford_chess9x9", "plane_sweep", 36.9, 0.99},
+                                           Captured{"stanford_chess9x9", "depth", 37.6, 0.99},
+                                           Captured{"stanford_knights17x17", "depth", 35.8, 0.98},
+                                           Captured{"stage", "depth", 29.7, 0.999}),
+                         [](const auto& test) {
+                           return std::string(test.param.set) + "_" + test.param.method;
+                         });
+
+}  // namespace
+}  // namespace raystage

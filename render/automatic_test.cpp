@@ -140,6 +140,20 @@ TEST_F(Automatic, GivesWhatTheChosenMethodGivesAndSaysWhich) {
   EXPECT_THAT(chosen.notes[0], HasSubstr("3.75 m off"));
 }
 
+TEST_F(Automatic, WithoutADepthRangeEachViewHasThePlaneThatItAsksFor) {
+  write(0.2, std::nullopt);
+  const FrameSelection frames = select_frames(*take_, 0, 1);
+  const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.6, {});
+  const LightFieldRenderer renderer(*take_, {});
+  const auto rendered = [&](const char* method, double depth) {
+    return renderer.render(view, frames, {method, {0, 0, 1, depth}}).rgba;
+  };
+  for (const double depth : {4.0, 2.0}) {
+    EXPECT_EQ(rendered("auto", depth), rendered("focal_plane", depth)) << depth << " m";
+  }
+  EXPECT_NE(rendered("auto", 4), rendered("auto", 2));
+}
+
 /// What auto itself chooses among, on a wall in front of another.
 class AutomaticAmongAll : public ::testing::Test {
  protected:

@@ -125,10 +125,8 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
               const ViewRequest& request) {
   const auto range = request.instant.take->document().depth_range;
   if (!range) {
-    return {
-        0,
-        fmt::format("{}: the take has no depth range, which the others need", candidates[0].label),
-        request.focal_plane};
+    return {0, fmt::format("{}: the take has no depth range, which the others need",
+                           candidates[0].label)};
   }
   // The sampling theorem speaks of this plane; on any other more is out of focus.
   ViewRequest on_best = request;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -30,9 +31,9 @@ struct Target {
 struct Choice {
   std::size_t candidate = 0;
   std::string why;  ///< a line for people
-  /// Where methods that need a plane look rays up: eq. 2.2's, or as asked for where the take does
-  /// not say how deep it is.
-  Eigen::Vector4d focal_plane{0, 0, 0, 1};
+  /// Where methods that need a plane look rays up: eq. 2.2's. None where the take does not say how
+  /// deep it is: each view's own, which is no part of the choice.
+  std::optional<Eigen::Vector4d> focal_plane = std::nullopt;
 };
 
 /// Chooses among `candidates`, which stand from the least to the most accurate. A single plane (the

@@ -62,7 +62,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
   const MethodOptions options(chosen.method.options, chosen.options, "auto");
   const ViewRequest inner{request.view,
                           request.instant,
-                          choice->focal_plane,
+                          choice->focal_plane.value_or(request.focal_plane),
                           options,
                           request.kept,
                           request.working_bytes,

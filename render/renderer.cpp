@@ -8,9 +8,11 @@
 #include <map>
 #include <mutex>
 
+#include "render/depth/depth.h"
 #include "render/fill/push_pull.h"
 #include "render/hull/visual_hull.h"
 #include "render/lumigraph/lumigraph.h"
+#include "render/lumigraph/proxy.h"
 #include "render/methods.h"
 #include "render/view/footprint.h"
 #include "render/view/instant.h"
@@ -93,6 +95,30 @@ double filtered_pixels(const VirtualCamera& view, const Instant& instant, const 
   }
   const double ratio = source_pixels_per_pixel(view, instant, plane);
   return ratio > 0 ? ratio : source_pixels_per_pixel(view, instant, {0, 0, 0, 1});
+}
+
+/// Where rays of a query meet what `method` with its `options` takes for the scene.
+RaySurface surface_met(const Method& method, const MethodOptions& options,
+                       const Eigen::Vector4d& focal_plane, const Instant& instant,
+                       KeptResults& kept, const RendererSettings& settings) {
+  const auto by_depth = [&](const MethodOptions& of_depth) {
+    return depth::surface_by(of_depth, instant, kept, settings.working_bytes,
+                             settings.use_take_folder);
+  };
+  if (method.name == "visual_hull") {
+    const auto hull = settings.reference ? visual_hull_surface_reference : visual_hull_surface;
+    return hull(options, instant, kept);
+  }
+  if (method.name == "lumigraph") {
+    return proxy_surface(options, focal_plane, instant, kept, settings.working_bytes,
+                         settings.use_take_folder);
+  }
+  if (method.name == "depth") return by_depth(options);
+  if (method.name == "plane_sweep") {
+    const OptionValues scene{{"near", options.number("near")}, {"far", options.number("far")}};
+    return by_depth(MethodOptions(depth_method().options, scene, "method plane_sweep"));
+  }
+  return plane_surface(focal_plane);
 }
 
 }  // namespace
@@ -184,29 +210,18 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
                                const Reconstruction& reconstruction,
                                std::span<RaySample> samples) const {
   const Method& method = method_named(reconstruction.method);
-  MethodOptions options(method.options, reconstruction.options, "method " + reconstruction.method);
-  const Method lumigraph = lumigraph_method();
-  const bool by_hull = method.name == "visual_hull";
-  DepthRange scene;  // as the method's options say it, where they do
-  if (method.name != lumigraph.name && !by_hull) {
-    OptionValues unless_told;
-    if (method.name == "depth" || method.name == "plane_sweep") {
-      unless_told["proxy"] = std::string("depth");
-      scene = {options.number("near"), options.number("far")};
-    }
-    options = MethodOptions(lumigraph.options, unless_told, lumigraph.name);
-  }
+  const MethodOptions options(method.options, reconstruction.options,
+                              "method " + reconstruction.method);
   const Instant instant = state_->instant(frames);
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
-  const bool reference = state_->settings.reference;
-  const auto hull = reference ? visual_hull_surface_reference : visual_hull_surface;
-  const RaySurface surface = by_hull ? hull(options, instant, *state_->kept)
-                                     : proxy_surface(options, reconstruction.focal_plane, instant,
-                                                     *state_->kept, state_->settings.working_bytes,
-                                                     state_->settings.use_take_folder, scene);
-  const auto answer = reference ? query_rays_reference : query_rays;
-  answer(rays, instant, surface, ray_weighing(options), samples);
+  const RaySurface surface = surface_met(method, options, reconstruction.focal_plane, instant,
+                                         *state_->kept, state_->settings);
+  const bool weighs = method.name == "lumigraph" || method.name == "visual_hull";
+  const RayWeighing weighing = ray_weighing(
+      weighs ? options : MethodOptions(lumigraph_method().options, {}, "method lumigraph"));
+  const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
+  answer(rays, instant, surface, weighing, samples);
 }
 
 void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {

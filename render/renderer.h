@@ -74,10 +74,16 @@ class LightFieldRenderer {
   /// hint: of cameras that earlier views did not look at nothing is read.
   void read_ahead(const FrameSelection& frames) const;
 
-  /// Any rays, not only those of a view, into as many `samples`: see query_rays(). Method
-  /// `lumigraph` and `visual_hull` by their options; every other with lumigraph's own weights,
-  /// `depth` and `plane_sweep` where `depth` finds the scene, the others on the focal plane. No
-  /// fill.
+  /// Any rays, not only those of a view, into as many `samples`: see query_rays(). No fill.
+  /// `lumigraph` (weights per ray) and `visual_hull` answer by their options. Of every other method
+  /// only the surface counts; rays are blended on it as lumigraph does unless told, and options
+  /// other than these are checked but have no say:
+  ///   depth        where it finds the scene: by `near`, `far`, `plane_px`, `neighbours`,
+  ///                `witnesses`, `temporal` and `keep`
+  ///   plane_sweep  where depth finds it, unless told, between its `near` and `far`: depths that
+  ///                are kept in the take unless RendererSettings::use_take_folder is off
+  ///   all others   on `reconstruction`'s focal plane, also auto, slabs and aperture: auto chooses
+  ///                for views alone, a plane of its own is not followed
   void query(std::span<const WorldRay> rays, const FrameSelection& frames,
              const Reconstruction& reconstruction, std::span<RaySample> samples) const;
 

@@ -10,6 +10,7 @@
 #include "render/sampling/depth_sampling.h"
 #include "render/sweep/camera_field.h"
 #include "render/view/method.h"
+#include "render/view/world_ray.h"
 
 namespace raystage {
 
@@ -55,6 +56,12 @@ std::optional<Plan> plan(const ViewRequest& request);
 std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, KeptResults& kept,
                                                        std::size_t working_bytes, bool keep,
                                                        const DepthRange& scene);
+
+/// Where any ray meets what the method finds with these `options` of its own, kept and taken from
+/// where its views' depths are (see depth_surface); `instant`'s rig must live on. Throws Error (bad
+/// input) as the method does.
+RaySurface surface_by(const MethodOptions& options, const Instant& instant, KeptResults& kept,
+                      std::size_t working_bytes, bool use_take_folder);
 
 /// What share of a pixel cameras have that are absent, 0 to 1.
 float absent_share(const Plan& plan, const Instant& instant, int x, int y);

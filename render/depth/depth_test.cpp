@@ -286,6 +286,62 @@ TEST_F(Depth, KeepsDepthsInTheTakeAndUsesThem) {
   EXPECT_EQ(read_file(file), whole);
 }
 
+TEST_F(Depth, RaysMeetWhatViewsWithTheSameOptionsShow) {
+  SyntheticTake painted = slanted(2, 3);
+  painted.frames = 3;
+  const Take take = write(painted);
+  const FrameSelection frames = select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);
+  const auto answered = [&](OptionValues options, std::shared_ptr<KeptResults> kept) {
+    RendererSettings settings;
+    settings.kept = std::move(kept);
+    const WorldRay ahead{{0.02, 0.013, 0}, {0, 0, -1}};
+    RaySample sample;
+    LightFieldRenderer(take, settings)
+        .query({&ahead, 1}, frames, {"depth", {0, 0, 0, 1}, std::move(options)}, {&sample, 1});
+    return sample.depth;
+  };
+  for (const OptionValues::value_type& option : {OptionValues::value_type{"near", 2.0},
+                                                 {"far", 9.0},
+                                                 {"plane_px", 1.0},
+                                                 {"neighbours", 2.0},
+                                                 {"witnesses", 3.0},
+                                                 {"temporal", true}}) {
+    const OptionValues options{{"keep", false}, option};
+    RendererSettings settings;
+    settings.kept = std::make_shared<KeptResults>(std::size_t{1} << 28);
+    EXPECT_NEAR(answered(options, settings.kept), 4, 0.1) << option.first;
+    const std::size_t held = settings.kept->bytes_held();
+    render(take, a_view(), options, settings, 1);
+    EXPECT_EQ(settings.kept->bytes_held(), held) << option.first << " had no say";
+  }
+  EXPECT_TRUE(kept_files().empty());
+  answered({}, nullptr);
+  ASSERT_EQ(kept_files().size(), 1U);
+  render(take, a_view(), {}, {}, 1);
+  EXPECT_EQ(kept_files().size(), 1U);
+}
+
+TEST_F(Depth, RaysOfAPlaneSweepEndBetweenItsDepths) {
+  SyntheticTake painted = slanted(2, 3);
+  painted.knows_depth_range = false;
+  const Take take = write(painted);
+  RendererSettings settings;
+  settings.use_take_folder = false;
+  const LightFieldRenderer renderer(take, settings);
+  const WorldRay ahead{{0.02, 0.013, 0}, {0, 0, -1}};
+  RaySample sample;
+  const auto ask = [&](OptionValues options) {
+    renderer.query({&ahead, 1}, select_frames(take, 0, 1),
+                   {"plane_sweep", {0, 0, 1, 1}, std::move(options)}, {&sample, 1});
+  };
+  ask({{"near", 2.5}, {"far", 7.0}});
+  EXPECT_NEAR(sample.depth, 4, 0.1);
+  ask({{"near", 5.0}, {"far", 7.0}});
+  EXPECT_GE(sample.depth, 4.999F);
+  EXPECT_THROW(ask({}), Error);
+  EXPECT_TRUE(kept_files().empty());
+}
+
 TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
   SyntheticTake settings = slanted(2, 3);
   settings.frames = 4;  // all alike

@@ -8,6 +8,7 @@
 
 #include "render/depth/depth.h"
 #include "render/depth/depth_store.h"
+#include "render/depth/depth_surface.h"
 #include "render/depth/fusion.h"
 #include "render/depth/solve_kernels.h"
 #include "render/depth/temporal.h"
@@ -37,16 +38,15 @@ constexpr std::array kOptions{
                 "picture stands still"),
     flag_option("keep", true, "depths in the folder depth/ of the take, and use those there")};
 
-Settings settings_of(const ViewRequest& request) {
-  const MethodOptions& options = request.options;
+Settings settings_of(const MethodOptions& options, const Take& take, bool use_take_folder) {
   Settings s;
-  s.solving.scene = scene_depths(request, "depth");
+  s.solving.scene = scene_depths(options, take, "depth");
   s.solving.plane_px = options.number("plane_px");
   s.solving.neighbours = options.whole("neighbours");
   s.solving.witnesses = options.whole("witnesses");
   s.cameras = options.whole("cameras");
   s.agreement = options.number("agreement");
-  s.keep = options.flag("keep") && request.use_take_folder;
+  s.keep = options.flag("keep") && use_take_folder;
   s.temporal = options.flag("temporal");
   return s;
 }
@@ -181,6 +181,12 @@ std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptRe
   });
 }
 
+std::shared_ptr<const KeptDepths> depths_by(const Settings& settings, const Instant& instant,
+                                            KeptResults& kept_results, std::size_t working_bytes) {
+  const auto depths_of = settings.temporal ? steadied_depths : camera_depths;
+  return depths_of(instant, kept_results, working_bytes, settings.solving, settings.keep);
+}
+
 /// What cameras say of a view's depths: they count as they would if its rays were blended from few
 /// of them.
 std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepths& depths) {
@@ -225,7 +231,8 @@ InverseDepthMap depths_of_view(const Plan& plan, const Instant& instant) {
 }  // namespace
 
 std::optional<Plan> plan(const ViewRequest& request) {
-  const Settings settings = settings_of(request);
+  const Settings settings =
+      settings_of(request.options, *request.instant.take, request.use_take_folder);
   const Rig& rig = *request.instant.rig;
   const VirtualCamera pinhole = undistorted(
       CameraModel(
@@ -233,9 +240,8 @@ std::optional<Plan> plan(const ViewRequest& request) {
       request.view.pose);
   const InverseDepthRange range = inverse_depths_in_view(request.view, rig, settings.solving.scene);
   if (range.empty()) return std::nullopt;
-  const auto depths_of = settings.temporal ? steadied_depths : camera_depths;
-  const std::shared_ptr<const KeptDepths> kept = depths_of(
-      request.instant, request.kept, request.working_bytes, settings.solving, settings.keep);
+  const std::shared_ptr<const KeptDepths> kept =
+      depths_by(settings, request.instant, request.kept, request.working_bytes);
   const auto field_of = [&](bool absent_too) {
     return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,
                        settings.cameras);
@@ -259,6 +265,13 @@ std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, K
   solving.scene = scene;
   const auto found = camera_depths(instant, kept, working_bytes, solving, keep);
   return {found, &found->depths};
+}
+
+RaySurface surface_by(const MethodOptions& options, const Instant& instant, KeptResults& kept,
+                      std::size_t working_bytes, bool use_take_folder) {
+  const Settings settings = settings_of(options, *instant.take, use_take_folder);
+  const auto found = depths_by(settings, instant, kept, working_bytes);
+  return depth_surface({found, &found->depths}, *instant.rig, settings.solving.scene);
 }
 
 float absent_share(const Plan& plan, const Instant& instant, int x, int y) {

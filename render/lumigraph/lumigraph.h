@@ -36,12 +36,12 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
                                         Missed missed = Missed::kUnseen);
 
 /// What the options `proxy` and `mesh` say: the plane, a mesh and the plane beyond it, or what the
-/// method `depth` finds (see depth_surface) between the depths of `scene`, or the take's where they
-/// are 0. `use_take_folder`: as ViewRequest. Throws Error (bad input) for a mesh that is not asked
-/// for, missing or cannot be read, or depths of a take that does not say how deep it is.
+/// method `depth` finds unless told (see depth_surface). `use_take_folder`: as ViewRequest. Throws
+/// Error (bad input) for a mesh that is not asked for, missing or cannot be read, or depths of a
+/// take that does not say how deep it is.
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
                          const Instant& instant, KeptResults& kept, std::size_t working_bytes,
-                         bool use_take_folder, const DepthRange& scene = {});
+                         bool use_take_folder);
 
 Method lumigraph_method();
 

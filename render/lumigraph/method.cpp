@@ -40,7 +40,7 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
 
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
                          const Instant& instant, KeptResults& kept, std::size_t working_bytes,
-                         bool use_take_folder, const DepthRange& scene) {
+                         bool use_take_folder) {
   RaySurface on_plane = plane_surface(plane);
   const std::string& proxy = options.text("proxy");
   if (proxy != "mesh" && !options.text("mesh").empty()) {
@@ -49,12 +49,12 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
   }
   if (proxy == "plane") return on_plane;
   if (proxy == "depth") {
-    const DepthRange between =
-        scene_depths(*instant.take, scene, "proxy depth",
+    const DepthRange scene =
+        scene_depths(*instant.take, {}, "proxy depth",
                      "Say depth_range_m in take.json, in metres in front of the array");
     return depth_surface(
-        depth::depths_unless_told(instant, kept, working_bytes, use_take_folder, between),
-        *instant.rig, between);
+        depth::depths_unless_told(instant, kept, working_bytes, use_take_folder, scene),
+        *instant.rig, scene);
   }
   if (options.text("mesh").empty()) {
     throw Error::bad_input("the proxy is to be a mesh and none is given", "option mesh",

@@ -83,8 +83,8 @@ std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
 std::optional<Plan> plan(const ViewRequest& request) {
   const Settings settings = settings_of(request.options);
   const Rig& rig = *request.instant.rig;
-  const InverseDepthRange range =
-      inverse_depths_in_view(request.view, rig, scene_depths(request, "plane_sweep"));
+  const InverseDepthRange range = inverse_depths_in_view(
+      request.view, rig, scene_depths(request.options, *request.instant.take, "plane_sweep"));
   if (range.empty()) return std::nullopt;
   Plan result{
       settings,

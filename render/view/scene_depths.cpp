@@ -7,9 +7,8 @@
 
 namespace raystage {
 
-DepthRange scene_depths(const ViewRequest& request, std::string_view method) {
-  return scene_depths(*request.instant.take,
-                      {request.options.number("near"), request.options.number("far")}, method,
+DepthRange scene_depths(const MethodOptions& options, const Take& take, std::string_view method) {
+  return scene_depths(take, {options.number("near"), options.number("far")}, method,
                       "Give the options near and far, in metres in front of the array");
 }
 

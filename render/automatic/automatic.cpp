@@ -49,10 +49,6 @@ std::string in_time(double seconds) {
                      : fmt::format("{:.1f} s a frame", seconds);
 }
 
-}  // namespace
-
-namespace {
-
 /// choose(), for a take that knows its depth range; `request` is on eq. 2.2's plane.
 Choice choose_by_range(std::span<const Candidate> candidates, const Target& target,
                        const ViewRequest& request, const DepthRange& scene) {
@@ -106,22 +102,23 @@ Choice choose_by_range(std::span<const Candidate> candidates, const Target& targ
         error_at_left_out_cameras(candidates[i].method, candidates[i].options, request);
     most_measured = std::max(most_measured, psnr);
     if (psnr >= target.psnr_db) {
-      return {i, fmt::format("{}: {:.1f} dB at cameras left out, {:.1f} asked for, {}",
-                             candidates[i].label, psnr, target.psnr_db,
-                             in_time(seconds_per_frame(candidates[i], work)))};
+      return {i,
+              fmt::format("{}: {:.1f} dB at cameras left out, {:.1f} asked for, {}",
+                          candidates[i].label, psnr, target.psnr_db,
+                          in_time(seconds_per_frame(candidates[i], work))),
+              true};
     }
   }
-  return {best,
-          std::isfinite(most_measured)
-              ? fmt::format("{}: the most accurate, {}; others give {:.1f} dB at most at "
-                            "cameras left out, {:.1f} asked for",
-                            candidates[best].label, best_takes, most_measured, target.psnr_db)
-              : fmt::format("{}: the only one in reach, {}", candidates[best].label, best_takes)};
+  return {best, std::isfinite(most_measured)
+                    ? fmt::format("{}: the most accurate, {}; others give {:.1f} dB at most at "
+                                  "cameras left out",
+                                  candidates[best].label, best_takes, most_measured)
+                    : fmt::format("{}: the most accurate in reach, {}", candidates[best].label,
+                                  best_takes)};
 }
 
-}  // namespace
-
-Choice choose(std::span<const Candidate> candidates, const Target& target,
+/// choose(), but for saying what was not measured.
+Choice chosen(std::span<const Candidate> candidates, const Target& target,
               const ViewRequest& request) {
   const auto range = request.instant.take->document().depth_range;
   if (!range) {
@@ -133,6 +130,18 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
   on_best.focal_plane = plane_in_front_of(*request.instant.rig, best_focal_depth(*range));
   Choice choice = choose_by_range(candidates, target, on_best, *range);
   choice.focal_plane = on_best.focal_plane;
+  return choice;
+}
+
+}  // namespace
+
+Choice choose(std::span<const Candidate> candidates, const Target& target,
+              const ViewRequest& request) {
+  Choice choice = chosen(candidates, target, request);
+  if (target.psnr_db > 0 && !choice.met_at_left_out_cameras) {
+    choice.why += fmt::format("; its own error is not measured, may miss the {:.1f} dB asked for",
+                              target.psnr_db);
+  }
   return choice;
 }
 

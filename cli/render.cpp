@@ -69,8 +69,8 @@ void declare(CLI::App& app, Options& options) {
       ->type_name("DB");
   app.add_option("--target-time", options.target_time,
                  "the same for the most accurate that takes at most this long for a frame, seconds "
-                 "on two threads\nof the machine of docs/benchmarks.md; with --target-error the "
-                 "cheapest within it")
+                 "on two threads\nof the machine of docs/benchmarks.md, to be rendered alone from "
+                 "decoded frames, one sample a\npixel; with --target-error the cheapest within it")
       ->check(CLI::Range(1e-6, 1e6))
       ->type_name("S");
   add_threads_option(app, options.threads);

@@ -168,6 +168,20 @@ TEST_F(Automatic, WithoutADepthRangeEachViewHasThePlaneThatItAsksFor) {
   EXPECT_NE(rendered("auto", 4), rendered("auto", 2));
 }
 
+TEST_F(Automatic, SaysThatSamplesBesideTheFirstAreNotInTheTime) {
+  write(0.2, DepthRange{1, 5});
+  const LightFieldRenderer renderer(*take_, {});
+  const auto note = [&](int width, const OptionValues& options) {
+    const VirtualCamera view = virtual_camera_with_fov(width, width, 0.6, {});
+    return renderer.render(view, select_frames(*take_, 0, 1), {"auto", {0, 0, 1, 4}, options})
+        .notes.at(0);
+  };
+  const OptionValues timed{{"target_time", 1e-6}};  // a pixel covers 5 x 5 of the cameras'
+  EXPECT_THAT(note(10, timed), HasSubstr("for one sample a pixel, this view takes 25"));
+  EXPECT_THAT(note(40, timed), Not(HasSubstr("sample a pixel")));
+  EXPECT_THAT(note(10, {{"target_error", 1.0}}), Not(HasSubstr("sample a pixel")));
+}
+
 /// What auto itself chooses among, on a wall in front of another.
 class AutomaticAmongAll : public ::testing::Test {
  protected:

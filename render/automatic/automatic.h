@@ -24,8 +24,11 @@ struct Candidate {
 
 /// What is asked of `auto`.
 struct Target {
-  double psnr_db = 0;            ///< at least; 0: as near to the truth as can be
-  double seconds_per_frame = 0;  ///< at most, on two threads; 0: however long it takes
+  double psnr_db = 0;  ///< at least; 0: as near to the truth as can be
+  /// At most, on two threads; 0: however long it takes. To render alone, from decoded frames, with
+  /// one sample a pixel: how many a view takes (ViewRequest::supersampling) changes along a shot,
+  /// the choice must not.
+  double seconds_per_frame = 0;
 };
 
 struct Choice {

@@ -17,7 +17,8 @@ constexpr std::array kOptions{
                   "truth as can be"),
     number_option("target_time", 0, 0, 1e6,
                   "seconds that a frame may take on two threads of the machine of "
-                  "docs/benchmarks.md; 0: however long it takes")};
+                  "docs/benchmarks.md, to be rendered alone from decoded frames, one sample a "
+                  "pixel; 0: however long it takes")};
 
 /// From the least to the most accurate. Costs are the processor's time per pixel of one thread, ns,
 /// with frames decoded: cpu_ns_per_px of methods_bench (960x640) on
@@ -72,7 +73,12 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                           request.supersampling};
   RenderedView view =
       reference ? chosen.method.render_reference(inner) : chosen.method.render(inner);
-  view.notes.push_back("auto: " + choice->why);
+  std::string note = "auto: " + choice->why;
+  if (target.seconds_per_frame > 0 && request.supersampling > 1) {
+    note += fmt::format("; the time is for one sample a pixel, this view takes {}",
+                        request.supersampling * request.supersampling);
+  }
+  view.notes.push_back(std::move(note));
   return view;
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/methods.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <vector>
 
@@ -40,6 +42,9 @@ std::string describe_methods() {
   for (const Method& method : methods()) {
     text += "\n" + std::string(method.name) + " = " + std::string(method.summary);
     for (const OptionSpec& option : method.options) text += "\n    " + describe(option);
+    for (const MethodPreset& preset : method.presets) {
+      text += fmt::format("\n    preset {}: {}", preset.name, preset.options);
+    }
   }
   return text;
 }

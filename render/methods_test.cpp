@@ -34,7 +34,17 @@ TEST(Methods, AreFoundByNameAndTheirOptionsAreSound) {
 }
 
 TEST(Methods, AreDescribed) {
-  EXPECT_THAT(describe_methods(), ::testing::HasSubstr("\nfocal_plane = three cameras a ray"));
+  const std::string text = describe_methods();
+  EXPECT_THAT(text, ::testing::HasSubstr("\nfocal_plane = three cameras a ray"));
+  EXPECT_THAT(text, ::testing::HasSubstr("\n    preset fast: step_px=2,aggregation=box"));
+  int presets = 0;
+  for (const Method& method : methods()) {
+    for (const MethodPreset& preset : method.presets) {
+      ++presets;
+      EXPECT_THAT(text, ::testing::HasSubstr(std::string(preset.options))) << method.name;
+    }
+  }
+  EXPECT_GT(presets, 0);
 }
 
 }  // namespace

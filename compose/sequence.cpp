@@ -30,10 +30,11 @@ constexpr int kMaxFramesInFlight = 16;
 constexpr std::size_t kMiB = std::size_t{1} << 20;
 constexpr std::size_t kMinCache = 64 * kMiB;
 constexpr std::size_t kDefaultCache = 4096 * kMiB, kDefaultKept = 1024 * kMiB;
-/// The view (24), its EXR samples (16), the file being built (16) and the renderer's own tables.
-constexpr std::size_t kBytesPerPixelInFlight = 96, kViewBytesPerPixel = 24;
-/// The coverage measures on top: of the view, for the file, in it.
-constexpr std::size_t kMeasuresBytesPerPixelInFlight = 24;
+/// Beside the view (24 at least): its EXR samples (16), the file being built (16) and the
+/// renderer's own tables.
+constexpr std::size_t kViewBytesPerPixel = 24, kBytesPerPixelBesideView = 72;
+/// The coverage measures on top: for the file, in it.
+constexpr std::size_t kMeasuresBytesPerPixelBesideView = 16;
 constexpr std::size_t kRawExrBytesPerPixel = 16;
 
 std::string size_text(double bytes) {
@@ -48,36 +49,34 @@ struct MemoryPlan {
   std::size_t working_bytes = 0;  // what it works with, for each frame in flight
 };
 
-/// What frames take beyond kBytesPerPixelInFlight at most, where they are supersampled; of some of
-/// them, spread evenly.
-std::size_t supersampled_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames) {
-  constexpr std::size_t kLookedAt = 32;
+/// What the views of the frames take at most. Every one is looked at: of a zoom a single frame may
+/// be the one that is supersampled most.
+std::size_t most_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                            bool coverage_measures) {
   RendererSettings settings;
   settings.cache_bytes = settings.kept_bytes = 0;
+  settings.measure_coverage = coverage_measures;
   const LightFieldRenderer renderer(plan.take(), settings);
-  std::size_t most = 0;
-  const std::size_t step = std::max<std::size_t>(1, frames.size() / kLookedAt);
-  for (std::size_t i = 0; i < frames.size(); i += step) {
-    const PlannedFrame& frame = frames[i];
+  std::size_t most = static_cast<std::size_t>(plan.shot().width) *
+                     static_cast<std::size_t>(plan.shot().height) * kViewBytesPerPixel;
+  for (const PlannedFrame& frame : frames) {
     if (!frame.tick) continue;
     const FrameSelection& tick = plan.timeline().ticks[static_cast<std::size_t>(*frame.tick)];
     most =
         std::max(most, renderer.view_bytes(plan.camera(frame.frame), tick, plan.reconstruction()));
   }
-  const std::size_t pixels =
-      static_cast<std::size_t>(plan.shot().width) * static_cast<std::size_t>(plan.shot().height);
-  return most - std::min(most, pixels * kViewBytesPerPixel);
+  return most;
 }
 
 /// A method that needs more than decoded frames gets a quarter of the memory for what it keeps, and
 /// a quarter to work with.
 MemoryPlan plan_memory(const ShotDocument& shot, const SequenceOptions& options,
-                       const Method& method, std::size_t supersampled) {
+                       const Method& method, std::size_t view_bytes) {
   const std::size_t per_frame =
       static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height) *
-          (kBytesPerPixelInFlight +
-           (options.coverage_measures ? kMeasuresBytesPerPixelInFlight : 0)) +
-      supersampled;
+          (kBytesPerPixelBesideView +
+           (options.coverage_measures ? kMeasuresBytesPerPixelBesideView : 0)) +
+      view_bytes;
   const std::size_t budget =
       options.memory_bytes > 0 ? options.memory_bytes : available_memory() / 2;
   if (budget < per_frame + kMinCache) {
@@ -363,7 +362,8 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
     throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
                            shot_file.string(), "Leave --coverage out, or choose another method");
   }
-  const MemoryPlan memory = plan_memory(shot, options, method, supersampled_bytes(plan, frames));
+  const MemoryPlan memory =
+      plan_memory(shot, options, method, most_view_bytes(plan, frames, options.coverage_measures));
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
   const SequenceName name = checked_name(resolved, frames.size());

@@ -408,6 +408,22 @@ TEST_F(Sequence, ChecksEverythingFirst) {
   EXPECT_EQ(files(), 0);
 }
 
+TEST_F(Sequence, MemoryIsWhatTheHeaviestFrameTakesWhereverItIs) {
+  options_.memory_bytes = 1000;
+  options_.missing = MissingFrames::kHold;
+  shot_.first_frame = 1;
+  shot_.last_frame = 100;
+  shot_.camera = {{1, {0.03, -0.03, 0}, {1, 0, 0, 0}, 10},
+                  {100, {0.04, -0.03, 0}, {1, 0, 0, 0}, 10}};
+  EXPECT_THAT(refusal(), HasSubstr("one frame needs 67.2 MB"));  // 64 MiB of cache; 1200 pixels
+  const auto zoom = [](double frame, double degrees) {
+    return ShotDocument::CameraKey{frame, {0.035, -0.03, 0}, {1, 0, 0, 0}, degrees};
+  };
+  shot_.camera.insert(shot_.camera.begin() + 1, {zoom(50, 10), zoom(51, 100), zoom(52, 10)});
+  // 4 x 4 samples of 24 bytes on top.
+  EXPECT_THAT(refusal(), HasSubstr("one frame needs 67.7 MB"));
+}
+
 TEST_F(Sequence, TheBestPlaneNeedsADepthRange) {
   TakeDocument take = read_take(folder_.path() / "take" / "take.json");
   take.depth_range.reset();

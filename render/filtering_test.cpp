@@ -13,6 +13,7 @@
 namespace raystage {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 constexpr double kDegree = std::numbers::pi / 180;
@@ -36,12 +37,15 @@ class Filtering : public ::testing::Test {
     take_ = std::make_unique<Take>(folder_.path() / "take");
   }
 
-  RenderedView render(int width, const std::string& method, RendererSettings settings = {}) const {
+  static VirtualCamera view_of(int width) {
     Pose pose;
     pose.position = {0.013, 0.01, 0};
-    const VirtualCamera view = virtual_camera_with_fov(width, width * 3 / 4, 50 * kDegree, pose);
+    return virtual_camera_with_fov(width, width * 3 / 4, 50 * kDegree, pose);
+  }
+
+  RenderedView render(int width, const std::string& method, RendererSettings settings = {}) const {
     return LightFieldRenderer(*take_, settings)
-        .render(view, select_frames(*take_, 0, 1), {method, kPlane});
+        .render(view_of(width), select_frames(*take_, 0, 1), {method, kPlane});
   }
 
   /// Root mean square of the difference from the stripes' mean: what is left of them.
@@ -104,10 +108,52 @@ TEST_F(Filtering, MemoryBoundsTheFactor) {
   const RenderedView image = render(20, "focal_plane", little);
   EXPECT_NEAR(image.statistics.source_pixels_per_pixel, 6, 0.5);
   EXPECT_EQ(image.statistics.supersampling, 2);
+  EXPECT_THAT(image.notes,
+              ElementsAre(HasSubstr("2 samples along each axis of a pixel are fewer")));
   // What it works in has no say in the pixels.
   RendererSettings no_room;
   no_room.working_bytes = 0;
   EXPECT_EQ(render(20, "focal_plane", no_room).rgba, render(20, "focal_plane").rgba);
+}
+
+TEST_F(Filtering, SaysWhereMoreSamplesAreCalledFor) {
+  // 12 of the cameras' pixels: more than are ever taken.
+  const RenderedView image = render(10, "focal_plane");
+  EXPECT_GT(image.statistics.source_pixels_per_pixel, 10);
+  EXPECT_EQ(image.statistics.supersampling, 8);
+  EXPECT_THAT(image.notes, ElementsAre(HasSubstr("8 samples along each axis")));
+  RendererSettings never;
+  never.most_supersampling = 1;
+  EXPECT_THAT(render(10, "slabs", never).notes, ElementsAre(HasSubstr("1 sample along each axis")));
+}
+
+TEST_F(Filtering, MemoryOfAViewIsWhatItsValuesTake) {
+  const auto bytes = [&](int width, const std::string& method, bool measure_coverage) {
+    RendererSettings settings;
+    settings.measure_coverage = measure_coverage;
+    return LightFieldRenderer(*take_, settings)
+        .view_bytes(view_of(width), select_frames(*take_, 0, 1), {method, kPlane});
+  };
+  constexpr std::size_t kFine = 160 * 120, kCoarse = 20 * 15, kSamples = 6 * 6;
+  const auto factor = static_cast<std::size_t>(render(20, "focal_plane").statistics.supersampling);
+  ASSERT_EQ(factor * factor, kSamples);
+  // Floats: RGBA, coverage, depth; how many cameras and how near; what meets nothing.
+  EXPECT_EQ(bytes(160, "focal_plane", false), kFine * 6 * 4);
+  EXPECT_EQ(bytes(160, "focal_plane", true), kFine * 8 * 4);
+  EXPECT_EQ(bytes(160, "visual_hull", false), kFine * 7 * 4);
+  EXPECT_EQ(bytes(160, "visual_hull", true), kFine * 9 * 4);
+  EXPECT_EQ(bytes(20, "focal_plane", false), kCoarse * (kSamples + 1) * 6 * 4);
+  EXPECT_EQ(bytes(20, "focal_plane", true), kCoarse * (kSamples + 1) * 8 * 4);
+}
+
+TEST_F(Filtering, WhatIsMeasuredBesideDoesNotChangeThePixels) {
+  RendererSettings little;
+  little.supersampling_bytes = 20 * 15 * 24 * 9;
+  RendererSettings measured = little;
+  measured.measure_coverage = true;
+  const RenderedView image = render(20, "focal_plane", little);
+  EXPECT_EQ(image.statistics.supersampling, 3);
+  EXPECT_EQ(render(20, "focal_plane", measured).rgba, image.rgba);
 }
 
 }  // namespace

@@ -346,7 +346,7 @@ TEST_F(PlaneSweep, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
   const OptionValues deep{{"near", 0.01}};
   RendererSettings slow;
   slow.reference = true;
-  const VirtualCamera view = virtual_camera_with_fov(6, 4, 1, looking({0.02, 0.013, 0.03}, 2));
+  const VirtualCamera view = virtual_camera_with_fov(12, 8, 1, looking({0.02, 0.013, 0.03}, 2));
   for (const RendererSettings& settings : {RendererSettings{}, slow}) {
     const RenderedView image = render(take, view, deep, settings);
     ASSERT_EQ(image.notes.size(), 1U);

@@ -68,17 +68,33 @@ struct LightFieldRenderer::State {
 
 namespace {
 
-constexpr std::size_t kBytesPerPixel = 6 * sizeof(float);  // of a RenderedView
+/// RGBA, coverage and depth, that every RenderedView has.
+constexpr std::size_t kBytesPerPixel = 6 * sizeof(float);
+
+/// With what the request and the method add to a RenderedView.
+std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settings) {
+  return kBytesPerPixel + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
+         (method.tells_nothing_there ? sizeof(float) : 0);
+}
+
+std::size_t pixels_of(const VirtualCamera& view) {
+  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+}
 
 /// Samples along each axis of a pixel that covers `ratio` pixels of the cameras: steps of up to one
 /// and a half of them lie within the two pixels that linear interpolation takes in anyway.
+int wanted_supersampling(double ratio) {
+  return std::max(1, static_cast<int>(std::min(ratio, 64.0) + 0.5));
+}
+
+/// As many of them as the settings allow. The bound goes by what every view has: what is measured
+/// beside must not change the picture.
 int supersampling(double ratio, const VirtualCamera& view, const RendererSettings& settings) {
-  int factor = std::clamp(static_cast<int>(std::min(ratio, 64.0) + 0.5), 1,
-                          std::clamp(settings.most_supersampling, 1, 64));
-  const std::size_t bytes =
-      static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * kBytesPerPixel;
+  int factor =
+      std::min(wanted_supersampling(ratio), std::clamp(settings.most_supersampling, 1, 64));
   const auto fits = [&] {
-    return bytes * static_cast<std::size_t>(factor * factor) <= settings.supersampling_bytes;
+    return pixels_of(view) * kBytesPerPixel * static_cast<std::size_t>(factor * factor) <=
+           settings.supersampling_bytes;
   };
   while (factor > 1 && !fits()) --factor;
   return factor;
@@ -185,6 +201,13 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   }
   image.statistics.source_pixels_per_pixel = ratio;
   image.statistics.supersampling = factor;
+  if (factor < wanted_supersampling(ratio)) {  // the bound is the same for every frame of a shot
+    image.notes.push_back(
+        fmt::format("the view is coarser than the cameras, and {} along each axis of a pixel are "
+                    "fewer than they have there: fine patterns may crawl; render it larger and "
+                    "scale it down",
+                    factor == 1 ? "1 sample" : fmt::format("{} samples", factor)));
+  }
   if (const double halves = std::floor(2 / ratio); ratio > 0 && halves >= 3) {
     image.notes.push_back(
         fmt::format("the view asks for more resolution than the light field has: a pixel of the "
@@ -197,13 +220,12 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
 std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const FrameSelection& frames,
                                            const Reconstruction& reconstruction) const {
   const Instant instant = state_->instant(frames);
-  const double ratio = instant.present
-                           ? filtered_pixels(view, instant, method_named(reconstruction.method),
-                                             reconstruction.focal_plane)
-                           : 0;
+  const Method& method = method_named(reconstruction.method);
+  const double ratio =
+      instant.present ? filtered_pixels(view, instant, method, reconstruction.focal_plane) : 0;
   const auto factor = static_cast<std::size_t>(supersampling(ratio, view, state_->settings));
-  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) *
-         kBytesPerPixel * factor * factor;
+  const std::size_t bytes = pixels_of(view) * bytes_per_pixel(method, state_->settings);
+  return factor == 1 ? bytes : bytes * (factor * factor + 1);  // and their mean
 }
 
 void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,

@@ -60,13 +60,14 @@ class LightFieldRenderer {
   LightFieldRenderer(const Take& take, const RendererSettings& settings);
   ~LightFieldRenderer();
 
-  /// A view with more resolution than the light field has a note that says so. Throws Error (bad
-  /// input) for an unknown method, options that it does not have, or frames that cannot be read.
+  /// A view with one and a half times the light field's resolution or more has a note that says so,
+  /// and so has one that is supersampled less than it takes. Throws Error (bad input) for an
+  /// unknown method, options that it does not have, or frames that cannot be read.
   RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
                       const Reconstruction& reconstruction) const;
 
-  /// Memory that the view's own values take while it is rendered, bytes: more than a float for each
-  /// where it is supersampled.
+  /// Memory that the view's own values take while it is rendered, bytes: with what is measured,
+  /// and, where it is supersampled, of the samples and of their mean.
   std::size_t view_bytes(const VirtualCamera& view, const FrameSelection& frames,
                          const Reconstruction& reconstruction) const;
 

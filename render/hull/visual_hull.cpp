@@ -117,7 +117,8 @@ Method visual_hull_method() {
           true,
           {},
           false,
-          false};
+          false,
+          true};
 }
 
 }  // namespace raystage

@@ -55,7 +55,8 @@ struct Method {
   std::span<const MethodPreset> presets = {};
   /// Wants memory for decoded frames alone: keeps nothing, and works in little.
   bool frames_only = false;
-  bool on_focal_plane = true;  ///< looks rays up on ViewRequest::focal_plane
+  bool on_focal_plane = true;        ///< looks rays up on ViewRequest::focal_plane
+  bool tells_nothing_there = false;  ///< may fill RenderedView::nothing_there
 };
 
 }  // namespace raystage

@@ -203,7 +203,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   image.statistics.supersampling = factor;
   if (factor < wanted_supersampling(ratio)) {  // the bound is the same for every frame of a shot
     image.notes.push_back(
-        fmt::format("the view is coarser than the cameras, and {} along each axis of a pixel are "
+        fmt::format("the view is coarser than the cameras and has {} along each axis of a pixel, "
                     "fewer than they have there: fine patterns may crawl; render it larger and "
                     "scale it down",
                     factor == 1 ? "1 sample" : fmt::format("{} samples", factor)));

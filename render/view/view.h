@@ -67,8 +67,8 @@ using PixelValues = std::vector<float, UnsetAllocator<float>>;
 struct RenderedView {
   int width = 0, height = 0;
   /// R, G, B, A: scene-linear Rec.709 primaries, premultiplied. A = sum of the weights of the
-  /// cameras that saw the ray (1 where all did, 0 where none); with `plane_sweep` and `depth`, whose
-  /// cameras stand in for each other, ten times that and 1 at most.
+  /// cameras that saw the ray (1 where all did, 0 where none); with `plane_sweep` and `depth`,
+  /// whose cameras stand in for each other, ten times that and 1 at most.
   PixelValues rgba;
   /// As A, but against the whole rig: below 1 also where a camera that belongs here has no frame at
   /// this instant and others stood in for it.

@@ -6,11 +6,11 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <numbers>
 
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
+#include "render/test_poses.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/error.h"
 #include "schemas/test_targets.h"
@@ -18,19 +18,9 @@
 namespace raystage {
 namespace {
 
+using testing::kDegree;
+using testing::looking;
 using testing::SyntheticTake;
-
-constexpr double kDegree = std::numbers::pi / 180;
-
-Pose looking(const Eigen::Vector3d& position, double yaw_degrees, double pitch_degrees = 0) {
-  Pose pose;
-  pose.position = position;
-  pose.world_from_camera_rotation =
-      (Eigen::AngleAxisd(yaw_degrees * kDegree, Eigen::Vector3d::UnitY()) *
-       Eigen::AngleAxisd(pitch_degrees * kDegree, Eigen::Vector3d::UnitX()))
-          .toRotationMatrix();
-  return pose;
-}
 
 /// Renders with the fast and with the reference implementation.
 struct Pair {

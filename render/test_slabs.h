@@ -6,25 +6,14 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "render/renderer.h"
+#include "render/test_poses.h"
 #include "render/view/synthetic_take.h"
 
 namespace raystage::testing {
 
-inline constexpr double kDegree = std::numbers::pi / 180;
 inline const Eigen::Vector4d kPaintedPlane(0, 0, 1, 4);
-
-inline Pose looking(const Eigen::Vector3d& position, double yaw_degrees, double pitch_degrees = 0) {
-  Pose pose;
-  pose.position = position;
-  pose.world_from_camera_rotation =
-      (Eigen::AngleAxisd(yaw_degrees * kDegree, Eigen::Vector3d::UnitY()) *
-       Eigen::AngleAxisd(pitch_degrees * kDegree, Eigen::Vector3d::UnitX()))
-          .toRotationMatrix();
-  return pose;
-}
 
 /// A view, rendered either way.
 struct Pair {

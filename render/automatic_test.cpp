@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "render/automatic/left_out_camera.h"
+#include "render/matching/large_buffer.h"
 #include "render/methods.h"
 #include "render/planar/focal_plane.h"
 #include "render/quality/image_quality.h"
@@ -49,7 +50,7 @@ class Automatic : public ::testing::Test {
   }
 
   ViewRequest request(double plane_depth = 4) {
-    return {view_, instant_, {0, 0, 1, plane_depth}, none_, kept_, 1 << 28, false};
+    return {view_, instant_, {0, 0, 1, plane_depth}, none_, kept_, 1 << 28, buffers_, false};
   }
 
   /// Alike but for what they cost: enough to see which is taken.
@@ -71,6 +72,7 @@ class Automatic : public ::testing::Test {
   std::unique_ptr<FrameCache> cache_;
   Instant instant_;
   KeptResults kept_{1 << 28};
+  BufferPool buffers_;
   MethodOptions none_;
   VirtualCamera view_ = virtual_camera_with_fov(1000, 1000, 0.6, {});
 };
@@ -306,6 +308,7 @@ TEST_F(Automatic, ChoosesAlikeHoweverFinelyAViewIsSampled) {
                             coarse.options,
                             coarse.kept,
                             coarse.working_bytes,
+                            coarse.buffers,
                             false,
                             false,
                             true,

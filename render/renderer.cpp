@@ -13,6 +13,7 @@
 #include "render/hull/visual_hull.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/lumigraph/proxy.h"
+#include "render/matching/large_buffer.h"
 #include "render/methods.h"
 #include "render/view/footprint.h"
 #include "render/view/instant.h"
@@ -33,6 +34,7 @@ struct LightFieldRenderer::State {
   RendererSettings settings;
   FrameCache cache;
   std::shared_ptr<KeptResults> kept;
+  BufferPool buffers;
   std::vector<int> members;  // cameras not left out
   std::mutex mutex;
   std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
@@ -183,6 +185,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                             options,
                             *state_->kept,
                             state_->settings.working_bytes,
+                            state_->buffers,
                             state_->settings.count_needed_pixels,
                             state_->settings.measure_coverage,
                             state_->settings.use_take_folder,

@@ -5,6 +5,7 @@
 
 #include "render/automatic/automatic.h"
 #include "render/depth/depth.h"
+#include "render/matching/large_buffer.h"
 #include "render/planar/focal_plane.h"
 #include "render/sweep/plane_sweep.h"
 
@@ -57,7 +58,9 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                   request.view.height / request.supersampling, all.size());
   const auto choice = request.kept.get<Choice>(key, [&](std::size_t& bytes) {
     bytes = 0;  // stays: what is rendered must not depend on the memory that others need
-    return std::make_shared<const Choice>(choose(all, target, request));
+    auto chosen = std::make_shared<const Choice>(choose(all, target, request));
+    request.buffers.release();  // another method than the chosen may have left them
+    return chosen;
   });
   const Candidate& chosen = all[choice->candidate];
   const MethodOptions options(chosen.method.options, chosen.options, "auto");
@@ -67,6 +70,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                           options,
                           request.kept,
                           request.working_bytes,
+                          request.buffers,
                           request.count_needed_pixels,
                           request.measure_coverage,
                           request.use_take_folder,

@@ -12,6 +12,7 @@
 #include "render/depth/solve_kernels.h"
 #include "render/depth/solve_memory.h"
 #include "render/depth/warp.h"
+#include "render/matching/large_buffer.h"
 #include "render/matching/matching.h"
 #include "schemas/parallel.h"
 
@@ -44,7 +45,10 @@ class Solver {
   }
 
   CameraDepths solve() {
-    for_each_camera(guess_, [&](int camera) { return first_guess(camera); });
+    {
+      BufferPool buffers;
+      for_each_camera(guess_, [&](int camera) { return first_guess(camera, buffers); });
+    }
     if (depths_.pixel > 0) {
       for_each_camera(agreement_, [&](int camera) { return agreed(camera); });
       for_each_camera(refinement_, [&](int camera) { return refined(camera); });
@@ -164,7 +168,7 @@ class Solver {
     return found;
   }
 
-  InverseDepthMap first_guess(int camera) const {
+  InverseDepthMap first_guess(int camera, BufferPool& buffers) const {
     const VirtualCamera& from = pinhole(camera);
     const GuessPlanes planes = guess_planes(depths_, instant_, camera, settings_);
     InverseDepthMap guess{from.width, from.height, {}};
@@ -186,6 +190,7 @@ class Solver {
     matching.p2 = depth_solve::kJump;
     matching.guide = guide;
     matching.guide_scale = depth_solve::kGuideCodes;
+    matching.buffers = &buffers;
     matching.working_bytes = memory_.each - std::min(memory_.each, kGuessBytes * pixels_of(from));
     std::vector<std::uint8_t> is_seen(pixels_of(from));
     const PlaneMap found = semi_global_match(

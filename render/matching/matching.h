@@ -9,6 +9,8 @@
 
 namespace raystage {
 
+class BufferPool;
+
 /// A choice of one of `planes` hypotheses (depths, disparities) per pixel of an image.
 struct CostVolume {
   int width = 0, height = 0;  ///< pixels, at least 1
@@ -42,6 +44,7 @@ struct SemiGlobalSettings {
   std::span<const std::uint8_t> guide;
   double guide_scale = 10;                           ///< above 0
   std::size_t working_bytes = std::size_t{1} << 30;  ///< see semi_global_match()
+  BufferPool* buffers = nullptr;  ///< where its memory comes from, for those who match often
 };
 
 /// Semi-global matching (Hirschmueller 2008): the plane of least cost summed along eight straight

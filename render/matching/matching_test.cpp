@@ -7,6 +7,7 @@
 #include <random>
 #include <stdexcept>
 
+#include "render/matching/large_buffer.h"
 #include "render/matching/path_kernels.h"
 #include "schemas/test_targets.h"
 
@@ -145,6 +146,48 @@ TEST(Matching, ParabolaFindsTheVertexBetweenPlanes) {
   EXPECT_FLOAT_EQ(parabola_vertex(1, 1, 9), -0.5F);
   EXPECT_FLOAT_EQ(parabola_vertex(5, 5, 5), 0);
   EXPECT_FLOAT_EQ(parabola_vertex(10, 2, 4), 0.3F);  // 5 (x - 0.3)^2 + ...
+}
+
+TEST(Matching, TakesItsMemoryFromThePoolAndLeavesItThere) {
+  const CostVolume volume{640, 480, 32};
+  const FillCosts fill = [](int y, std::span<std::uint8_t> row) {
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      row[i] = static_cast<std::uint8_t>(i * 37 + static_cast<std::size_t>(y) * 11);
+    }
+  };
+  const PlaneMap fresh = semi_global_match(volume, fill, {});
+  BufferPool buffers;
+  SemiGlobalSettings settings;
+  settings.buffers = &buffers;
+  std::size_t left = 0;
+  for (int again = 0; again < 3; ++again) {  // of what the last one left behind, too
+    EXPECT_EQ(semi_global_match(volume, fill, settings).plane, fresh.plane);
+    if (again == 0) left = buffers.free_bytes();
+    EXPECT_EQ(buffers.free_bytes(), left);
+  }
+  EXPECT_GE(left, std::size_t{3} * 640 * 480 * 32);
+  EXPECT_LE(left, semi_global_bytes(volume, settings.working_bytes));
+}
+
+TEST(BufferPool, HoldsWhatFitsAndFreesTheRest) {
+  BufferPool pool;
+  const int* first = nullptr;
+  {
+    const LargeBuffer<int> a(1 << 21, &pool), b(1 << 21, &pool);
+    first = b.data();
+    a.data()[0] = b.data()[(1 << 21) - 1] = 1;
+    EXPECT_EQ(pool.free_bytes(), 0U);
+  }
+  EXPECT_EQ(pool.free_bytes(), std::size_t{2} << 23);
+  {
+    const LargeBuffer<int> again(1 << 21, &pool);
+    EXPECT_EQ(again.data(), first);
+    EXPECT_EQ(pool.free_bytes(), std::size_t{1} << 23);
+    const LargeBuffer<int> other(1 << 20, &pool);  // of another size
+    EXPECT_EQ(pool.free_bytes(), 0U);
+  }
+  pool.release();
+  EXPECT_EQ(pool.free_bytes(), 0U);
 }
 
 TEST(Matching, RefusesSettingsOutOfRange) {

@@ -234,8 +234,8 @@ class SemiGlobal {
            static_cast<std::size_t>(plane_stride(volume.planes));
     strip_rows_ = rows_of_strip(volume, settings.working_bytes);
     const std::size_t elements = row_ * static_cast<std::size_t>(strip_rows_);
-    costs_ = LargeBuffer<std::uint8_t>(elements);
-    sums_ = LargeBuffer<std::uint16_t>(elements);
+    costs_ = LargeBuffer<std::uint8_t>(elements, settings.buffers);
+    sums_ = LargeBuffer<std::uint16_t>(elements, settings.buffers);
   }
 
   PlaneMap match() {

@@ -181,6 +181,7 @@ class Frame {
     settings.p1 = s.p1;
     settings.p2 = s.p2;
     settings.sub_plane = s.sub_plane;
+    settings.buffers = &request_.buffers;
     const std::size_t held = statistics.working_bytes;
     settings.working_bytes = request_.working_bytes - std::min(request_.working_bytes, held);
     statistics.working_bytes += semi_global_bytes(volume, settings.working_bytes);

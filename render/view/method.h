@@ -17,6 +17,8 @@
 
 namespace raystage {
 
+class BufferPool;
+
 /// What a method is asked for: a view of one instant.
 struct ViewRequest {
   const VirtualCamera& view;
@@ -27,6 +29,7 @@ struct ViewRequest {
   const MethodOptions& options;  ///< of this method
   KeptResults& kept;
   std::size_t working_bytes;         ///< memory that the method may use meanwhile, beside `kept`
+  BufferPool& buffers;               ///< where the largest pieces of it come from
   bool count_needed_pixels = false;  ///< fill RenderStatistics::pixels_needed (costs time)
   bool measure_coverage = false;     ///< fill RenderedView::cameras and nearest_ray (costs time)
   bool use_take_folder = true;       ///< derived things may be kept in the take and taken from it

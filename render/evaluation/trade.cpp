@@ -9,7 +9,10 @@
 #include <exception>
 #include <fstream>
 #include <limits>
+#include <new>
+#include <nlohmann/json.hpp>
 #include <set>
+#include <tuple>
 
 #include "render/evaluation/trade_front.h"
 #include "render/methods.h"
@@ -20,6 +23,18 @@
 namespace raystage {
 namespace {
 
+/// One line of UTF-8, as tables and JSON take it.
+bool is_printable(const std::string& text) {
+  if (std::ranges::any_of(text, [](unsigned char c) { return c < 0x20 || c == 0x7f; }))
+    return false;
+  try {
+    std::ignore = nlohmann::json(text).dump();
+    return true;
+  } catch (const nlohmann::json::type_error&) {
+    return false;
+  }
+}
+
 void check(const TradePlan& plan) {
   if (plan.settings.empty() || plan.camera_steps.empty() || plan.threads.empty()) {
     throw Error::bad_input("there is nothing to measure", "bench",
@@ -27,6 +42,10 @@ void check(const TradePlan& plan) {
   }
   std::set<std::string> labels;
   for (const TradeSetting& setting : plan.settings) {
+    if (!is_printable(setting.label)) {
+      throw Error::bad_input("a label is not text on one line in UTF-8", "bench",
+                             "Write labels without control characters");
+    }
     if (!labels.insert(setting.label).second) {
       throw Error::bad_input("two settings are called '" + setting.label + "'", "bench",
                              "Give every setting a label of its own");
@@ -76,10 +95,15 @@ void mark_fronts(std::vector<TradeRow>& rows) {
   const auto covered = [](const TradeRow& row) {
     return row.failure.empty() ? row.evaluation.mean.quality.covered : 0.0;
   };
-  double most_covered = 0;
-  for (const TradeRow& row : rows) most_covered = std::max(most_covered, covered(row));
+  const auto alike = [](const TradeRow& a, const TradeRow& b) {
+    return a.camera_step == b.camera_step && a.threads == b.threads;
+  };
   constexpr double kMostLeftOut = 0.15;
   const auto shows_enough = [&](const TradeRow& row) {
+    double most_covered = 0;
+    for (const TradeRow& other : rows) {
+      if (alike(row, other)) most_covered = std::max(most_covered, covered(other));
+    }
     return covered(row) >= most_covered - kMostLeftOut;
   };
   const auto mark = [&](auto quality_of, bool TradeRow::*flag) {
@@ -87,8 +111,7 @@ void mark_fronts(std::vector<TradeRow>& rows) {
       // Rows of other cameras or threads, and those that failed, cannot beat one of these.
       std::vector<TradePoint> points;
       for (const TradeRow& other : rows) {
-        const bool comparable = other.failure.empty() && other.camera_step == row.camera_step &&
-                                other.threads == row.threads && shows_enough(other);
+        const bool comparable = other.failure.empty() && alike(other, row) && shows_enough(other);
         points.push_back(
             {comparable ? other.seconds_per_frame() : std::numeric_limits<double>::quiet_NaN(),
              quality_of(other)});
@@ -180,6 +203,12 @@ Trade measure_trade(const Take& take, const ViewsDocument& views,
         row.setting = setting;
         row.camera_step = camera_step;
         row.threads = threads;
+        const auto failed = [&](const char* why) {
+          row.evaluation = {};
+          row.failure = why;
+          trade.pictures.remove(trade.rows.size());
+          if (!first_failure) first_failure = std::current_exception();
+        };
         try {
           arena.execute([&] { measure(row); });
           measured = true;
@@ -188,9 +217,9 @@ Trade measure_trade(const Take& take, const ViewsDocument& views,
           }
         } catch (const Error& error) {
           if (stop.stop_requested()) return trade;
-          row.evaluation = {};
-          row.failure = error.what();
-          if (!first_failure) first_failure = std::current_exception();
+          failed(error.what());
+        } catch (const std::bad_alloc&) {
+          failed("out of memory");  // the next may want less
         }
         trade.rows.push_back(std::move(row));
         mark_fronts(trade.rows);

@@ -8,6 +8,7 @@
 #include "charts/html_page.h"
 #include "render/evaluation/trade.h"
 #include "render/evaluation/trade_charts.h"
+#include "render/evaluation/trade_numbers.h"
 #include "render/evaluation/trade_viewer.h"
 #include "render/view/method_options.h"
 
@@ -115,12 +116,14 @@ std::string table_of(const Trade& trade, const MethodColours& colours) {
       continue;
     }
     table += fmt::format(
-        "<td>{}</td><td>{}</td><td>{:.2f}</td><td>{:.2f}</td><td>{:.2f}</td><td>{:.4f}</td>"
+        "<td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td>"
         "<td>{:.1f}</td><td>{:.3g}</td><td>{:.1f}</td><td>{:.1f}</td><td>{:.0f}</td>"
         "<td>{}</td></tr>\n",
-        e.cameras, row.threads, e.mean.quality.psnr_db, e.steadiness.deviation_db,
-        e.steadiness.largest_step_db, e.mean.quality.ssim, e.mean.quality.covered * 100,
-        row.seconds_per_frame(), e.mean.decode_ms, e.mean.render_ms, e.prepare_ms,
+        e.cameras, row.threads, number_or_dash(e.mean.quality.psnr_db, 2),
+        number_or_dash(e.steadiness.deviation_db, 2),
+        number_or_dash(e.steadiness.largest_step_db, 2), number_or_dash(e.mean.quality.ssim, 4),
+        e.mean.quality.covered * 100, row.seconds_per_frame(), e.mean.decode_ms, e.mean.render_ms,
+        e.prepare_ms,
         row.peak_memory == 0 ? "-"
                              : fmt::format("{:.0f}", 1e-6 * static_cast<double>(row.peak_memory)));
   }
@@ -152,7 +155,8 @@ std::string trade_as_page(const Trade& trade) {
   return html_page(
       trade.take + ": speed against accuracy",
       fmt::format("{} views whose truth is known, {} rows measured{}; {}", trade.views.size(),
-                  trade.rows.size(), trade.complete ? "" : " before it was stopped", trade.cpu),
+                  std::ranges::count(trade.rows, std::string(), &TradeRow::failure),
+                  trade.complete ? "" : " before it was stopped", trade.cpu),
       body, kStyle);
 }
 

@@ -47,6 +47,14 @@ void TradePictures::add(std::size_t row, const EvaluatedPicture& picture, int wa
   pictures_.push_back(std::move(taken));
 }
 
+void TradePictures::remove(std::size_t row) {
+  std::erase_if(pictures_, [&](const Picture& picture) {
+    if (picture.row != row) return false;
+    bytes_ -= picture.image.size() + picture.difference.size();
+    return true;
+  });
+}
+
 RgbImage scaled_to_width(const RgbImage& image, int most_width) {
   if (image.width <= most_width) return image;
   const double scale = static_cast<double>(image.width) / most_width;

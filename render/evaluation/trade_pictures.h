@@ -31,6 +31,8 @@ class TradePictures {
 
   /// Takes a picture of the row over, if it is one of `wanted` views spread evenly over all.
   void add(std::size_t row, const EvaluatedPicture& picture, int wanted);
+  /// Makes room: the row came to nothing.
+  void remove(std::size_t row);
 
   std::span<const View> views() const { return views_; }
   std::span<const Picture> pictures() const { return pictures_; }

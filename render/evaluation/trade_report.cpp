@@ -8,6 +8,7 @@
 
 #include "render/evaluation/report_json.h"
 #include "render/evaluation/trade.h"
+#include "render/evaluation/trade_numbers.h"
 #include "render/view/method_options.h"
 #include "schemas/json_text.h"
 
@@ -125,9 +126,9 @@ std::string trade_as_table(const Trade& trade) {
       line[3] = "failed";
     } else {
       line[1] = std::to_string(e.cameras);
-      line[3] = fmt::format("{:.2f}", e.mean.quality.psnr_db);
-      line[4] = fmt::format("{:.2f}", e.steadiness.largest_step_db);
-      line[5] = fmt::format("{:.4f}", e.mean.quality.ssim);
+      line[3] = number_or_dash(e.mean.quality.psnr_db, 2);
+      line[4] = number_or_dash(e.steadiness.largest_step_db, 2);
+      line[5] = number_or_dash(e.mean.quality.ssim, 4);
       line[6] = fmt::format("{:.1f}", e.mean.quality.covered * 100);
       line[7] = fmt::format("{:.1f}", e.mean.decode_ms);
       line[8] = fmt::format("{:.1f}", e.mean.render_ms);

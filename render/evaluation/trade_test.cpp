@@ -194,6 +194,42 @@ TEST_F(MeasuredTake, WhatCannotBeMeasuredSaysWhy) {
   EXPECT_THROW(measure(), Error);  // nothing at all
 }
 
+TEST_F(MeasuredTake, ARowThatShowsNothingHasDashesForNumbers) {
+  plan_.settings.resize(1);
+  Trade trade = measure();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  Evaluation& nothing = trade.rows[0].evaluation;
+  nothing.mean.quality = {nan, nan, 0};
+  nothing.steadiness = {nan, nan};
+  for (ViewEvaluation& view : nothing.views) view.quality = nothing.mean.quality;
+  for (const std::string& text : {trade_as_table(trade), trade_as_page(trade)}) {
+    EXPECT_FALSE(std::regex_search(text, std::regex("[> -]nan\\b"))) << text;
+  }
+  EXPECT_THAT(trade_as_table(trade), HasSubstr(" - |"));
+  EXPECT_THAT(trade_as_page(trade), HasSubstr("- dB"));
+}
+
+TEST_F(MeasuredTake, FrontsAreOfRowsWithTheSameCameras) {
+  plan_.settings.resize(1);
+  plan_.camera_steps = {1, 3};
+  plan_.common.leave_out = {"r1c1", "r3c3"};  // every 3rd camera stands beside the second
+  const Trade trade = measure();
+  ASSERT_EQ(trade.rows.size(), 2U);
+  EXPECT_LT(trade.rows[1].evaluation.mean.quality.covered,
+            trade.rows[0].evaluation.mean.quality.covered - 0.15);
+  EXPECT_TRUE(trade.rows[0].on_psnr_front);
+  EXPECT_TRUE(trade.rows[1].on_psnr_front);
+}
+
+TEST_F(MeasuredTake, ARowThatComesToNothingLeavesNoPictures) {
+  plan_.pictures = 2;
+  plan_.settings.resize(1);
+  Trade trade = measure();
+  ASSERT_FALSE(trade.pictures.pictures().empty());
+  trade.pictures.remove(0);
+  EXPECT_TRUE(trade.pictures.pictures().empty());
+}
+
 TEST_F(MeasuredTake, BadPlansAreRefusedBeforeAnythingIsRendered) {
   const TradePlan good = plan_;
   plan_.settings[1].label = plan_.settings[0].label;

@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "charts/html_page.h"
+#include "render/evaluation/trade_numbers.h"
 
 namespace raystage {
 namespace {
@@ -69,8 +70,8 @@ std::string name_of(const TradeRow& row, const Trade& trade) {
 }
 
 std::string numbers_of(const ViewEvaluation& view) {
-  return fmt::format("{:.2f} dB, SSIM {:.4f}, {:.3g} s", view.quality.psnr_db, view.quality.ssim,
-                     (view.decode_ms + view.render_ms) / 1e3);
+  return fmt::format("{} dB, SSIM {}, {:.3g} s", number_or_dash(view.quality.psnr_db, 2),
+                     number_or_dash(view.quality.ssim, 4), (view.decode_ms + view.render_ms) / 1e3);
 }
 
 /// Of the picture's view; empty where it was not measured.

@@ -248,7 +248,9 @@ class SequenceRun {
     } catch (const std::exception& error) {
       options_.say(fmt::format("frame {} failed: {}", frame.frame, error.what()));
       const std::scoped_lock lock(mutex_);
-      report_.failures.push_back({frame.frame, error.what()});
+      const auto* known = dynamic_cast<const Error*>(&error);
+      const bool is_bad_input = known != nullptr && known->exit_code() == ExitCode::kBadInput;
+      report_.failures.push_back({frame.frame, error.what(), is_bad_input});
     }
     if (!stop_.stop_requested()) advance(parts_left);
   }
@@ -319,7 +321,12 @@ class SequenceRun {
 
 ExitCode SequenceReport::exit_code() const {
   if (rendered + skipped == asked && asked > 0) return ExitCode::kSuccess;
-  if (stopped || rendered + skipped == 0) return ExitCode::kFailed;
+  if (stopped) return ExitCode::kFailed;
+  if (rendered + skipped == 0) {
+    const bool is_bad_input =
+        !failures.empty() && std::ranges::all_of(failures, &Failure::is_bad_input);
+    return is_bad_input ? ExitCode::kBadInput : ExitCode::kFailed;
+  }
   return ExitCode::kSomeFramesFailed;
 }
 
@@ -357,6 +364,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
+  plan.check_files(frames);
   const Method& method = method_named(plan.reconstruction().method);
   if (options.coverage_measures && !method.measures_coverage) {
     throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",

@@ -47,6 +47,7 @@ struct SequenceReport {
   struct Failure {
     int frame = 0;
     std::string what;
+    bool is_bad_input = false;  ///< trying again leads nowhere
   };
   int asked = 0, rendered = 0, skipped = 0;
   bool stopped = false;           ///< a stop was requested before the last frame
@@ -55,7 +56,7 @@ struct SequenceReport {
   std::int64_t bytes_written = 0, pixels_decoded = 0;
   double decode_ms = 0, render_ms = 0;  ///< summed over the frames
 
-  /// kSuccess only if every frame asked for is there, whole.
+  /// kSuccess only if every frame asked for is there, whole; kBadInput where all failed by it.
   ExitCode exit_code() const;
   /// One line: frames, frames per second, decoded pixels, bytes written, peak memory.
   std::string summary() const;

@@ -386,6 +386,40 @@ TEST_F(Sequence, AStopDropsWhatIsUnderWay) {
   EXPECT_EQ(files(), report.rendered);
 }
 
+TEST_F(Sequence, ChecksTheMethodsOptionsFirst) {
+  const struct {
+    const char* method;
+    OptionValues options;
+    const char* said;
+  } cases[] = {
+      {"aperture", {{"radius", 0.5}, {"f_number", 2.0}}, "both radius and f_number"},
+      {"aperture", {{"depth_map", std::string("none.exr")}}, "frame 101 needs a file"},
+      {"focal_plane", {{"objects", std::string("none.json")}}, "none.json"},
+      {"plane_sweep", {{"p1", 50.0}, {"p2", 10.0}}, "p2 is less than p1"},
+      {"plane_sweep", {{"near", 5.0}, {"far", 2.0}}, "far is nearer than near"},
+      {"depth", {{"near", 5.0}, {"far", 2.0}}, "far is nearer than near"},
+      {"lumigraph", {{"proxy", std::string("mesh")}}, "none is given"},
+      {"lumigraph", {{"proxy", std::string("mesh")}, {"mesh", std::string("no.ply")}}, "no.ply"},
+      {"visual_hull", {}, "has no mattes"},
+  };
+  for (const auto& wrong : cases) {
+    shot_.layers[0].method = wrong.method;
+    shot_.layers[0].options = wrong.options;
+    EXPECT_THAT(refusal(), HasSubstr(wrong.said)) << wrong.method;
+    EXPECT_EQ(files(), 0);
+  }
+}
+
+TEST_F(Sequence, FramesThatAllFailByBadInputNeedNoRetry) {
+  // The folder is there, and no frame's matte.
+  std::filesystem::create_directories(folder_.path() / "take" / "mattes");
+  shot_.layers[0].method = "visual_hull";
+  const SequenceReport report = run();
+  EXPECT_EQ(report.failures.size(), 6U);
+  EXPECT_EQ(report.exit_code(), ExitCode::kBadInput);
+  EXPECT_THAT(said_, Contains(HasSubstr("no camera has a matte")));
+}
+
 TEST_F(Sequence, ChecksEverythingFirst) {
   options_.output = (folder_.path() / "still.exr").string();
   EXPECT_THAT(refusal(), HasSubstr("same name"));

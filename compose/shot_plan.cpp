@@ -48,8 +48,10 @@ Reconstruction reconstruction_of(const ShotDocument& shot, const Take& take,
                                  const std::filesystem::path& shot_file,
                                  std::optional<HoleFill> fill, const OptionValues& target) {
   const ShotDocument::Layer& layer = shot.layers.front();
-  MethodOptions(method_named(layer.method).options, layer.options,
-                shot_file.string() + "#/layers/0/options");
+  const Method& method = method_named(layer.method);
+  const MethodOptions options(method.options, layer.options,
+                              shot_file.string() + "#/layers/0/options");
+  if (method.check != nullptr) method.check(options, take);
   check_exr_compression(shot.output.compression);
   Reconstruction reconstruction;
   reconstruction.method = target.empty() ? layer.method : "auto";
@@ -191,6 +193,25 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
   return planned;
 }
 
+std::vector<std::filesystem::path> ShotPlan::files_read(const PlannedFrame& frame) const {
+  const Method& method = method_named(reconstruction_.method);
+  if (method.files_read == nullptr || !frame.tick) return {};
+  const MethodOptions options(method.options, reconstruction_.options, method.name);
+  return method.files_read(options, take_, timeline_.ticks[static_cast<std::size_t>(*frame.tick)]);
+}
+
+void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
+  for (const PlannedFrame& frame : frames) {
+    for (const auto& file : files_read(frame)) {
+      if (std::filesystem::exists(file)) continue;
+      throw Error::bad_input(fmt::format("frame {} needs a file that is not there", frame.frame),
+                             file.string(),
+                             "Put it there, or mend the options of method " +
+                                 reconstruction_.method + " in " + shot_file_.string());
+    }
+  }
+}
+
 std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities,
                                   bool coverage_measures) const {
   Fingerprint print(common_);
@@ -205,13 +226,7 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   print.number("fx", view.intrinsics.fx).number("fy", view.intrinsics.fy);
   if (!frame.tick) return print.text("source", "none").hex();
   const FrameSelection& tick = timeline_.ticks[static_cast<std::size_t>(*frame.tick)];
-  const Method& method = method_named(reconstruction_.method);
-  if (method.files_read != nullptr) {
-    const MethodOptions options(method.options, reconstruction_.options, method.name);
-    for (const auto& file : method.files_read(options, take_, tick)) {
-      print.text("file", read_file(file));
-    }
-  }
+  for (const auto& file : files_read(frame)) print.text("file", read_file(file));
   print.integer("time", tick.time_ns);
   for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
     if (tick.frame[camera] < 0) {

@@ -62,6 +62,9 @@ class ShotPlan {
   /// With kError throws Error (bad input) listing the frames for which there is nothing.
   std::vector<PlannedFrame> plan(std::span<const int> frames, MissingFrames policy) const;
 
+  /// Throws Error (bad input) where a file that the method reads for one of the frames is missing.
+  void check_files(std::span<const PlannedFrame> frames) const;
+
   /// Of everything that determines the file of a frame: the camera at it, layer, size and output of
   /// the shot, take.json and rig.json, time and XXH3 of each source frame, kReconstructionVersion.
   /// Not of paths, threads or other frames. The timeline counts by what it selects, so that a take
@@ -72,6 +75,8 @@ class ShotPlan {
 
  private:
   std::optional<int> nearest_present(int tick) const;
+  /// That the method reads for the frame, beside the archives.
+  std::vector<std::filesystem::path> files_read(const PlannedFrame& frame) const;
 
   std::filesystem::path shot_file_;
   ShotDocument shot_;

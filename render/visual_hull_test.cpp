@@ -307,6 +307,15 @@ TEST_F(VisualHull, MattesAreCountedAsPicturesAreNotAsInstants) {
               ::testing::ElementsAre(matte(0, "000001.png"), matte(1, "000002.png")));
 }
 
+TEST_F(VisualHull, CamerasWithoutMattesAreCounted) {
+  write(cameras_around(160, 120));
+  const VirtualCamera view = virtual_camera_with_fov(9, 9, 1, around(11, 5, 2));
+  EXPECT_TRUE(render(view).notes.empty());
+  std::filesystem::remove_all(folder() / "mattes" / "c3");
+  EXPECT_THAT(render(view).notes,
+              ::testing::ElementsAre(::testing::HasSubstr("visual_hull: 1 of ")));
+}
+
 TEST_F(VisualHull, MattesThatAreNoneAreRefused) {
   write(cameras_around(160, 120));
   const auto file = folder() / "mattes" / "c3" / "000000.png";

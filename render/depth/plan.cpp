@@ -294,6 +294,9 @@ float visibility_tolerance(const Plan& plan) {
 
 Method depth_method() {
   static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}};
+  static constexpr auto kCheck = [](const MethodOptions& options, const Take& take) {
+    depth::settings_of(options, take, false);
+  };
   return {"depth",
           "cameras blended where their depths say that they see the same, found once per instant",
           depth::kOptions,
@@ -303,7 +306,9 @@ Method depth_method() {
           true,
           kPresets,
           false,
-          false};
+          false,
+          false,
+          kCheck};
 }
 
 }  // namespace raystage

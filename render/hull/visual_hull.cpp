@@ -30,6 +30,17 @@ std::shared_ptr<const Matte> kept_matte(const Instant& instant, KeptResults& kep
       });
 }
 
+Error no_mattes(std::string what, const Take& take) {
+  return Error::bad_input(std::move(what), (take.folder() / "mattes").string(),
+                          "Write TAKE/mattes/CAMERA/FRAME.png, see docs/formats/mattes.md");
+}
+
+void check(const MethodOptions&, const Take& take) {
+  if (!std::filesystem::is_directory(take.folder() / "mattes")) {
+    throw no_mattes("the take has no mattes", take);
+  }
+}
+
 /// Of the cameras that have a frame and a matte of it.
 std::vector<Silhouette> silhouettes_of(const Instant& instant, KeptResults& kept,
                                        double threshold) {
@@ -40,11 +51,7 @@ std::vector<Silhouette> silhouettes_of(const Instant& instant, KeptResults& kept
     if (frame < 0 || !std::filesystem::exists(matte_file(take, camera, frame))) continue;
     silhouettes.push_back({camera, nullptr});
   }
-  if (silhouettes.empty()) {
-    throw Error::bad_input("no camera has a matte at this instant",
-                           (take.folder() / "mattes").string(),
-                           "Write TAKE/mattes/CAMERA/FRAME.png, see docs/formats/mattes.md");
-  }
+  if (silhouettes.empty()) throw no_mattes("no camera has a matte at this instant", take);
   raystage::parallel_for(std::size_t{0}, silhouettes.size(), [&](std::size_t i) {
     silhouettes[i].matte = kept_matte(instant, kept, silhouettes[i].camera, threshold);
   });
@@ -56,28 +63,47 @@ int least_seeing(const MethodOptions& options, const std::vector<Silhouette>& si
   return std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(silhouettes.size()))));
 }
 
-RenderedView by_hull(const ViewRequest& request) {
-  return render_lumigraph(
-      request, visual_hull_surface(request.options, request.instant, request.kept),
-      ray_weighing(request.options), WeightField::kPerPixel, Missed::kNothingThere);
-}
-
-RenderedView by_hull_reference(const ViewRequest& request) {
-  return render_lumigraph_reference(
-      request, visual_hull_surface_reference(request.options, request.instant, request.kept),
-      ray_weighing(request.options), Missed::kNothingThere);
+std::vector<std::filesystem::path> mattes_of(const Take& take, std::span<const int> frames) {
+  std::vector<std::filesystem::path> files;
+  for (std::size_t camera = 0; camera < frames.size(); ++camera) {
+    if (frames[camera] < 0) continue;
+    const auto file = matte_file(take, static_cast<int>(camera), frames[camera]);
+    if (std::filesystem::exists(file)) files.push_back(file);
+  }
+  return files;
 }
 
 std::vector<std::filesystem::path> mattes_read(const MethodOptions&, const Take& take,
                                                const FrameSelection& frames) {
-  std::vector<std::filesystem::path> files;
-  for (int camera = 0; camera < take.camera_count(); ++camera) {
-    const int frame = frames.frame[static_cast<std::size_t>(camera)];
-    if (frame < 0) continue;
-    const auto file = matte_file(take, camera, frame);
-    if (std::filesystem::exists(file)) files.push_back(file);
+  return mattes_of(take, frames.frame);
+}
+
+/// A hull of few silhouettes is wider than what it holds, and nothing in the picture says so.
+void note_missing_mattes(const Instant& instant, RenderedView& view) {
+  const auto frames = std::ranges::count_if(instant.frame_of_camera, [](int f) { return f >= 0; });
+  const auto mattes =
+      static_cast<std::ptrdiff_t>(mattes_of(*instant.take, instant.frame_of_camera).size());
+  if (mattes < frames) {
+    view.notes.push_back(
+        fmt::format("visual_hull: {} of {} cameras have no matte here and do not carve",
+                    frames - mattes, frames));
   }
-  return files;
+}
+
+RenderedView by_hull(const ViewRequest& request) {
+  RenderedView view = render_lumigraph(
+      request, visual_hull_surface(request.options, request.instant, request.kept),
+      ray_weighing(request.options), WeightField::kPerPixel, Missed::kNothingThere);
+  note_missing_mattes(request.instant, view);
+  return view;
+}
+
+RenderedView by_hull_reference(const ViewRequest& request) {
+  RenderedView view = render_lumigraph_reference(
+      request, visual_hull_surface_reference(request.options, request.instant, request.kept),
+      ray_weighing(request.options), Missed::kNothingThere);
+  note_missing_mattes(request.instant, view);
+  return view;
 }
 
 }  // namespace
@@ -118,7 +144,8 @@ Method visual_hull_method() {
           {},
           false,
           false,
-          true};
+          true,
+          check};
 }
 
 }  // namespace raystage

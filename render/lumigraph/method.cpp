@@ -30,6 +30,25 @@ RenderedView by_lumigraph_reference(const ViewRequest& request) {
   return render_lumigraph_reference(request, surface_of(request), ray_weighing(request.options));
 }
 
+DepthRange scene_of(const Take& take) {
+  return scene_depths(take, {}, "proxy depth",
+                      "Say depth_range_m in take.json, in metres in front of the array");
+}
+
+void check(const MethodOptions& options, const Take& take) {
+  const std::string& proxy = options.text("proxy");
+  const bool has_mesh = !options.text("mesh").empty();
+  if (proxy != "mesh" && has_mesh) {
+    throw Error::bad_input("a mesh is given and the proxy is '" + proxy + "'", "option mesh",
+                           "Set the option proxy to mesh, or leave mesh out");
+  }
+  if (proxy == "mesh" && !has_mesh) {
+    throw Error::bad_input("the proxy is to be a mesh and none is given", "option mesh",
+                           "Give its file, relative to the take's folder");
+  }
+  if (proxy == "depth") scene_of(take);
+}
+
 std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
                                               const FrameSelection&) {
   if (options.text("proxy") != "mesh") return {};
@@ -42,23 +61,14 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
                          const Instant& instant, KeptResults& kept, std::size_t working_bytes,
                          bool use_take_folder) {
   RaySurface on_plane = plane_surface(plane);
+  check(options, *instant.take);
   const std::string& proxy = options.text("proxy");
-  if (proxy != "mesh" && !options.text("mesh").empty()) {
-    throw Error::bad_input("a mesh is given and the proxy is '" + proxy + "'", "option mesh",
-                           "Set the option proxy to mesh, or leave mesh out");
-  }
   if (proxy == "plane") return on_plane;
   if (proxy == "depth") {
-    const DepthRange scene =
-        scene_depths(*instant.take, {}, "proxy depth",
-                     "Say depth_range_m in take.json, in metres in front of the array");
+    const DepthRange scene = scene_of(*instant.take);
     return depth_surface(
         depth::depths_unless_told(instant, kept, working_bytes, use_take_folder, scene),
         *instant.rig, scene);
-  }
-  if (options.text("mesh").empty()) {
-    throw Error::bad_input("the proxy is to be a mesh and none is given", "option mesh",
-                           "Give its file, relative to the take's folder");
   }
   const std::filesystem::path file = mesh_file(options, *instant.take);
   const auto mesh = kept.get<MeshProxy>("mesh proxy " + file.string(), [&file](std::size_t& bytes) {
@@ -94,7 +104,11 @@ Method lumigraph_method() {
           by_lumigraph_reference,
           files_read,
           true,
-          kPresets};
+          kPresets,
+          false,
+          true,
+          false,
+          check};
 }
 
 }  // namespace raystage

@@ -309,6 +309,8 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
   return map.empty() ? std::vector<std::filesystem::path>{} : std::vector{map};
 }
 
+void check(const MethodOptions& options, const Take&) { check_lens(options); }
+
 }  // namespace
 
 RenderedView render_aperture(const ViewRequest& request) { return ApertureFrame(request).render(); }
@@ -324,7 +326,10 @@ Method aperture_method() {
       files_read,
       true,
       {},
-      true};
+      true,
+      true,
+      false,
+      check};
 }
 
 }  // namespace raystage

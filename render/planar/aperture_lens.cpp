@@ -77,14 +77,18 @@ std::vector<double> ways_to_neighbours(const Rig& rig, const Topology& topology)
 
 }  // namespace
 
+void check_lens(const MethodOptions& options) {
+  if (options.number("f_number") > 0 && options.number("radius") > 0) {
+    throw Error::bad_input("both radius and f_number are given", "method aperture",
+                           "Give one of them");
+  }
+}
+
 ApertureLens::ApertureLens(const VirtualCamera& view, const Instant& instant,
                            const Eigen::Vector4d& focal_plane, const MethodOptions& options) {
+  check_lens(options);
   double radius = options.number("radius");
   if (const double f_number = options.number("f_number"); f_number > 0) {
-    if (radius > 0) {
-      throw Error::bad_input("both radius and f_number are given", "method aperture",
-                             "Give one of them");
-    }
     const Intrinsics& k = view.intrinsics;
     const double depth = PlaneProjection(view, focal_plane).depth(k.cx, k.cy);
     radius = aperture_radius(view, f_number, options.number("film_width"),

@@ -53,6 +53,9 @@ class ApertureLens {
   std::string note_;
 };
 
+/// Throws Error (bad input) where the options contradict each other.
+void check_lens(const MethodOptions& options);
+
 /// Radius in metres of a lens that a photographer names by its f-number, on a film back
 /// `film_width` mm wide with the view's field of view, focused `focus_distance` m away (may be
 /// infinite): by the thin lens, 1 / focal length = 1 / image distance + 1 / focus distance; the

@@ -119,6 +119,10 @@ float absent_share(const Plan& plan, const Instant& instant, int x, int y) {
 }  // namespace plane_sweep
 
 Method plane_sweep_method() {
+  static constexpr auto kCheck = [](const MethodOptions& options, const Take& take) {
+    plane_sweep::settings_of(options);
+    scene_depths(options, take, "plane_sweep");
+  };
   static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"},
                                            {"fine", "cameras=6,step_px=0.25"}};
   return {"plane_sweep",
@@ -130,7 +134,9 @@ Method plane_sweep_method() {
           true,
           kPresets,
           false,
-          false};
+          false,
+          false,
+          kCheck};
 }
 
 }  // namespace raystage

@@ -60,6 +60,9 @@ struct Method {
   bool frames_only = false;
   bool on_focal_plane = true;        ///< looks rays up on ViewRequest::focal_plane
   bool tells_nothing_there = false;  ///< may fill RenderedView::nothing_there
+  /// Throws Error (bad input) where these options render no view of the take, as far as that can be
+  /// known before one is; null: nothing to know.
+  void (*check)(const MethodOptions& options, const Take& take) = nullptr;
 };
 
 }  // namespace raystage

@@ -40,7 +40,9 @@ struct LightFieldRenderer::State {
   std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
 
   std::shared_ptr<const Topology> topology(const std::vector<int>& cameras) {
+    constexpr std::size_t kMost = 64;  // of takes that drop frames everywhere nothing repeats
     const std::scoped_lock lock(mutex);
+    if (topologies.size() >= kMost && !topologies.contains(cameras)) topologies.clear();
     auto& known = topologies[cameras];
     if (!known) known = std::make_shared<const Topology>(topology_of(take.rig(), cameras));
     return known;

@@ -192,6 +192,7 @@ void add_region(const RenderedView& part, const ViewRegion& region, RenderedView
   total.decode_ms += part.statistics.decode_ms;
   total.render_ms += part.statistics.render_ms;
   total.pixels_decoded += part.statistics.pixels_decoded;
+  // A source pixel that two planes want counts twice: the same bytes are read twice.
   total.pixels_needed += part.statistics.pixels_needed;
   total.cameras_used = std::max(total.cameras_used, part.statistics.cameras_used);
 }

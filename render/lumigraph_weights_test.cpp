@@ -44,7 +44,7 @@ std::vector<int> all_cameras(const Rig& rig) {
 /// Calls on_ray(weights of all cameras, index in them) with what the kernels make of each ray.
 template <class OnRay>
 void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
-                const std::vector<float>& inverse_distance, const RayWeighing& weighing,
+                const std::vector<double>& inverse_distance, const RayWeighing& weighing,
                 const OnRay& on_ray) {
   const std::vector<ChunkCamera> cameras = chunk_cameras(rig);
   std::vector<const ChunkCamera*> pointers;
@@ -62,7 +62,7 @@ void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
 
 /// The same, as the reference returns it.
 std::vector<std::vector<double>> weights_of(const Rig& rig, const std::vector<WorldRay>& rays,
-                                            const std::vector<float>& inverse_distance,
+                                            const std::vector<double>& inverse_distance,
                                             const RayWeighing& weighing) {
   std::vector<std::vector<double>> result;
   weigh_rays(rig, rays, inverse_distance, weighing,
@@ -89,11 +89,12 @@ std::vector<double> reference_weights(const Rig& rig, const WorldRay& ray, doubl
 }
 
 void expect_weights_agree(const Rig& rig, const std::vector<WorldRay>& rays,
-                          const std::vector<float>& inverse_distance, const RayWeighing& weighing) {
+                          const std::vector<double>& inverse_distance,
+                          const RayWeighing& weighing) {
   const auto fast = weights_of(rig, rays, inverse_distance, weighing);
   int seen = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
-    const auto reference = reference_weights(rig, rays[i], double{inverse_distance[i]}, weighing);
+    const auto reference = reference_weights(rig, rays[i], inverse_distance[i], weighing);
     for (std::size_t c = 0; c < reference.size(); ++c) {
       ASSERT_NEAR(fast[i][c], reference[c], 2e-3) << "ray " << i << ", camera " << c;
       seen += reference[c] > 0 ? 1 : 0;
@@ -104,7 +105,7 @@ void expect_weights_agree(const Rig& rig, const std::vector<WorldRay>& rays,
 
 struct SomeRays {
   std::vector<WorldRay> rays;
-  std::vector<float> inverse_distance;
+  std::vector<double> inverse_distance;
 };
 
 SomeRays rays_from(const Vector3d& eye, double spread, std::pair<double, double> distance) {
@@ -116,9 +117,9 @@ SomeRays rays_from(const Vector3d& eye, double spread, std::pair<double, double>
         (Vector3d(0, 0, -6) - eye + spread * Vector3d(any(random), any(random), 0)).normalized();
     some.rays.push_back({eye, direction});
     const double d = distance.first + (distance.second - distance.first) * (any(random) + 1) / 2;
-    some.inverse_distance.push_back(static_cast<float>(i % 10 == 0 ? 0 : 1 / d));
+    some.inverse_distance.push_back(i % 10 == 0 ? 0 : 1 / d);
   }
-  some.inverse_distance[3] = std::numeric_limits<float>::quiet_NaN();
+  some.inverse_distance[3] = std::numeric_limits<double>::quiet_NaN();
   return some;
 }
 
@@ -153,10 +154,10 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
       RayRow row;
       find_directions(ray_from_pixel, 200, 17, count, row);
       std::vector<WorldRay> rays;
-      std::vector<float> inverse;
+      std::vector<double> inverse;
       for (int i = 0; i < count; ++i) {
         rays.push_back({eye, (ray_from_pixel * Vector3d(200.5 + i, 17.5, 1)).normalized()});
-        inverse.push_back(0.1F * static_cast<float>(i));
+        inverse.push_back(0.1 * i);
         ASSERT_NEAR((row[i] - rays.back().direction).norm(), 0, 1e-15);
       }
       RayChunk of_rays, of_row;
@@ -183,7 +184,7 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
 /// for a pixel's width at the images' borders, or 0. Adds to `whole` how many rays' weights sum
 /// to 1.
 void expect_sound_weights(const Rig& rig, const std::vector<WorldRay>& rays,
-                          const std::vector<float>& inverse_distance, const RayWeighing& weighing,
+                          const std::vector<double>& inverse_distance, const RayWeighing& weighing,
                           int& whole) {
   weigh_rays(rig, rays, inverse_distance, weighing,
              [&](const std::vector<ChunkWeights>& weights, std::size_t i) {
@@ -217,7 +218,7 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
       const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(extreme.view);
       const double height = height_above_plane(extreme.plane, extreme.view.pose.position);
       std::vector<WorldRay> rays;
-      std::vector<float> inverse;
+      std::vector<double> inverse;
       const int step = std::max(1, extreme.view.width / 500);
       for (int y = 0; y < extreme.view.height; ++y) {
         for (int x = 0; x < extreme.view.width; x += step) {
@@ -225,7 +226,7 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
           const double inverse_distance = -extreme.plane.head<3>().dot(ray) / height;
           if (!(inverse_distance >= 0) || std::isinf(inverse_distance)) continue;  // not ahead
           rays.push_back({extreme.view.pose.position, ray});
-          inverse.push_back(static_cast<float>(inverse_distance));
+          inverse.push_back(inverse_distance);
         }
       }
       int whole = 0;
@@ -275,7 +276,7 @@ TEST(LumigraphWeights, AreFiniteForAnyDistanceAndPenalty) {
                                   Vector3d(0, 0, 1e6), Vector3d(0, 0, -3), Vector3d(0, 0, -100)}) {
         for (const double distance : {1e-3, 1.0, 1e9, 1e300}) {
           const std::vector<WorldRay> rays(3, {eye + offset, -Vector3d::UnitZ()});
-          const std::vector<float> inverse(3, static_cast<float>(1 / distance));
+          const std::vector<double> inverse(3, 1 / distance);
           int whole = 0;
           expect_sound_weights(rig, rays, inverse, weighing, whole);
         }

@@ -135,10 +135,10 @@ class LumigraphFrame {
       double least = std::numeric_limits<double>::infinity(), most = 0;
       for (int y = block.y0; y < block.y1; ++y) {
         for (int x = block.x0; x < block.x1; ++x) {
-          const float inverse = inverse_distance_[at(x, y)];
+          const double inverse = inverse_distance_[at(x, y)];
           if (!(inverse >= 0)) continue;
-          least = std::min(least, static_cast<double>(inverse));
-          most = std::max(most, static_cast<double>(inverse));
+          least = std::min(least, inverse);
+          most = std::max(most, inverse);
         }
       }
       if (least > most) return;  // nothing there
@@ -175,7 +175,7 @@ class LumigraphFrame {
             surface_(rays, inverse_distance);
             for (int x = block.x0; x < block.x1; ++x) {
               const double inverse = inverse_distance[static_cast<std::size_t>(x - block.x0)];
-              inverse_distance_[at(x, y)] = static_cast<float>(inverse);
+              inverse_distance_[at(x, y)] = inverse;
               if (!(inverse >= 0) && missed_ == Missed::kNothingThere)
                 image.nothing_there[at(x, y)] = 1;
             }
@@ -237,9 +237,7 @@ class LumigraphFrame {
     }
     scratch.inverse_distance.resize(scratch.rays.size());
     surface_(scratch.rays, scratch.inverse_distance);
-    const std::vector<float> inverse(scratch.inverse_distance.begin(),
-                                     scratch.inverse_distance.end());
-    fill_chunk(scratch.rays, inverse, middle_, scratch.corners);
+    fill_chunk(scratch.rays, scratch.inverse_distance, middle_, scratch.corners);
     set_cameras(block.present, scratch);
     weigh_cameras(scratch.corners, scratch.cameras, chunk_weighing_, scratch.weights);
     scratch.in_field.clear();
@@ -347,7 +345,7 @@ class LumigraphFrame {
   FramesOfCameras frames_;
   std::vector<int> present_, complete_;
   std::vector<Block> blocks_;
-  std::vector<float> inverse_distance_;
+  std::vector<double> inverse_distance_;
 };
 
 }  // namespace

@@ -8,13 +8,13 @@
 #include "render/sampling/depth_sampling.h"
 
 namespace raystage {
-void fill_chunk(std::span<const WorldRay> rays, std::span<const float> inverse_distance,
+void fill_chunk(std::span<const WorldRay> rays, std::span<const double> inverse_distance,
                 const Eigen::Vector3d& middle, RayChunk& chunk) {
   chunk.count = static_cast<int>(rays.size());
   for (std::size_t i = 0; i < rays.size(); ++i) {
     const Eigen::Vector3d& direction = rays[i].direction;
     const Eigen::Vector3d from_middle = rays[i].origin - middle;
-    const double eye = from_middle.dot(direction), inverse = double{inverse_distance[i]};
+    const double eye = from_middle.dot(direction), inverse = inverse_distance[i];
     const Eigen::Vector3d base = from_middle - eye * direction;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const auto a = static_cast<Eigen::Index>(axis);

@@ -26,8 +26,10 @@ struct RayChunk {
   alignas(64) std::array<float, kSize> point{};
 };
 
-/// At most kSize rays; `middle`: Rig::centre(). The rest of the chunk sees nothing.
-void fill_chunk(std::span<const WorldRay> rays, std::span<const float> inverse_distance,
+/// At most kSize rays; `middle`: Rig::centre(). The rest of the chunk sees nothing. Inverse
+/// distances are double up to here: seen from 1e6 m away, all of a scene lies within a millionth of
+/// them.
+void fill_chunk(std::span<const WorldRay> rays, std::span<const double> inverse_distance,
                 const Eigen::Vector3d& middle, RayChunk& chunk);
 
 /// A camera as the kernels read it.

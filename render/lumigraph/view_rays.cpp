@@ -40,13 +40,16 @@ void directions(const double* ray_from_pixel, int x, int y, int count, RayRow& r
 }
 
 /// `from_middle`: the eye, from the middle of the rig.
-void fill(const double* from_middle, const RayRow& row, const float* inverse_distance,
+void fill(const double* from_middle, const RayRow& row, const double* inverse_distance,
           RayChunk& chunk) {
   const hn::ScalableTag<double> d;
   const hn::Rebind<float, decltype(d)> df;
   const int lanes = static_cast<int>(hn::Lanes(d));
   chunk.count = row.count;
-  std::copy_n(inverse_distance, row.count, chunk.inverse_distance.data());
+  HWY_ALIGN double inverses[RayChunk::kSize];
+  std::copy_n(inverse_distance, row.count, inverses);
+  std::fill(inverses + row.count, inverses + RayChunk::kSize,
+            std::numeric_limits<double>::quiet_NaN());
   std::fill(chunk.inverse_distance.begin() + row.count, chunk.inverse_distance.end(),
             std::numeric_limits<float>::quiet_NaN());
   const auto store = [&](auto values, float* to)
@@ -64,7 +67,8 @@ void fill(const double* from_middle, const RayRow& row, const float* inverse_dis
             chunk.base[axis].data() + i);
     }
     store(eye, chunk.eye.data() + i);
-    const auto inverse = hn::PromoteTo(d, hn::LoadU(df, chunk.inverse_distance.data() + i));
+    const auto inverse = hn::Load(d, inverses + i);
+    store(inverse, chunk.inverse_distance.data() + i);
     store(hn::MulAdd(eye, inverse, hn::Set(d, 1.0)), chunk.point.data() + i);
   }
 }
@@ -85,7 +89,7 @@ void find_directions(const Eigen::Matrix3d& ray_from_pixel, int x, int y, int co
   HWY_DYNAMIC_DISPATCH(directions)(by_rows.data(), x, y, count, row);
 }
 void fill_chunk(const Eigen::Vector3d& eye, const RayRow& row,
-                std::span<const float> inverse_distance, const Eigen::Vector3d& middle,
+                std::span<const double> inverse_distance, const Eigen::Vector3d& middle,
                 RayChunk& chunk) {
   const Eigen::Vector3d from_middle = eye - middle;
   HWY_DYNAMIC_DISPATCH(fill)(from_middle.data(), row, inverse_distance.data(), chunk);

@@ -26,7 +26,7 @@ void find_directions(const Eigen::Matrix3d& ray_from_pixel, int x, int y, int co
 
 /// As fill_chunk() with the row's rays from one eye.
 void fill_chunk(const Eigen::Vector3d& eye, const RayRow& row,
-                std::span<const float> inverse_distance, const Eigen::Vector3d& middle,
+                std::span<const double> inverse_distance, const Eigen::Vector3d& middle,
                 RayChunk& chunk);
 
 }  // namespace raystage

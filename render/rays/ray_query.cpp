@@ -87,19 +87,17 @@ class Answers {
 
   void answer(std::span<const WorldRay> rays, std::span<RaySample> samples) {
     rays_.assign(rays.begin(), rays.end());
-    inverse_.resize(rays.size());
-    distance_.resize(rays.size());
+    inverse_distance_.resize(rays.size());
     std::vector<bool> is_ray(rays.size());
     for (std::size_t i = 0; i < rays.size(); ++i) {
       is_ray[i] = normalise(rays_[i]);
       if (!is_ray[i]) rays_[i] = {};
     }
-    surface_(rays_, distance_);
+    surface_(rays_, inverse_distance_);
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      inverse_[i] =
-          is_ray[i] ? static_cast<float>(distance_[i]) : std::numeric_limits<float>::quiet_NaN();
+      if (!is_ray[i]) inverse_distance_[i] = std::numeric_limits<double>::quiet_NaN();
     }
-    fill_chunk(rays_, inverse_, middle_, chunk_);
+    fill_chunk(rays_, inverse_distance_, middle_, chunk_);
     present_.weigh(chunk_, weighing_);
     blend(samples);
     if (present_.cameras().size() != complete_.cameras().size()) lower_coverage(samples);
@@ -123,7 +121,7 @@ class Answers {
       std::copy_n(&rgba[4 * i], 4, sample.rgba.begin());
       sample.coverage = sample.rgba[3];
       if (!(sample.coverage > 0)) continue;
-      sample.depth = 1 / inverse_[i];
+      sample.depth = static_cast<float>(1 / inverse_distance_[i]);
       sample.cameras = effective[i];
       sample.nearest_ray = nearest[i];
     }
@@ -149,8 +147,7 @@ class Answers {
   FramesOnDemand& frames_;
   Weigher present_, complete_;
   std::vector<WorldRay> rays_;
-  std::vector<double> distance_;
-  std::vector<float> inverse_;
+  std::vector<double> inverse_distance_;
   RayChunk chunk_;
 };
 

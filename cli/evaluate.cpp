@@ -27,6 +27,7 @@ struct Options {
   EvaluationSettings settings;
   int threads = 0;
   double memory_gb = 1;
+  bool quiet = false;
 };
 
 /// Appends a row under one heading; the table is rewritten whole, never half.
@@ -49,7 +50,7 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
   const Take take(options.take);
   ViewsDocument views;
   if (!options.views.empty()) views = read_views(options.views);
-  Progress progress;
+  Progress progress(!options.quiet);
   const Evaluation evaluation = evaluate_views(
       take, views, options.views.parent_path(), settings,
       [&](double done) { progress.report(done); }, stop);
@@ -111,6 +112,7 @@ int main(int argc, char** argv) {
   app.add_option("--memory", options.memory_gb, "Memory for decoded source frames, GB = 10^9 bytes")
       ->capture_default_str()
       ->check(CLI::Range(0.001, 1e5));
+  app.add_flag("-q,--quiet", options.quiet, "No progress on stderr");
   return parse_and_run(app, argc, argv, "evaluate",
                        [&](std::stop_token stop) { return evaluate(options, stop); });
 }

@@ -14,7 +14,7 @@ int main(int argc, char** argv) {
   PreviewOptions options;
   std::string frames;
   double fps = 0;
-  bool black = false;
+  bool black = false, quiet = false;
   std::string missing = "error";
   app.add_option("SEQUENCE", options.sequence, "the frames, e.g. DIR/NAME.####.exr")->required();
   app.add_option("-o,--output", options.movie,
@@ -50,6 +50,7 @@ int main(int argc, char** argv) {
                  "(default: error)")
       ->check(CLI::IsMember({"error", "hold"}).description(""))
       ->type_name("error|hold");
+  app.add_flag("-q,--quiet", quiet, "No progress on stderr");
   return parse_and_run(app, argc, argv, "preview", [&](std::stop_token stop) {
     if (options.movie.empty() && options.contact_sheet.empty()) {
       throw Error::bad_input("nothing to write", "", "Give -o MOVIE, --contact-sheet PNG or both");
@@ -58,7 +59,7 @@ int main(int argc, char** argv) {
     if (fps > 0) options.fps = fps;
     if (black) options.display.background = Background::kBlack;
     options.hold_missing = missing == "hold";
-    Progress progress;
+    Progress progress(!quiet);
     options.progress = [&](double done) { progress.report(done); };
     const PreviewReport report = make_preview(options, stop);
     if (report.stopped) return ExitCode::kFailed;

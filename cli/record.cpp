@@ -63,6 +63,9 @@ void declare(CLI::App& app, Options& options) {
                  "(default: auto)")
       ->check(CLI::IsMember({"auto", "json", "none"}).description(""))
       ->type_name("auto|json|none");
+  app.add_flag_callback(
+         "-q,--quiet", [&] { options.status = "none"; }, "No progress on stderr: as --status none")
+      ->excludes("--status");
   add_threads_option(app, options.threads);
   app.footer(
       "Exit codes: 0 every frame seen is stored; 1 failed, or frames are unaccounted for; 2 bad "

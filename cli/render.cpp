@@ -99,6 +99,10 @@ void declare(CLI::App& app, Options& options) {
        {"none", ProgressStyle::kNone}},
       "on stderr: auto = a bar on a terminal, else plain; plain = \"Progress: "
       "42%\";\nopenjd = \"openjd_progress: 42\" (default: auto)");
+  app.add_flag_callback(
+         "-q,--quiet", [&] { options.progress = ProgressStyle::kNone; },
+         "No progress on stderr: as --progress none")
+      ->excludes("--progress");
   // Printed as the version is: at once, whatever else is missing.
   app.add_flag_callback(
       "--methods",

@@ -153,6 +153,7 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("--help"));
     EXPECT_THAT(help.out, HasSubstr("--version"));
+    EXPECT_EQ(help.out.find("-q,--quiet") == std::string::npos, std::string(command) == "info");
     EXPECT_THAT(run("raystage --help").out, HasSubstr(command));
     EXPECT_THAT(run(std::string("raystage ") + command + " --version").out, HasSubstr("raystage "));
   }

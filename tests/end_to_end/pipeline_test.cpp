@@ -20,6 +20,7 @@ using ::testing::Gt;
 using ::testing::HasSubstr;
 using ::testing::Le;
 using ::testing::Lt;
+using ::testing::Not;
 using testing::run;
 using testing::text_of;
 using testing::write_text;
@@ -78,7 +79,9 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
   const std::string first = text_of(frames + "/s.0001.exr");
   EXPECT_NE(run(render + "error").exit_code, 0);  // they exist
   EXPECT_EQ(run(render + "skip").exit_code, 0);
-  EXPECT_EQ(run(render + "overwrite --threads 1").exit_code, 0);
+  const CommandResult quiet = run(render + "overwrite --threads 1 -q");
+  EXPECT_EQ(quiet.exit_code, 0) << quiet.err;
+  EXPECT_THAT(quiet.err, Not(HasSubstr("Progress")));
   EXPECT_EQ(text_of(frames + "/s.0001.exr"), first);  // same bytes, one thread or all
   // A torn file is not trusted.
   write_text(frames + "/s.0001.exr", first.substr(0, first.size() / 2));
@@ -115,8 +118,9 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
   EXPECT_THAT(text_of(frames + "/t.md"), HasSubstr("| focal_plane |"));
 
   const CommandResult preview = run("raystage preview '" + frames + "/s.####.exr' -o '" + frames +
-                                    "/p.mp4' --contact-sheet '" + frames + "/c.png'");
+                                    "/p.mp4' --contact-sheet '" + frames + "/c.png' -q");
   EXPECT_EQ(preview.exit_code, 0) << preview.err;
+  EXPECT_THAT(preview.err, Not(HasSubstr("Progress")));
   EXPECT_GT(std::filesystem::file_size(frames + "/p.mp4"), 500U);
   EXPECT_GT(std::filesystem::file_size(frames + "/c.png"), 500U);
   EXPECT_TRUE(files_with(folder.path(), ".tmp").empty());
@@ -130,8 +134,9 @@ TEST(Pipeline, LeftOutCamerasAreTheTruth) {
   write_synthetic_take(settings, take);
   const CommandResult result =
       run("raystage evaluate '" + take + "' --leave-out r1c1 --focal-depth 4 --json '" + take +
-          "/e.json'");
+          "/e.json' --quiet");
   ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(result.err, "");
   const json evaluation = evaluation_in(take + "/e.json");
   EXPECT_EQ(evaluation.at("cameras"), 8);
   ASSERT_EQ(evaluation.at("views").size(), 1U);

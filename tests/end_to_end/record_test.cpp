@@ -45,8 +45,9 @@ class Record : public ::testing::Test {
 };
 
 TEST_F(Record, TwoNodesBecomeOneTake) {
-  const CommandResult first = here("raystage record record.json -o one --duration 1 --status none");
+  const CommandResult first = here("raystage record record.json -o one --duration 1 --quiet");
   ASSERT_EQ(first.exit_code, 0) << first.err;
+  EXPECT_THAT(first.err, Not(HasSubstr("opening 2 cameras")));
   EXPECT_THAT(first.out, HasSubstr("The audit holds."));
   ASSERT_EQ(here("raystage record other.json -o two --duration 0.5 --status none").exit_code, 0);
   const CommandResult joined = here("raystage join one two -o take -q");

@@ -51,10 +51,11 @@ struct CameraShare {
 };
 
 /// Which cameras a view's rays are reconstructed from: the best few at the corners of tiles, with
-/// weights that fall to 0 before a camera leaves the choice (Buehler et al. 2001, eq. 2.3 of the
-/// thesis), and linear between corners: so nothing jumps, neither from pixel to pixel nor from view
-/// to view. A tile none of whose corners any camera sees has the choice of its middle: the one that
-/// is wider than all that the cameras see.
+/// weights that fall to 0 before a camera leaves the choice (after Buehler et al. 2001 and eq. 2.3
+/// of the thesis, but with no penalty for resolution: README.md), and linear between corners: so
+/// nothing jumps, neither from pixel to pixel nor from view to view. A tile none of whose corners
+/// any camera sees has the choice of its middle: the one that is wider than all that the cameras
+/// see.
 class CameraField {
  public:
   static constexpr int kTile = 32;  ///< pixels

@@ -14,7 +14,8 @@ namespace raystage {
 /// Method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis, Reconstruction): planes
 /// across the view, evenly spaced in inverse depth; at each pixel the one on which the cameras
 /// agree best, smoothed by semi-global matching; then the cameras blended where they see that
-/// point, with lumigraph weights.
+/// point, with weights by angle and field of view (README.md: how they differ from the
+/// lumigraph's).
 ///
 /// A = the shares of the chosen cameras that saw the pixel's point. Coverage is lower than that by
 /// the shares of cameras that would have been chosen had they a frame at this instant. z: planar

@@ -52,6 +52,16 @@ void print_help(std::FILE* stream) {
       stream);
 }
 
+/// What the kernels need at least (cmake/House.cmake) and this processor has not; null: it has all.
+const char* missing_instructions() {
+#if defined(__x86_64__)
+  if (!__builtin_cpu_supports("sse4.2")) return "SSE4.2";
+  if (!__builtin_cpu_supports("pclmul")) return "PCLMULQDQ";
+  if (!__builtin_cpu_supports("aes")) return "AES-NI";
+#endif
+  return nullptr;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -70,6 +80,13 @@ int main(int argc, char** argv) {
   }
   for (const Command& known : kCommands) {
     if (known.name != command) continue;
+    if (const char* missing = missing_instructions()) {
+      std::fprintf(stderr,
+                   "raystage: this processor has no %s. Use one of 2011 or later (Intel Westmere, "
+                   "AMD Bulldozer, or newer).\n",
+                   missing);
+      return 1;
+    }
     std::error_code error;
     const auto here = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
     const std::string program = (here / ("raystage-" + std::string(command))).string();

@@ -30,11 +30,11 @@ struct Captured {
   friend void PrintTo(const Captured& captured, std::ostream* out) { *out << captured.set; }
 };
 
-class CapturedLightField : public ::testing::TestWithParam<Captured> {};
+class CapturedDepth : public ::testing::TestWithParam<Captured> {};
 
 // docs/benchmarks.md, "Accuracy on captured light fields", has what is reached, and what limits
 // depth on shop.
-TEST_P(CapturedLightField, ShowsWhatNoCameraSawAsWellAsEver) {
+TEST_P(CapturedDepth, ShowsWhatNoCameraSawAsWellAsEver) {
   const Captured& captured = GetParam();
   const auto data = testing::captured_data(captured.set);
   if (!data) GTEST_SKIP() << "no captured light field " << captured.set;
@@ -62,7 +62,7 @@ TEST_P(CapturedLightField, ShowsWhatNoCameraSawAsWellAsEver) {
 }
 
 INSTANTIATE_TEST_SUITE_P(
-    Sets, CapturedLightField,
+    Sets, CapturedDepth,
     ::testing::Values(
         Captured{"shop", {{"plane_sweep", 34.5, 0.999}, {"depth", 35.1, 0.999}}},
         Captured{"stanford_chess9x9", {{"plane_sweep", 36.9, 0.99}, {"depth", 37.6, 0.99}}},

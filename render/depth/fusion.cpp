@@ -51,14 +51,14 @@ InverseDepthMap filled(const InverseDepthMap& map, const std::vector<float>& sha
   return result;
 }
 
-InverseDepthMap median(const InverseDepthMap& map) {
+InverseDepthMap median(const InverseDepthMap& map, float line_tolerance) {
   InverseDepthMap result = map;
   raystage::parallel_for(0, map.height, [&](int y) {
     const auto row = [&](int at) {
       return map.values.data() +
              static_cast<std::ptrdiff_t>(std::clamp(at, 0, map.height - 1)) * map.width;
     };
-    median_row({row(y - 1), row(y), row(y + 1)},
+    median_row({row(y - 1), row(y), row(y + 1)}, line_tolerance,
                {result.values.data() + static_cast<std::ptrdiff_t>(y) * map.width,
                 static_cast<std::size_t>(map.width)});
   });
@@ -137,7 +137,7 @@ InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthRepo
   raystage::parallel_for(std::size_t{0}, tiles, [&](std::size_t tile) {
     vote_in_tile(view, reports, warped, tile, settings.tolerance, fused, share);
   });
-  return median(filled(fused, share, settings.least_share));
+  return median(filled(fused, share, settings.least_share), settings.line_tolerance);
 }
 
 void smooth_along_links(std::vector<float>& values, int channels, int width, int height,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -24,11 +25,13 @@ std::vector<std::array<float, 4>> even_weights(const VirtualCamera& view, float 
 struct FusionSettings {
   float tolerance = 0;    ///< 1/m, above 0: see VoteRun
   float least_share = 0;  ///< of the weights that must agree on a depth, 0 to 1
+  /// 1/m: see median_row(); infinite: lines one pixel wide go with other outliers.
+  float line_tolerance = std::numeric_limits<float>::infinity();
 };
 /// What several cameras say of a view's depths (kMostReports a tile): the depth that most agree on
 /// (vote). Where too few do, the farthest of the depths next in the row and column, as it is
-/// what lies behind that cameras fail to see; then a 3x3 median. kUnknownDepth where nothing is
-/// near.
+/// what lies behind that cameras fail to see; then a 3x3 median that may let lines be.
+/// kUnknownDepth where nothing is near.
 InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
                             const FusionSettings& settings);
 

@@ -68,7 +68,7 @@ float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& share, 
   return around.empty() ? depths.at(x, y) : *std::ranges::min_element(around);
 }
 
-InverseDepthMap median(const InverseDepthMap& depths) {
+InverseDepthMap median(const InverseDepthMap& depths, float line_tolerance) {
   InverseDepthMap result{depths.width, depths.height, {}};
   for (int y = 0; y < depths.height; ++y) {
     for (int x = 0; x < depths.width; ++x) {
@@ -77,8 +77,14 @@ InverseDepthMap median(const InverseDepthMap& depths) {
         nine.push_back(depths.at(std::clamp(x + i % 3 - 1, 0, depths.width - 1),
                                  std::clamp(y + i / 3 - 1, 0, depths.height - 1)));
       }
+      const float own = nine[4];
+      bool line = false;
+      for (std::size_t i = 0; i < 4; ++i) {
+        line = line || (std::abs(nine[i] - own) <= line_tolerance &&
+                        std::abs(nine[8 - i] - own) <= line_tolerance);
+      }
       std::ranges::sort(nine);
-      result.values.push_back(nine[4]);
+      result.values.push_back(line && own - nine[4] > line_tolerance ? own : nine[4]);
     }
   }
   return result;
@@ -113,7 +119,7 @@ InverseDepthMap fuse_depths_reference(const VirtualCamera& view,
                                        : depth_behind(depths, share, settings.least_share, x, y));
     }
   }
-  return median(result);
+  return median(result, settings.line_tolerance);
 }
 
 void smooth_along_links_reference(std::vector<float>& values, int channels, int width, int height,

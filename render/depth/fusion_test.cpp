@@ -188,6 +188,28 @@ TEST(FuseDepths, TheMajorityDecidesAndHolesAreFilledFromBehind) {
   EXPECT_EQ(fuse_depths(view, nobody, {0.1F, 0.5F}).at(5, 5), kUnknownDepth);
 }
 
+TEST(FuseDepths, KeepsLinesOnePixelWideAndNotSpecks) {
+  const VirtualCamera view = camera_at({0, 0, 0});
+  constexpr float kBehind = 0.4F, kNear = 0.8F;
+  InverseDepthMap map = flat(view, kBehind);
+  for (int y = 0; y < view.height; ++y) at(map, 20, y) = kNear;   // a wire
+  for (int i = 0; i < 12; ++i) at(map, 25 + i, 10 + i) = kNear;   // another, aslant
+  at(map, 5, 5) = at(map, 6, 5) = kNear;                          // a speck
+  for (int y = 0; y < view.height; ++y) at(map, 12, y) = 0.001F;  // a crack: wrong, or seen past
+  const std::vector<DepthReport> reports{{&map, &view, even_weights(view, 1)}};
+  const InverseDepthMap fused = fuse_depths(view, reports, {0.1F, 0.2F, 0.1F});
+  const InverseDepthMap plain = fuse_depths(view, reports, {0.1F, 0.2F});
+  for (int y = 1; y + 1 < view.height; ++y) {
+    EXPECT_EQ(fused.at(20, y), kNear);
+    EXPECT_EQ(plain.at(20, y), kBehind);
+    EXPECT_EQ(fused.at(12, y), kBehind);
+  }
+  for (int i = 1; i < 11; ++i) EXPECT_EQ(fused.at(25 + i, 10 + i), kNear);
+  EXPECT_EQ(fused.at(5, 5), kBehind);
+  EXPECT_EQ(fused.at(6, 5), kBehind);
+  EXPECT_EQ(fused.values, fuse_depths_reference(view, reports, {0.1F, 0.2F, 0.1F}).values);
+}
+
 TEST(FuseDepths, WeightsGoOverFromCameraToCamera) {
   const VirtualCamera view = camera_at({0, 0, 0}, 64, 32);
   const InverseDepthMap near = flat(view, 0.8F), far = flat(view, 0.4F);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <optional>
 #include <random>
 
@@ -316,30 +317,45 @@ TEST_F(DepthKernels, OfEqualReportsTheNearerWins) {
 }
 
 TEST_F(DepthKernels, TakesMediansAsTheReference) {
+  constexpr float kNoLines = std::numeric_limits<float>::infinity();
   const InverseDepthMap map = random_depths(4, 0, 1);
-  std::vector<float> medians(kWidth);
+  constexpr float kLine = 0.15F;
+  std::vector<float> medians(kWidth), with_lines(kWidth);
+  int lines = 0;
   testing::for_each_target(depth_solve_target, [&] {
     for (const int y : {0, 14, kHeight - 1}) {
       const auto row = [&](int at) {
         return map.values.data() +
                static_cast<std::ptrdiff_t>(std::clamp(at, 0, kHeight - 1)) * kWidth;
       };
-      median_row({row(y - 1), row(y), row(y + 1)}, medians);
+      median_row({row(y - 1), row(y), row(y + 1)}, kNoLines, medians);
+      median_row({row(y - 1), row(y), row(y + 1)}, kLine, with_lines);
       for (int x = 0; x < kWidth; ++x) {
         std::vector<float> all;
         for (int i = 0; i < 9; ++i) {
           all.push_back(map.at(std::clamp(x + i % 3 - 1, 0, kWidth - 1),
                                std::clamp(y + i / 3 - 1, 0, kHeight - 1)));
         }
+        const float own = all[4];
+        const auto like = [&](int i) {
+          return std::abs(all[static_cast<std::size_t>(i)] - own) <= kLine;
+        };
+        bool line = false;
+        for (int i = 0; i < 4; ++i) line = line || (like(i) && like(8 - i));
         std::ranges::sort(all);
-        ASSERT_EQ(medians[static_cast<std::size_t>(x)], all[4]) << x << ", " << y;
+        line = line && own - all[4] > kLine;
+        lines += line ? 1 : 0;
+        const auto at = static_cast<std::size_t>(x);
+        ASSERT_EQ(medians[at], all[4]) << x << ", " << y;
+        ASSERT_EQ(with_lines[at], line ? own : all[4]) << x << ", " << y;
       }
     }
     std::vector<float> narrow{0.5F};
     const float above = 1, below = 2;
-    median_row({&above, narrow.data(), &below}, narrow);
+    median_row({&above, narrow.data(), &below}, kNoLines, narrow);
     EXPECT_EQ(narrow[0], 1);
   });
+  EXPECT_GT(lines, 0);
 }
 
 TEST_F(DepthKernels, SeesAsTheReference) {

@@ -219,8 +219,10 @@ InverseDepthMap depths_of_view(const Plan& plan, const Instant& instant) {
   constexpr int kBest = 8;
   static_assert(4 * kBest <= kMostReports, "a tile's corners may all choose others");
   const CameraField field(view, *instant.rig, cameras_of(instant, false), plan.range, kBest);
-  InverseDepthMap map = fuse_depths(view, reports_for(field, *plan.depths),
-                                    {static_cast<float>(pixel / 2), kLeastShare});
+  const auto thick = static_cast<float>(pixel / 2);
+  // Wires that fall on one column of pixels in this view and on two in the next must not break.
+  InverseDepthMap map =
+      fuse_depths(view, reports_for(field, *plan.depths), {thick, kLeastShare, thick});
   const auto behind = static_cast<float>(plan.range.farthest);
   for (float& depth : map.values) {
     if (depth < 0) depth = behind;

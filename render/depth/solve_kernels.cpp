@@ -240,11 +240,20 @@ HWY_INLINE V median_of_nine(V* v) {
   return v[4];
 }
 
-void median(const std::array<const float*, 3>& rows, std::span<float> medians) {
+/// Of the middle of 3 x 3 values, and two opposite ones.
+HWY_INLINE hn::Mask<D> on_a_line(const V* v, V tolerance) {
+  const auto like = [&](int i) HWY_ATTR { return hn::Le(hn::AbsDiff(v[i], v[4]), tolerance); };
+  const auto pair = [&](int i) HWY_ATTR { return hn::And(like(i), like(8 - i)); };
+  return hn::Or(hn::Or(pair(0), pair(1)), hn::Or(pair(2), pair(3)));
+}
+
+void median(const std::array<const float*, 3>& rows, float line_tolerance,
+            std::span<float> medians) {
   const D d;
+  const auto tolerance = hn::Set(d, line_tolerance);
   const int lanes = static_cast<int>(hn::Lanes(d)), width = static_cast<int>(medians.size());
   HWY_ALIGN float part[kMostLanes + 2], out[kMostLanes];
-  V values[9];
+  V values[9], sorted[9];
   for (int x = 0; x < width; x += lanes) {
     const bool inner = x > 0 && x + lanes < width;
     for (std::size_t row = 0; row < 3; ++row) {
@@ -257,7 +266,12 @@ void median(const std::array<const float*, 3>& rows, std::span<float> medians) {
       }
       for (std::size_t i = 0; i < 3; ++i) values[3 * row + i] = hn::LoadU(d, from + i);
     }
-    const V middle = median_of_nine(values);
+    std::copy_n(values, 9, sorted);
+    V middle = median_of_nine(sorted);
+    const auto nearer = hn::Gt(hn::Sub(values[4], middle), tolerance);
+    if (HWY_UNLIKELY(!hn::AllFalse(d, nearer))) {
+      middle = hn::IfThenElse(hn::And(nearer, on_a_line(values, tolerance)), values[4], middle);
+    }
     if (inner) {
       hn::StoreU(middle, d, medians.data() + x);
     } else {
@@ -286,8 +300,9 @@ HWY_EXPORT(target);
 void match_row(const MatchRow& row) { HWY_DYNAMIC_DISPATCH(match)(row); }
 void refine_row(const RefineRow& row) { HWY_DYNAMIC_DISPATCH(refine)(row); }
 void vote(const VoteRun& run) { HWY_DYNAMIC_DISPATCH(vote_run)(run); }
-void median_row(const std::array<const float*, 3>& rows, std::span<float> medians) {
-  HWY_DYNAMIC_DISPATCH(median)(rows, medians);
+void median_row(const std::array<const float*, 3>& rows, float line_tolerance,
+                std::span<float> medians) {
+  HWY_DYNAMIC_DISPATCH(median)(rows, line_tolerance, medians);
 }
 const char* depth_solve_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 

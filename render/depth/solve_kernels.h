@@ -75,8 +75,10 @@ struct VoteRun {
 void vote(const VoteRun& run);
 
 /// The median of 3 x 3 values for a row; the border's go on beyond it. `rows`: the one above, the
-/// row itself and the one below.
-void median_row(const std::array<const float*, 3>& rows, std::span<float> medians);
+/// row itself and the one below. A value that is above the median by more than `line_tolerance`,
+/// and like two opposite neighbours within that, stays: it is on a line one pixel wide.
+void median_row(const std::array<const float*, 3>& rows, float line_tolerance,
+                std::span<float> medians);
 
 /// The instruction set in use.
 const char* depth_solve_target();

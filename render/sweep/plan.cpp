@@ -123,8 +123,7 @@ Method plane_sweep_method() {
     plane_sweep::settings_of(options);
     scene_depths(options, take, "plane_sweep");
   };
-  static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"},
-                                           {"fine", "cameras=6,step_px=0.25"}};
+  static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"}};
   return {"plane_sweep",
           "the nearest cameras, where they agree best: depth found view by view",
           plane_sweep::kOptions,

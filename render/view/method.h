@@ -38,7 +38,7 @@ struct ViewRequest {
 
 /// Options that make a method cheaper or finer than it is unless told, for those who compare.
 struct MethodPreset {
-  std::string_view name;     ///< e.g. "fast", "fine"
+  std::string_view name;     ///< e.g. "fast"
   std::string_view options;  ///< "NAME=VALUE,..."
 };
 

@@ -123,7 +123,8 @@ Method plane_sweep_method() {
     plane_sweep::settings_of(options);
     scene_depths(options, take, "plane_sweep");
   };
-  static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"}};
+  static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"},
+                                           {"6 cameras", "cameras=6"}};
   return {"plane_sweep",
           "the nearest cameras, where they agree best: depth found view by view",
           plane_sweep::kOptions,

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 
 #include "images/exr/exr_channels.h"
 #include "schemas/error.h"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/rays/ray_query.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <tbb/global_control.h>
 
@@ -13,12 +14,14 @@
 #include "render/view/ray_cells.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
+#include "schemas/error.h"
 #include "schemas/test_targets.h"
 
 namespace raystage {
 namespace {
 
 using Eigen::Vector3d;
+using ::testing::HasSubstr;
 using testing::SyntheticTake;
 
 class RayQuery : public ::testing::Test {
@@ -159,6 +162,33 @@ TEST_F(RayQuery, WhatIsNoRayOrSeesNothingIsTransparent) {
   EXPECT_NEAR(samples[5].rgba[3], 1, 1e-5);
   EXPECT_LT(samples[5].coverage, 0.1);  // its camera is absent
   EXPECT_TRUE(ask(take, {}, {"lumigraph", {0, 0, 1, 4}}).empty());
+}
+
+TEST_F(RayQuery, MethodsThatChooseForViewsRefuseRaysAndSayWhy) {
+  const Take take = write();
+  const auto refused = [&](const Reconstruction& reconstruction) -> std::string {
+    try {
+      ask(take, {{{0, 0, 0}, {0, 0, -1}}}, reconstruction);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(refused({"auto", {0, 0, 1, 4}}), HasSubstr("auto chooses for views"));
+  EXPECT_THAT(refused({"slabs", {0, 0, 1, 4}, {{"layout", std::string("box")}}}),
+              HasSubstr("a plane before each side"));
+  EXPECT_EQ(refused({"slabs", {0, 0, 1, 4}}), "");
+}
+
+TEST_F(RayQuery, SlabsAreAnsweredOnTheFocalPlane) {
+  const Take take = write();
+  const std::vector<WorldRay> rays = some_rays(300);
+  const std::vector<RaySample> slabs = ask(take, rays, {"slabs", {0, 0.1, 1, 3}});
+  const std::vector<RaySample> plane = ask(take, rays, {"lumigraph", {0, 0.1, 1, 3}});
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    ASSERT_EQ(slabs[i].rgba, plane[i].rgba);
+    ASSERT_EQ(slabs[i].depth, plane[i].depth);
+  }
 }
 
 TEST_F(RayQuery, SameBytesForAnyNumberOfThreads) {

@@ -83,8 +83,10 @@ class LightFieldRenderer {
   ///                `witnesses`, `temporal` and `keep`
   ///   plane_sweep  where depth finds it, unless told, between its `near` and `far`: depths that
   ///                are kept in the take unless RendererSettings::use_take_folder is off
-  ///   all others   on `reconstruction`'s focal plane, also auto, slabs and aperture: auto chooses
-  ///                for views alone, a plane of its own is not followed
+  ///   all others   on `reconstruction`'s focal plane, also aperture: a plane of its own is not
+  ///                followed
+  /// Throws Error (bad input), beside what render() does, for `auto`, which chooses for views, and
+  /// for `slabs` in a box, whose rays have a focal plane for each of its sides.
   void query(std::span<const WorldRay> rays, const FrameSelection& frames,
              const Reconstruction& reconstruction, std::span<RaySample> samples) const;
 

@@ -96,9 +96,9 @@ double error_without(int camera, const Instant& middle, std::vector<int> present
   VirtualCamera view{left_out.model.width(), left_out.model.height(), left_out.model.intrinsics(),
                      left_out.pose};
   view.intrinsics.distortion = {};
-  const RenderedView rendered = method.render({view, instant, request.focal_plane, options,
-                                               request.kept, request.working_bytes, request.buffers,
-                                               false, false, request.use_take_folder});
+  const RenderedView rendered =
+      method.render({view, instant, request.focal_plane, options, request.kept,
+                     request.working_bytes, request.buffers, false, false, false});
   std::int64_t decoded = 0;
   const auto frame = middle.cache->fetch(camera, middle.frame_of_camera[index], {}, decoded);
   const RgbImage truth = ideal_picture(*frame, left_out.model, middle.cache->full_scale(),

@@ -276,8 +276,10 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   RendererSettings renderer_settings;
   renderer_settings.cache_bytes = settings.cache_bytes;
   renderer_settings.blend_space = settings.blend_space;
-  renderer_settings.use_take_folder = settings.use_take_folder;
   renderer_settings.left_out = cameras_left_out(take, settings.leave_out, settings.camera_step);
+  // What is derived from fewer cameras nobody will want again.
+  renderer_settings.use_take_folder =
+      settings.use_take_folder && renderer_settings.left_out.empty();
   renderer_settings.kept = std::make_shared<KeptResults>(renderer_settings.kept_bytes);
   evaluation.cameras = take.camera_count() - static_cast<int>(renderer_settings.left_out.size());
   const auto tolerance =

@@ -47,7 +47,8 @@ struct EvaluationSettings {
   int repeat = 0;
   bool count_needed_pixels = true;  ///< renders each view once more, to count
   BlendSpace blend_space = BlendSpace::kPerceptual;
-  bool use_take_folder = true;         ///< as RendererSettings: false measures what is derived anew
+  /// As RendererSettings: false measures what is derived anew. Not used with cameras left out.
+  bool use_take_folder = true;
   std::filesystem::path image_folder;  ///< rendered views as PNG go here; empty: nowhere
   std::size_t cache_bytes = std::size_t{1} << 30;
   std::function<void(const EvaluatedPicture&)> on_picture;  ///< sees every view; may be empty

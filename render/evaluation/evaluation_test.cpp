@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "render/methods.h"
 #include "render/view/synthetic_take.h"
@@ -127,6 +128,26 @@ TEST_F(EvaluatedTake, EveryNthView) {
   evaluation.notes = {"auto: focal_plane: it is enough"};
   EXPECT_THAT(evaluation_as_text(evaluation),
               HasSubstr("\nnote: auto: focal_plane: it is enough\n"));
+}
+
+TEST_F(EvaluatedTake, WhatFewerCamerasTellIsNotKeptInTheTake) {
+  const std::filesystem::path folder = folder_.path() / "take";
+  const auto files = [&folder] {
+    std::set<std::filesystem::path> all;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+      all.insert(entry.path());
+    }
+    return all;
+  };
+  const auto before = files();
+  settings_.method = "depth";
+  settings_.options = {{"near", 3.0}, {"far", 6.0}};
+  const Take take(folder);
+  EXPECT_GT(evaluate(take).mean.quality.psnr_db, 20);
+  EXPECT_EQ(files(), before);
+  settings_.camera_step = 2;
+  evaluate(take);
+  EXPECT_EQ(files(), before);
 }
 
 TEST_F(EvaluatedTake, ReportsAllOptionsAndWhatTheMethodHasToSay) {

@@ -89,6 +89,8 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
 }  // namespace
 
 Method automatic_method() {
+  static constexpr MethodPreset kPresets[]{{"30 dB", "target_error=30"},
+                                           {"50 ms", "target_time=0.05"}};
   return {"auto",
           "chooses among the others the cheapest that meets a target",
           kOptions,
@@ -96,7 +98,7 @@ Method automatic_method() {
           [](const ViewRequest& request) { return render_with(request, true); },
           nullptr,
           true,
-          {},
+          kPresets,
           false,
           false};
 }

@@ -83,7 +83,7 @@ Trade measure_trade(const Take& take, const ViewsDocument& views,
 // What comes of it, documented in docs/formats/trade.md.
 std::string trade_as_csv(const Trade& trade);
 std::string trade_as_json(const Trade& trade);  ///< schema "raystage/trade/1"
-/// A Markdown table, its columns aligned.
+/// A Markdown table, its columns aligned, and below it what methods have to say of their rows.
 std::string trade_as_table(const Trade& trade);
 /// One self-contained page: charts, pictures to flip between, the table.
 std::string trade_as_page(const Trade& trade);

@@ -110,6 +110,24 @@ std::string trade_as_json(const Trade& trade) {
   return format_json(document);
 }
 
+namespace {
+
+/// What methods have to say of their rows, e.g. what auto chose: a list below the table.
+std::string notes_of(const Trade& trade) {
+  std::string text;
+  for (const TradeRow& row : trade.rows) {
+    std::string setting = row.setting.label;
+    if (row.camera_step > 1) setting += fmt::format(", {} cameras", row.evaluation.cameras);
+    for (const std::string& note : row.evaluation.notes) {
+      const std::string line = fmt::format("* {}: {}\n", setting, note);
+      if (text.find(line) == std::string::npos) text += line;  // with other threads the same
+    }
+  }
+  return text.empty() ? text : "\n" + text;
+}
+
+}  // namespace
+
 std::string trade_as_table(const Trade& trade) {
   constexpr std::size_t kColumns = 12;
   using Line = std::array<std::string, kColumns>;
@@ -158,7 +176,7 @@ std::string trade_as_table(const Trade& trade) {
     }
     text += "|\n";
   }
-  return text;
+  return text + notes_of(trade);
 }
 
 }  // namespace raystage

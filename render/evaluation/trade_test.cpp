@@ -161,6 +161,23 @@ TEST_F(MeasuredTake, ThePageSaysWhatMethodsHaveToSay) {
   Trade trade = measure();
   trade.rows[0].evaluation.notes = {"near < far"};
   EXPECT_THAT(trade_as_page(trade), HasSubstr("near &lt; far"));
+  EXPECT_THAT(trade_as_table(trade), ::testing::EndsWith("|\n\n* the <near> one: near < far\n"));
+}
+
+TEST_F(MeasuredTake, SaysWhatAutoChoseForATarget) {
+  plan_.settings.clear();
+  for (const TradeSetting& setting : default_trade_settings()) {
+    if (setting.method == "auto") plan_.settings.push_back(setting);
+  }
+  std::vector<std::string> labels;
+  for (const TradeSetting& setting : plan_.settings) labels.push_back(setting.label);
+  EXPECT_THAT(labels, ::testing::ElementsAre("auto", "auto 30 dB", "auto 50 ms"));
+  plan_.settings.erase(plan_.settings.begin());  // depth, which takes its time
+  const Trade trade = measure();
+  const std::string table = trade_as_table(trade);
+  EXPECT_THAT(table, HasSubstr("\n* auto 30 dB: auto: focal_plane: "));
+  EXPECT_THAT(table,
+              HasSubstr("\n* auto 50 ms: auto: plane_sweep: the most accurate within 50 ms"));
 }
 
 TEST_F(MeasuredTake, AStopLeavesWhatIsFinished) {

@@ -36,7 +36,7 @@ struct ViewRequest {
   int supersampling = 1;  ///< the view has so many pixels along each axis for one that is wanted
 };
 
-/// Options that make a method cheaper or finer than it is unless told, for those who compare.
+/// Options worth comparing with the method as it is unless told: cheaper, finer, or with a target.
 struct MethodPreset {
   std::string_view name;     ///< e.g. "fast"
   std::string_view options;  ///< "NAME=VALUE,..."

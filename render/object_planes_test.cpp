@@ -242,6 +242,7 @@ TEST_F(CardBeforeWall, AgreesWithTheReference) {
       EXPECT_LE(differ, 2U) << method;
       EXPECT_GT(near, 500U);
       EXPECT_GT(fast.statistics.pixels_needed, 1000);
+      EXPECT_EQ(fast.statistics.working_bytes, bytes_of_view(view));  // of the card's own
     }
   }
 }

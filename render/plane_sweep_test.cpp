@@ -18,6 +18,9 @@
 namespace raystage {
 namespace {
 
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::SyntheticTake;
 
 constexpr double kDegree = std::numbers::pi / 180;
@@ -252,6 +255,8 @@ TEST_F(PlaneSweep, WorksInTheMemoryThatItIsGivenAndSaysHowMuch) {
   EXPECT_GT(wanted, 500'000U);
   RendererSettings little;
   little.working_bytes = wanted * 3 / 4;
+  const auto beyond =
+      Contains(HasSubstr("a view of 90x64 takes more memory to work with than its share, 0 MB"));
   const RenderedView image = render(take, a_view(), {}, little);
   EXPECT_LE(image.statistics.working_bytes, little.working_bytes);
   EXPECT_EQ(image.rgba, all.rgba);
@@ -259,6 +264,13 @@ TEST_F(PlaneSweep, WorksInTheMemoryThatItIsGivenAndSaysHowMuch) {
   const RenderedView least = render(take, a_view(), {}, little);
   EXPECT_GT(least.statistics.working_bytes, 0U);
   EXPECT_LE(least.statistics.working_bytes, image.statistics.working_bytes);
+  EXPECT_THAT(image.notes, Not(beyond));
+  EXPECT_THAT(least.notes, beyond);
+  // Boxes, too: rows of a volume for each thread, the frames' luma and the map.
+  const RenderedView box = render(take, a_view(), {{"aggregation", std::string("box")}});
+  EXPECT_GT(box.statistics.working_bytes, 90U * 64 * 5);
+  EXPECT_LT(box.statistics.working_bytes, wanted);
+  EXPECT_THAT(render(take, a_view(), {{"aggregation", std::string("box")}}, little).notes, beyond);
 }
 
 TEST_F(PlaneSweep, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
@@ -341,7 +353,6 @@ TEST_F(PlaneSweep, RendersLinearBlendAndDistortedViews) {
 }
 
 TEST_F(PlaneSweep, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
-  using ::testing::HasSubstr;
   const Take take = write(slanted(2, 2));
   const OptionValues deep{{"near", 0.01}};
   RendererSettings slow;

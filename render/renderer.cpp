@@ -143,8 +143,9 @@ RaySurface surface_met(const Method& method, const MethodOptions& options,
     return hull(options, instant, kept);
   }
   if (method.name == "lumigraph") {
+    std::size_t took = 0;
     return proxy_surface(options, focal_plane, instant, kept, settings.working_bytes,
-                         settings.use_take_folder);
+                         settings.use_take_folder, took);
   }
   if (method.name == "depth") return by_depth(options);
   if (method.name == "plane_sweep") {

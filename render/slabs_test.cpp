@@ -256,6 +256,9 @@ TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   const std::size_t node = 8 * 200 * 160;
   little.working_bytes = 9 * node;  // not all sixteen at once
   const RenderedView in_bands = render(little);
+  EXPECT_GT(in_bands.statistics.working_bytes, 4 * node);
+  EXPECT_LE(in_bands.statistics.working_bytes, little.working_bytes);
+  EXPECT_GT(image.statistics.working_bytes, little.working_bytes);
   EXPECT_EQ(in_bands.rgba, image.rgba);
   EXPECT_EQ(in_bands.coverage, image.coverage);
   little.working_bytes = node;

@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/depth/camera_depths.h"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <numbers>
 #include <utility>
 
@@ -42,6 +45,9 @@ class Solver {
     refinement_ = {positions_read(settings.witnesses), true, true};
     memory_ =
         plan_solve_memory({guess_, agreement_, refinement_}, pixels, camera_bytes(), working_bytes);
+    const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+    depths_.working_bytes =
+        memory_.held + std::min(memory_.in_flight, threads) * std::min(memory_.each, most_used());
   }
 
   CameraDepths solve() {
@@ -112,6 +118,19 @@ class Solver {
       most.plenty = std::max(most.plenty, kPlenty * pixels);
     }
     most.least += kSmall;
+    return most;
+  }
+
+  /// Of the camera that takes most, however much it gets.
+  std::size_t most_used() const {
+    std::size_t most = camera_bytes().least;
+    for (const int camera : members_) {
+      const CostVolume volume = volume_of(camera);
+      if (volume.planes <= 1) continue;
+      constexpr std::size_t kAll = std::numeric_limits<std::size_t>::max();
+      most = std::max(most,
+                      kGuessBytes * pixels_of(pinhole(camera)) + semi_global_bytes(volume, kAll));
+    }
     return most;
   }
 

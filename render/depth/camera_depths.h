@@ -53,6 +53,7 @@ struct CameraDepths {
   /// over the rig); 0 where no two cameras see the same from different places.
   double pixel = 0;
   std::vector<InverseDepthMap> nearest;  ///< nearest_of_blocks() of the maps; see find_nearest()
+  std::size_t working_bytes = 0;  ///< that finding them took, beside them; 0 where they were read
 
   void find_nearest();
   std::size_t bytes() const;

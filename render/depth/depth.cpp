@@ -39,6 +39,7 @@ class Frame {
     const auto decoded = Clock::now();
     blend(image);
     image.notes = plan_.notes;
+    image.statistics.working_bytes = plan_.working_bytes;
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);

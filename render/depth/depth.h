@@ -46,16 +46,17 @@ struct Plan {
   std::shared_ptr<const CameraDepths> depths;
   InverseDepthMap view_depths;     ///< of the pinhole's pixels; all known
   std::vector<std::string> notes;  ///< see RenderedView::notes
+  std::size_t working_bytes = 0;   ///< that it took: see RenderStatistics
 };
 /// nullopt where the view sees nothing of the scene.
 std::optional<Plan> plan(const ViewRequest& request);
 
 /// The depths of an instant's cameras as the method has them with its options as they are unless
 /// told, but between these depths of the `scene`: kept likewise, in `kept` and, with `keep`, in the
-/// take.
+/// take. `took`: raised to the bytes worked in where they are found now.
 std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, KeptResults& kept,
                                                        std::size_t working_bytes, bool keep,
-                                                       const DepthRange& scene);
+                                                       const DepthRange& scene, std::size_t& took);
 
 /// Where any ray meets what the method finds with these `options` of its own, kept and taken from
 /// where its views' depths are (see depth_surface); `instant`'s rig must live on. Throws Error (bad

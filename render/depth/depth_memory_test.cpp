@@ -3,11 +3,13 @@
 #include <gtest/gtest.h>
 #include <malloc.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
 
 #include "render/depth/depth_file.h"
 #include "render/depth/depth_store.h"
+#include "render/renderer.h"
 #include "render/view/synthetic_take.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
@@ -110,6 +112,35 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
     std::filesystem::remove_all(take.folder() / "depth");
   }
   EXPECT_GT(most, 10'000'000);  // so the smaller bounds were put to the test
+}
+
+TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {
+  if (RAYSTAGE_COUNTS_MEMORY == 0) GTEST_SKIP() << "sanitizers take memory of their own";
+  testing::SyntheticTake recorded;
+  recorded.cameras = testing::camera_grid(3, 4, 0.1, 200, 150);
+  recorded.depth_range = DepthRange{2.2, 6};
+  const TestFolder folder;
+  write_synthetic_take(recorded, folder.path() / "take");
+  const Take take(folder.path() / "take");
+  const VirtualCamera view = virtual_camera_with_fov(900, 600, 0.7, {});
+  const FrameSelection frames = select_frames(take, 0, 1);
+  for (const std::size_t share : {std::size_t{1} << 30, std::size_t{15'000'000}}) {
+    RendererSettings settings;
+    settings.working_bytes = share;
+    const LightFieldRenderer renderer(take, settings);
+    const Reconstruction by_depth{"depth", {0, 0, 0, 1}};
+    renderer.render(view, frames, by_depth);  // frames, depths, threads
+    const std::ptrdiff_t before = held;
+    peak = before;
+    const RenderedView image = renderer.render(view, frames, by_depth);
+    const auto said = static_cast<std::ptrdiff_t>(image.statistics.working_bytes);
+    EXPECT_LE(said, static_cast<std::ptrdiff_t>(share));
+    // The fusion is done before the view is there: the larger of both, but not much more.
+    const auto of_view = static_cast<std::ptrdiff_t>(bytes_of_view(view));
+    const std::ptrdiff_t taken_at_most = peak - before;
+    EXPECT_LE(taken_at_most, std::max(said, of_view) * 5 / 4 + 1'000'000);
+    EXPECT_GE(taken_at_most, said * 9 / 10);
+  }
 }
 
 }  // namespace

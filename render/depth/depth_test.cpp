@@ -268,6 +268,29 @@ TEST_F(Depth, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   EXPECT_TRUE(kept_files().empty());
 }
 
+TEST_F(Depth, SaysHowMuchMemoryItTakesAndWhereThatIsMoreThanItsShare) {
+  const Take take = write(slanted(3, 3));
+  constexpr std::size_t kPixels = 90 * 64;
+  const std::size_t solved = render(take, a_view()).statistics.working_bytes;
+  const RenderedView kept = render(take, a_view());
+  EXPECT_GT(solved, 9U * 8 * 96 * 72);  // images and second maps of all cameras, at the least
+  EXPECT_GE(kept.statistics.working_bytes, 16 * kPixels);
+  EXPECT_LT(kept.statistics.working_bytes, solved);
+  const auto beyond = ::testing::Contains(
+      ::testing::HasSubstr("a view of 90x64 takes more memory to work with than its share, 0 MB"));
+  EXPECT_THAT(kept.notes, ::testing::Not(beyond));
+  RendererSettings little;
+  little.working_bytes = kept.statistics.working_bytes - 1;
+  const RenderedView in_bands = render(take, a_view(), {}, little);
+  EXPECT_LE(in_bands.statistics.working_bytes, little.working_bytes);
+  EXPECT_THAT(in_bands.notes, ::testing::Not(beyond));
+  EXPECT_EQ(in_bands.rgba, kept.rgba);
+  little.working_bytes = 0;
+  const RenderedView least = render(take, a_view(), {}, little);
+  EXPECT_EQ(least.rgba, kept.rgba);
+  EXPECT_THAT(least.notes, beyond);
+}
+
 TEST_F(Depth, KeepsDepthsInTheTakeAndUsesThem) {
   const Take take = write(slanted(2, 3));
   const RenderedView first = render(take, a_view());

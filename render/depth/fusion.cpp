@@ -114,6 +114,43 @@ void vote_in_tile(const VirtualCamera& view, std::span<const DepthReport> report
   }
 }
 
+/// Rows of tiles that are warped and voted on at a time.
+struct TileBand {
+  int first = 0, end = 0;
+  std::size_t bytes = 0;  ///< of the warped depths
+};
+
+/// As many rows each as fit `room`, at least one.
+std::vector<TileBand> bands_within(const VirtualCamera& view, std::span<const DepthReport> reports,
+                                   std::size_t room) {
+  constexpr std::size_t kTileBytes = sizeof(float) * kDepthTile * kDepthTile;
+  const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
+  const std::size_t tiles = depth_tile_count(view);
+  // Of each report: where its tiles are, and the tile that is none.
+  const std::size_t tables = reports.size() * (sizeof(std::int32_t) * tiles + kTileBytes);
+  std::vector<TileBand> bands;
+  for (std::size_t row = 0; row < tiles / columns; ++row) {
+    std::size_t bytes = 0;
+    for (const DepthReport& report : reports) {
+      const auto of_row = std::span(report.weights).subspan(row * columns, columns);
+      bytes += kTileBytes * static_cast<std::size_t>(std::ranges::count_if(of_row, counts));
+    }
+    const int at = static_cast<int>(row);
+    if (bands.empty() || bands.back().bytes + bytes > room) bands.push_back({at, at, tables});
+    bands.back().end = at + 1;
+    bands.back().bytes += bytes;
+  }
+  return bands;
+}
+
+/// Beside the warped depths: what is fused, and how many agree.
+std::size_t fused_bytes(const VirtualCamera& view) { return 2 * sizeof(float) * pixels_of(view); }
+
+std::vector<TileBand> bands_of(const VirtualCamera& view, std::span<const DepthReport> reports,
+                               std::size_t working_bytes) {
+  return bands_within(view, reports, working_bytes - std::min(working_bytes, fused_bytes(view)));
+}
+
 }  // namespace
 
 std::vector<std::array<float, 4>> even_weights(const VirtualCamera& view, float weight) {
@@ -122,21 +159,37 @@ std::vector<std::array<float, 4>> even_weights(const VirtualCamera& view, float 
   return weights;
 }
 
+std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthReport> reports,
+                         std::size_t working_bytes) {
+  std::size_t most = fused_bytes(view);  // with gaps filled, and smoothed: as much again
+  for (const TileBand& band : bands_of(view, reports, working_bytes)) {
+    most = std::max(most, band.bytes);
+  }
+  return fused_bytes(view) + most;
+}
+
 InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
                             const FusionSettings& settings) {
-  const std::size_t tiles = depth_tile_count(view);
-  std::vector<DepthTiles> warped(reports.size());
-  raystage::parallel_for(std::size_t{0}, reports.size(), [&](std::size_t i) {
-    std::vector<std::uint8_t> wanted;
-    for (const CornerWeights& weights : reports[i].weights) wanted.push_back(counts(weights));
-    warped[i] = warp_depths(*reports[i].map, *reports[i].camera, view, wanted, reports[i].nearest);
-  });
+  const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
   InverseDepthMap fused{view.width, view.height, {}};
   fused.values.resize(pixels_of(view));
   std::vector<float> share(pixels_of(view));
-  raystage::parallel_for(std::size_t{0}, tiles, [&](std::size_t tile) {
-    vote_in_tile(view, reports, warped, tile, settings.tolerance, fused, share);
-  });
+  for (const TileBand& band : bands_of(view, reports, settings.working_bytes)) {
+    const std::size_t first = static_cast<std::size_t>(band.first) * columns;
+    const std::size_t end = static_cast<std::size_t>(band.end) * columns;
+    std::vector<DepthTiles> warped(reports.size());
+    raystage::parallel_for(std::size_t{0}, reports.size(), [&](std::size_t i) {
+      std::vector<std::uint8_t> wanted(depth_tile_count(view));
+      for (std::size_t tile = first; tile < end; ++tile) {
+        wanted[tile] = counts(reports[i].weights[tile]) ? 1 : 0;
+      }
+      warped[i] =
+          warp_depths(*reports[i].map, *reports[i].camera, view, wanted, reports[i].nearest);
+    });
+    raystage::parallel_for(first, end, [&](std::size_t tile) {
+      vote_in_tile(view, reports, warped, tile, settings.tolerance, fused, share);
+    });
+  }
   return median(filled(fused, share, settings.least_share), settings.line_tolerance);
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <limits>
 #include <span>
 #include <vector>
@@ -27,6 +28,8 @@ struct FusionSettings {
   float least_share = 0;  ///< of the weights that must agree on a depth, 0 to 1
   /// 1/m: see median_row(); infinite: lines one pixel wide go with other outliers.
   float line_tolerance = std::numeric_limits<float>::infinity();
+  /// Cameras' depths are warped for as many rows of tiles at a time as fit; for one at the least.
+  std::size_t working_bytes = std::numeric_limits<std::size_t>::max();
 };
 /// What several cameras say of a view's depths (kMostReports a tile): the depth that most agree on
 /// (vote). Where too few do, the farthest of the depths next in the row and column, as it is
@@ -34,6 +37,10 @@ struct FusionSettings {
 /// kUnknownDepth where nothing is near.
 InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
                             const FusionSettings& settings);
+/// Memory that it takes beside its arguments where so much is granted: 8 bytes a pixel, and 4 a
+/// pixel for each report that counts there in the rows of tiles that it is at; 16 at the least.
+std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthReport> reports,
+                         std::size_t working_bytes);
 
 /// How alike neighbouring pixels are, 0 to 1: of each pixel and the one left of it, and above it.
 struct PixelLinks {

@@ -221,6 +221,37 @@ TEST(FuseDepths, WeightsGoOverFromCameraToCamera) {
   EXPECT_FLOAT_EQ(fused.at(36, 15), 0.4F);
 }
 
+TEST(FuseDepths, InBandsOfRowsTheSameInLessMemory) {
+  const VirtualCamera view = camera_at({0, 0, 0}, 170, 230);
+  std::mt19937 random(3);
+  std::vector<VirtualCamera> cameras;
+  std::vector<InverseDepthMap> maps, nearest;
+  for (int i = 0; i < 6; ++i) {
+    cameras.push_back(camera_at({0.1 * i - 0.3, 0.05 * i, -0.1 * i}, 160, 220));
+    maps.push_back(flat(cameras.back(), 0));
+    for (float& depth : maps.back().values) {
+      const unsigned choice = random() % 10;
+      depth = choice == 0 ? kUnknownDepth : 0.3F + 0.02F * static_cast<float>(choice);
+    }
+    nearest.push_back(nearest_of_blocks(maps.back()));
+  }
+  std::vector<DepthReport> reports;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    reports.push_back({&maps[i], &cameras[i], even_weights(view, 1), &nearest[i]});
+    reports.back().weights[i] = {};  // a tile where it does not count
+  }
+  const InverseDepthMap whole = fuse_depths(view, reports, {0.03F, 0.3F});
+  const std::size_t most = fusion_bytes(view, reports, std::size_t{1} << 30);
+  std::size_t last = most;
+  for (const std::size_t bytes : {most - 1, most * 2 / 3, std::size_t{0}}) {
+    const std::size_t takes = fusion_bytes(view, reports, bytes);
+    EXPECT_LT(takes, last);
+    last = takes;
+    EXPECT_TRUE(takes <= bytes || bytes == 0) << takes;
+    EXPECT_EQ(fuse_depths(view, reports, {0.03F, 0.3F, bytes}).values, whole.values);
+  }
+}
+
 TEST(SmoothAlongLinks, SpreadsWithinAndNotAcross) {
   constexpr int kWidth = 70, kHeight = 9;
   PixelLinks links;

@@ -14,6 +14,7 @@
 #include "render/depth/temporal.h"
 #include "render/depth/warp.h"
 #include "render/view/scene_depths.h"
+#include "render/view/working_memory.h"
 #include "schemas/parallel.h"
 
 namespace raystage {
@@ -92,9 +93,11 @@ struct KeptDepths {
   std::vector<std::string> notes;
 };
 
+/// `took`: raised to the bytes worked in where they are found now.
 std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResults& kept_results,
                                                 std::size_t working_bytes,
-                                                const DepthSettings& solving, bool keep) {
+                                                const DepthSettings& solving, bool keep,
+                                                std::size_t& took) {
   return kept_results.get<KeptDepths>(key_of(instant, solving), [&](std::size_t& bytes) {
     auto kept = std::make_shared<KeptDepths>();
     std::string note;
@@ -110,6 +113,7 @@ std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResu
     }
     kept->depths.find_nearest();
     bytes = kept->depths.bytes();
+    took = std::max(took, kept->depths.working_bytes);
     return kept;
   });
 }
@@ -141,11 +145,12 @@ MatchingImage picture_of(const Instant& instant, std::size_t camera, const Camer
 /// cameras at a time as fit `working_bytes`.
 std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptResults& kept_results,
                                                   std::size_t working_bytes,
-                                                  const DepthSettings& solving, bool keep) {
+                                                  const DepthSettings& solving, bool keep,
+                                                  std::size_t& took) {
   const std::string key = "steadied " + key_of(instant, solving);
   return kept_results.get<KeptDepths>(key, [&](std::size_t& bytes) {
     const auto depths_at = [&](const Instant& at) {
-      return camera_depths(at, kept_results, working_bytes, solving, keep);
+      return camera_depths(at, kept_results, working_bytes, solving, keep, took);
     };
     struct Other {
       Instant instant;
@@ -163,6 +168,7 @@ std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptRe
     for (const InverseDepthMap& map : depths.maps) most = std::max(most, map.values.size());
     const std::size_t in_flight =
         std::clamp<std::size_t>(working_bytes / (most * kBytesPerPixel), 1, depths.maps.size());
+    took = std::max(took, in_flight * most * kBytesPerPixel);
     const auto never = [] { return false; };
     for_each_in_flight(depths.maps.size(), in_flight, never, [&](std::size_t i) {
       if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
@@ -182,9 +188,10 @@ std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptRe
 }
 
 std::shared_ptr<const KeptDepths> depths_by(const Settings& settings, const Instant& instant,
-                                            KeptResults& kept_results, std::size_t working_bytes) {
+                                            KeptResults& kept_results, std::size_t working_bytes,
+                                            std::size_t& took) {
   const auto depths_of = settings.temporal ? steadied_depths : camera_depths;
-  return depths_of(instant, kept_results, working_bytes, settings.solving, settings.keep);
+  return depths_of(instant, kept_results, working_bytes, settings.solving, settings.keep, took);
 }
 
 /// What cameras say of a view's depths: they count as they would if its rays were blended from few
@@ -210,7 +217,8 @@ std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepth
   return all;
 }
 
-InverseDepthMap depths_of_view(const Plan& plan, const Instant& instant) {
+/// Adds to the plan what it takes.
+InverseDepthMap depths_of_view(Plan& plan, const ViewRequest& request) {
   const VirtualCamera& view = plan.pinhole;
   // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
   // alike and any tolerance will do.
@@ -218,11 +226,16 @@ InverseDepthMap depths_of_view(const Plan& plan, const Instant& instant) {
   constexpr float kLeastShare = 0.2F;
   constexpr int kBest = 8;
   static_assert(4 * kBest <= kMostReports, "a tile's corners may all choose others");
+  const Instant& instant = request.instant;
   const CameraField field(view, *instant.rig, cameras_of(instant, false), plan.range, kBest);
+  const std::vector<DepthReport> reports = reports_for(field, *plan.depths);
+  const std::size_t bytes = fusion_bytes(view, reports, request.working_bytes);
+  plan.working_bytes = std::max(plan.working_bytes, bytes);
+  if (bytes > request.working_bytes) plan.notes.push_back(more_than_its_share("depth", request));
   const auto thick = static_cast<float>(pixel / 2);
   // Wires that fall on one column of pixels in this view and on two in the next must not break.
   InverseDepthMap map =
-      fuse_depths(view, reports_for(field, *plan.depths), {thick, kLeastShare, thick});
+      fuse_depths(view, reports, {thick, kLeastShare, thick, request.working_bytes});
   const auto behind = static_cast<float>(plan.range.farthest);
   for (float& depth : map.values) {
     if (depth < 0) depth = behind;
@@ -242,37 +255,45 @@ std::optional<Plan> plan(const ViewRequest& request) {
       request.view.pose);
   const InverseDepthRange range = inverse_depths_in_view(request.view, rig, settings.solving.scene);
   if (range.empty()) return std::nullopt;
+  std::size_t took = 0;
   const std::shared_ptr<const KeptDepths> kept =
-      depths_by(settings, request.instant, request.kept, request.working_bytes);
+      depths_by(settings, request.instant, request.kept, request.working_bytes, took);
   const auto field_of = [&](bool absent_too) {
     return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,
                        settings.cameras);
   };
-  Plan result{settings,     pinhole,
-              range,        field_of(false),
-              std::nullopt, std::shared_ptr<const CameraDepths>(kept, &kept->depths),
-              {},           {}};
+  Plan result{settings,
+              pinhole,
+              range,
+              field_of(false),
+              std::nullopt,
+              std::shared_ptr<const CameraDepths>(kept, &kept->depths),
+              {},
+              {},
+              0};
   if (request.instant.present != request.instant.complete) {
     result.complete.emplace(field_of(true));
   }
   result.notes = kept->notes;
-  result.view_depths = depths_of_view(result, request.instant);
+  result.working_bytes = took;
+  result.view_depths = depths_of_view(result, request);
   return result;
 }
 
 std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, KeptResults& kept,
                                                        std::size_t working_bytes, bool keep,
-                                                       const DepthRange& scene) {
+                                                       const DepthRange& scene, std::size_t& took) {
   DepthSettings solving;
   solving.scene = scene;
-  const auto found = camera_depths(instant, kept, working_bytes, solving, keep);
+  const auto found = camera_depths(instant, kept, working_bytes, solving, keep, took);
   return {found, &found->depths};
 }
 
 RaySurface surface_by(const MethodOptions& options, const Instant& instant, KeptResults& kept,
                       std::size_t working_bytes, bool use_take_folder) {
   const Settings settings = settings_of(options, *instant.take, use_take_folder);
-  const auto found = depths_by(settings, instant, kept, working_bytes);
+  std::size_t took = 0;
+  const auto found = depths_by(settings, instant, kept, working_bytes, took);
   return depth_surface({found, &found->depths}, *instant.rig, settings.solving.scene);
 }
 

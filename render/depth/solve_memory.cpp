@@ -58,7 +58,7 @@ SolveMemory plan_solve_memory(const std::vector<SolvePass>& passes,
     const std::size_t room = working_bytes - std::min(working_bytes, held);
     if (room >= plenty || (group == 1 && room >= camera.least)) {
       const std::size_t in_flight = std::clamp<std::size_t>(room / plenty, 1, group);
-      return {group, in_flight, room / in_flight};
+      return {group, in_flight, room / in_flight, held};
     }
     if (group == 1) break;
   }

@@ -29,6 +29,7 @@ struct SolveMemory {
   std::size_t group = 1;      ///< cameras
   std::size_t in_flight = 1;  ///< cameras worked on at once
   std::size_t each = 0;       ///< bytes for each of these, at least CameraBytes::least
+  std::size_t held = 0;       ///< bytes of images and new maps, at most
 };
 
 /// The largest group that leaves plenty for a camera. `pixels`: of each camera's map. Throws Error

@@ -88,6 +88,7 @@ class LumigraphFrame {
       if (block.present.empty()) leave_empty(block, image);
       for_each_row(block, scratch, [&](int y) { blend_row(block, y, scratch, image); });
     });
+    image.statistics.working_bytes = bytes_worked_in();
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
@@ -98,6 +99,14 @@ class LumigraphFrame {
   std::size_t at(int x, int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
            static_cast<std::size_t>(x);
+  }
+
+  std::size_t bytes_worked_in() const {
+    std::size_t bytes = inverse_distance_.size() * sizeof(float) + blocks_.size() * sizeof(Block);
+    for (const Block& block : blocks_) {
+      bytes += (block.present.capacity() + block.complete.capacity()) * sizeof(int);
+    }
+    return bytes;
   }
 
   Vector3d direction(double x, double y) const {

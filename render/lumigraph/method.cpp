@@ -1,4 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
 #include <string>
 
 #include "render/depth/depth.h"
@@ -15,19 +16,26 @@ std::filesystem::path mesh_file(const MethodOptions& options, const Take& take) 
   return take.folder() / options.text("mesh");
 }
 
-RaySurface surface_of(const ViewRequest& r) {
+RaySurface surface_of(const ViewRequest& r, std::size_t& took) {
   return proxy_surface(r.options, r.focal_plane, r.instant, r.kept, r.working_bytes,
-                       r.use_take_folder);
+                       r.use_take_folder, took);
 }
 
 RenderedView by_lumigraph(const ViewRequest& request) {
   const bool field = request.options.text("weights") == "blending_field";
-  return render_lumigraph(request, surface_of(request), ray_weighing(request.options),
-                          field ? WeightField::kBlendingField : WeightField::kPerPixel);
+  std::size_t took = 0;
+  const RaySurface surface = surface_of(request, took);
+  RenderedView image =
+      render_lumigraph(request, surface, ray_weighing(request.options),
+                       field ? WeightField::kBlendingField : WeightField::kPerPixel);
+  image.statistics.working_bytes = std::max(image.statistics.working_bytes, took);
+  return image;
 }
 
 RenderedView by_lumigraph_reference(const ViewRequest& request) {
-  return render_lumigraph_reference(request, surface_of(request), ray_weighing(request.options));
+  std::size_t took = 0;
+  return render_lumigraph_reference(request, surface_of(request, took),
+                                    ray_weighing(request.options));
 }
 
 DepthRange scene_of(const Take& take) {
@@ -59,7 +67,7 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
 
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
                          const Instant& instant, KeptResults& kept, std::size_t working_bytes,
-                         bool use_take_folder) {
+                         bool use_take_folder, std::size_t& took) {
   RaySurface on_plane = plane_surface(plane);
   check(options, *instant.take);
   const std::string& proxy = options.text("proxy");
@@ -67,7 +75,7 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
   if (proxy == "depth") {
     const DepthRange scene = scene_of(*instant.take);
     return depth_surface(
-        depth::depths_unless_told(instant, kept, working_bytes, use_take_folder, scene),
+        depth::depths_unless_told(instant, kept, working_bytes, use_take_folder, scene, took),
         *instant.rig, scene);
   }
   const std::filesystem::path file = mesh_file(options, *instant.take);

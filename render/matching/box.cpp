@@ -86,7 +86,17 @@ class BoxStrip {
   std::vector<std::uint16_t> column_sums_, window_, nothing_;
 };
 
+int strips_of(const CostVolume& volume) { return (volume.height + kStripRows - 1) / kStripRows; }
+
 }  // namespace
+
+std::size_t box_bytes(const CostVolume& volume, int radius, int threads) {
+  const auto stride = static_cast<std::size_t>(plane_stride(volume.planes));
+  const std::size_t row = stride * static_cast<std::size_t>(volume.width);
+  const std::size_t strip =
+      row * static_cast<std::size_t>(2 * radius + 2) + (row + 2 * stride) * sizeof(std::uint16_t);
+  return strip * static_cast<std::size_t>(std::min(threads, strips_of(volume)));
+}
 
 PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius, bool sub_plane) {
   if (volume.width < 1 || volume.height < 1 || volume.planes < 1 || radius < 0 || radius > 7) {
@@ -97,8 +107,7 @@ PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius, 
       static_cast<std::size_t>(volume.width) * static_cast<std::size_t>(volume.height);
   map.plane.resize(pixels);
   map.cost.resize(pixels);
-  const int strips = (volume.height + kStripRows - 1) / kStripRows;
-  raystage::parallel_for(0, strips, [&](int strip) {
+  raystage::parallel_for(0, strips_of(volume), [&](int strip) {
     BoxStrip(volume, fill, radius, sub_plane)
         .match(strip * kStripRows, std::min(volume.height, (strip + 1) * kStripRows), map);
   });

@@ -61,8 +61,12 @@ PlaneMap semi_global_match(const CostVolume& volume, const FillCosts& fill,
 std::size_t semi_global_bytes(const CostVolume& volume, std::size_t working_bytes);
 
 /// The plane of least cost summed over the square of pixels up to `radius` (0 to 7) away, cut off
-/// at the image's border. Memory: 2 radius + 4 rows of the volume a thread.
+/// at the image's border. Memory beside the result: box_bytes().
 PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius, bool sub_plane);
+
+/// Memory that box_match() takes beside its result on so many threads: 2 radius + 4 rows of the
+/// volume each.
+std::size_t box_bytes(const CostVolume& volume, int radius, int threads);
 
 /// The slow, obvious ones: the same to the bit.
 PlaneMap semi_global_match_reference(const CostVolume& volume, const FillCosts& fill,

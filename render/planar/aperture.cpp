@@ -78,6 +78,9 @@ class ApertureFrame {
       blend_aperture_run(run_of(span, y), instant_.cache->blend_space(), full_scale,
                          &image.rgba[at * 4], &image.coverage[at], &image.z[at]);
     });
+    if (depths_ && request_.supersampling > 1) {  // of the view's size: made for it alone
+      image.statistics.working_bytes = depths_->inverse.size() * sizeof(float);
+    }
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);

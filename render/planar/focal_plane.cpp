@@ -235,6 +235,7 @@ RenderedView on_planes(const ViewRequest& r, const std::vector<ObjectPlane>& obj
     add_region(render_focal_plane(r.view, r.instant, objects[i].plane, weights,
                                   r.count_needed_pixels, &regions[i]),
                regions[i], image);
+    image.statistics.working_bytes = bytes_of_view(r.view);  // one object's at a time
   }
   return image;
 }

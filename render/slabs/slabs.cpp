@@ -63,6 +63,10 @@ class SlabFrame {
       const int end = end_of_band(begin, needed);
       const auto planned = Clock::now();
       fetch(needed, image.statistics);
+      const auto held = static_cast<std::size_t>(
+          std::ranges::count_if(held_, [](const auto& node) { return node != nullptr; }));
+      image.statistics.working_bytes =
+          std::max(image.statistics.working_bytes, held * node_image_bytes(slab_));
       const auto fetched = Clock::now();
       for_each_row(begin, end, [&](int y) { sample_row(y, image); });
       image.statistics.decode_ms += milliseconds(fetched - planned);

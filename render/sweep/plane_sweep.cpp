@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/sweep/plane_sweep.h"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <atomic>
 #include <chrono>
@@ -10,6 +12,7 @@
 #include "render/sampling/depth_planning.h"
 #include "render/sweep/cost_kernels.h"
 #include "render/sweep/field_coverage.h"
+#include "render/view/working_memory.h"
 #include "schemas/parallel.h"
 
 namespace raystage::plane_sweep {
@@ -40,6 +43,9 @@ class Frame {
     decode(image.statistics);
     const auto decoded = Clock::now();
     const PlaneMap map = match(image.statistics);
+    if (image.statistics.working_bytes > request_.working_bytes) {
+      image.notes.push_back(more_than_its_share("plane_sweep", request_));
+    }
     blend(map, image);
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
@@ -172,10 +178,15 @@ class Frame {
         statistics.working_bytes += MatchingFrame::bytes(opened.matching_frame.box());
       }
     }
+    constexpr std::size_t kMapBytes = sizeof(float) + 1;  // of a pixel of the result
+    statistics.working_bytes +=
+        kMapBytes * static_cast<std::size_t>(view_.width) * static_cast<std::size_t>(view_.height);
     const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs.data()); };
     if (s.aggregation != Aggregation::kSemiGlobal) {
-      return box_match(volume, fill, s.aggregation == Aggregation::kBox ? s.box_radius : 0,
-                       s.sub_plane);
+      const int radius = s.aggregation == Aggregation::kBox ? s.box_radius : 0;
+      statistics.working_bytes +=
+          box_bytes(volume, radius, tbb::this_task_arena::max_concurrency());
+      return box_match(volume, fill, radius, s.sub_plane);
     }
     SemiGlobalSettings settings;
     settings.p1 = s.p1;

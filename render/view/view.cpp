@@ -20,6 +20,11 @@ VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_f
   return {width, height, {focal_length, focal_length, width / 2.0, height / 2.0, {}}, pose};
 }
 
+std::size_t bytes_of_view(const VirtualCamera& view) {
+  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * 6 *
+         sizeof(float);
+}
+
 RenderedView empty_view(const VirtualCamera& view) {
   RenderedView image = unset_view(view);
   // By all threads: memory that is new to the process is fetched page by page as it is written.

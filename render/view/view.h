@@ -36,8 +36,9 @@ struct RenderStatistics {
   std::int64_t pixels_needed =
       0;                 ///< distinct source pixels with a weight; only counted on request
   int cameras_used = 0;  ///< that contribute to some pixel
-  /// Working buffers held at once, as the method reckons (ViewRequest::working_bytes); 0 where it
-  /// works in little or does not say.
+  /// Working buffers held at once, as the method reckons, beside the view, decoded frames and what
+  /// is kept for other views; with those that took what was found for this instant now. 0 where it
+  /// works in little: a few bytes a row of the view.
   std::size_t working_bytes = 0;
   /// Pixels of the cameras, along one axis, that a pixel of the view covers; 0 where none is seen.
   double source_pixels_per_pixel = 0;
@@ -91,6 +92,8 @@ struct RenderedView {
   std::vector<std::string> notes;
 };
 
+/// RGBA, coverage and depth, which every RenderedView has, bytes.
+std::size_t bytes_of_view(const VirtualCamera& view);
 /// An image of the view's size in which no camera saw a ray.
 RenderedView empty_view(const VirtualCamera& view);
 /// An image of the view's size for who writes every pixel of it.

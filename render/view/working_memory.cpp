@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/view/working_memory.h"
+
+#include <fmt/format.h>
+
+namespace raystage {
+
+std::string more_than_its_share(std::string_view method, const ViewRequest& request) {
+  // The same for all of a shot: nothing of the view but its size.
+  return fmt::format(
+      "{}: a view of {}x{} takes more memory to work with than its share, {:.0f} MB: the least "
+      "that it can do with",
+      method, request.view.width / request.supersampling,
+      request.view.height / request.supersampling,
+      static_cast<double>(request.working_bytes) / 1e6);
+}
+
+}  // namespace raystage

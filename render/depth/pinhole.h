@@ -38,9 +38,4 @@ struct PixelTransfer {
 };
 PixelTransfer pixel_transfer(const VirtualCamera& to, const VirtualCamera& from);
 
-/// The camera without distortion, at a camera's place, on whose image its depths are kept: the
-/// camera itself unless its lens distorts; else one of the same focal length whose image holds all
-/// that the frame shows, up to twice the frame's width and height.
-VirtualCamera undistorted(const CameraModel& model, const Pose& pose);
-
 }  // namespace raystage

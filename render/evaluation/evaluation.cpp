@@ -8,6 +8,7 @@
 #include <set>
 
 #include "images/image_file.h"
+#include "render/evaluation/undistorted_truth.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "schemas/atomic_file.h"
@@ -23,7 +24,7 @@ struct Subject {
   std::string id;
   VirtualCamera camera;
   Nanoseconds time = 0;
-  std::function<RgbImage()> truth;
+  std::function<Truth()> truth;
 };
 
 int index_of(const Take& take, const std::string& id) {
@@ -39,20 +40,24 @@ std::vector<Subject> subjects_of(const Take& take, const ViewsDocument& views,
   std::vector<Subject> subjects;
   for (const ViewsDocument::View& view : views.views) {
     subjects.push_back({view.geometry.id, virtual_camera_from_geometry(view.geometry), view.time_ns,
-                        [file = views_folder / view.file] { return read_image(file); }});
+                        [file = views_folder / view.file] {
+                          return Truth{read_image(file), {}};
+                        }});
   }
   for (const std::string& id : leave_out) {
     const int camera = index_of(take, id);
     const Rig::Camera& held_out = take.rig().cameras[static_cast<std::size_t>(camera)];
     const auto frames = take.archive(camera).frames();
     for (int frame = 0; frame < static_cast<int>(frames.size()); ++frame) {
-      const CameraModel& model = held_out.model;
       const std::string name = frames.size() == 1 ? id : id + "_" + std::to_string(frame);
-      subjects.push_back({name,
-                          {model.width(), model.height(), model.intrinsics(), held_out.pose},
-                          frames[static_cast<std::size_t>(frame)].time_ns,
-                          [&take, camera, frame, name] {
-                            return JpegDecoder().decode(take.archive(camera).jpeg(frame), name);
+      // Seen without distortion, as views that are rendered by the fast ways.
+      const VirtualCamera pinhole = undistorted(held_out.model, held_out.pose);
+      subjects.push_back({name, pinhole, frames[static_cast<std::size_t>(frame)].time_ns,
+                          [&take, &model = held_out.model, camera, frame, name, pinhole] {
+                            RgbImage image =
+                                JpegDecoder().decode(take.archive(camera).jpeg(frame), name);
+                            if (!model.has_distortion()) return Truth{std::move(image), {}};
+                            return undistorted_truth(image, model, pinhole);
                           }});
     }
   }
@@ -65,6 +70,21 @@ std::vector<Subject> subjects_of(const Take& take, const ViewsDocument& views,
                            "Give a views document, or cameras by --leave-out");
   }
   return chosen;
+}
+
+/// 1 per pixel that is covered and of which there is a truth.
+std::vector<std::uint8_t> measured_pixels(const RenderedView& view, const Truth& truth) {
+  std::vector<std::uint8_t> measured = covered_pixels(view);
+  for (std::size_t i = 0; i < truth.known.size() && i < measured.size(); ++i) {
+    measured[i] &= truth.known[i];
+  }
+  return measured;
+}
+
+double known_share(const Truth& truth) {
+  if (truth.known.empty()) return 1;
+  const auto known = static_cast<double>(std::ranges::count(truth.known, 1));
+  return std::max(1.0, known) / static_cast<double>(truth.known.size());
 }
 
 double focal_depth_of(const Take& take, const EvaluationSettings& settings) {
@@ -302,13 +322,14 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
     if (!settings.image_folder.empty()) {
       write_image(image, settings.image_folder / (subject.id + ".png"));
     }
-    const RgbImage truth = subject.truth();
-    const std::vector<std::uint8_t> covered = covered_pixels(view);
-    result.quality = compare_images(image, truth, covered);
-    shot_errors.add(subject.id, image, truth, covered);
+    const Truth truth = subject.truth();
+    const std::vector<std::uint8_t> covered = measured_pixels(view, truth);
+    result.quality = compare_images(image, truth.image, covered);
+    result.quality.covered /= known_share(truth);
+    shot_errors.add(subject.id, image, truth.image, covered);
     if (settings.on_picture) {
       settings.on_picture(
-          {evaluation.views.size(), subjects.size(), subject.id, image, truth, covered});
+          {evaluation.views.size(), subjects.size(), subject.id, image, truth.image, covered});
     }
     for (const std::string& note : view.notes) {
       if (std::ranges::count(evaluation.notes, note) == 0) evaluation.notes.push_back(note);

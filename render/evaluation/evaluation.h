@@ -36,7 +36,8 @@ struct EvaluationSettings {
   /// Metres in front of the array, parallel to it; nullopt: eq. 2.2 from the take's depth range.
   std::optional<double> focal_depth;
   /// Ids of cameras that do not contribute; each of their frames becomes a view with itself as
-  /// truth.
+  /// truth: where their lens distorts, both without distortion (undistorted_truth()), so that times
+  /// are those of the fast ways.
   std::vector<std::string> leave_out;
   /// Every n-th row and column of the grid contributes, counted from the first: fewer cameras.
   int camera_step = 1;

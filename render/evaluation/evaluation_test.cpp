@@ -9,11 +9,13 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "images/image_file.h"
 #include "render/methods.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 #include "schemas/test_folder.h"
+#include "store/jpeg/decode.h"
 
 namespace raystage {
 namespace {
@@ -128,6 +130,31 @@ TEST_F(EvaluatedTake, EveryNthView) {
   evaluation.notes = {"auto: focal_plane: it is enough"};
   EXPECT_THAT(evaluation_as_text(evaluation),
               HasSubstr("\nnote: auto: focal_plane: it is enough\n"));
+}
+
+/// A camera left out whose lens distorts, against its view through the lens by the reference.
+TEST_F(EvaluatedTake, ADistortedCameraIsMeasuredByTheFastWayAndNoWorse) {
+  testing::SyntheticTake distorted;
+  distorted.cameras = testing::camera_grid(3, 3, 0.05, 320, 240, {-0.15, 0.03, 0.001, 0, 0});
+  write_synthetic_take(distorted, folder_.path() / "distorted");
+  const Take take(folder_.path() / "distorted");
+  settings_.leave_out = {"r1c1"};
+  const Evaluation left_out = evaluate(take);
+  EXPECT_TRUE(left_out.notes.empty()) << left_out.notes.front();
+
+  write_image(JpegDecoder().decode(take.archive(4).jpeg(0), "frame"), folder_.path() / "r1c1.png");
+  ViewsDocument views;
+  views.color_space = "srgb_texture";
+  views.views.push_back({distorted.cameras[4], "r1c1.png", 0});
+  views.views.back().geometry.id = "lens";
+  const Evaluation both = evaluate_views(take, views, folder_.path(), settings_, [](double) {}, {});
+  ASSERT_EQ(both.views.size(), 2U);
+  EXPECT_THAT(both.notes, ElementsAre(HasSubstr("the view's lens distorts")));  // the document's
+  const ViewEvaluation &by_ray = both.views[0], &fast = both.views[1];
+  EXPECT_EQ(fast.quality.psnr_db, left_out.views[0].quality.psnr_db);
+  EXPECT_GT(fast.quality.psnr_db, 30);
+  EXPECT_NEAR(fast.quality.psnr_db, by_ray.quality.psnr_db, 1);
+  EXPECT_NEAR(fast.quality.covered, by_ray.quality.covered, 0.02);
 }
 
 TEST_F(EvaluatedTake, WhatFewerCamerasTellIsNotKeptInTheTake) {

@@ -27,6 +27,11 @@ VirtualCamera virtual_camera_from_geometry(const CameraGeometry& geometry);
 VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_fov,
                                       const Pose& pose);
 
+/// The camera without distortion, at a camera's place: the camera itself unless its lens distorts;
+/// else one of the same focal length whose image holds all that the frame shows, up to twice the
+/// frame's width and height.
+VirtualCamera undistorted(const CameraModel& model, const Pose& pose);
+
 /// What rendering a view took.
 struct RenderStatistics {
   double plan_ms = 0;               ///< geometry, and finding the source pixels that contribute

@@ -72,12 +72,9 @@ struct LightFieldRenderer::State {
 
 namespace {
 
-/// RGBA, coverage and depth, that every RenderedView has.
-constexpr std::size_t kBytesPerPixel = 6 * sizeof(float);
-
 /// With what the request and the method add to a RenderedView.
 std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settings) {
-  return kBytesPerPixel + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
+  return bytes_of_view({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
          (method.tells_nothing_there ? sizeof(float) : 0);
 }
 
@@ -91,17 +88,36 @@ int wanted_supersampling(double ratio) {
   return std::max(1, static_cast<int>(std::min(ratio, 64.0) + 0.5));
 }
 
-/// As many of them as the settings allow. The bound goes by what every view has: what is measured
-/// beside must not change the picture.
-int supersampling(double ratio, const VirtualCamera& view, const RendererSettings& settings) {
+/// Whether any rows of a view can be rendered by themselves: methods that work in little look at no
+/// pixel's neighbours. Those that follow a file of the view's own are given it for the whole view.
+bool renders_rows_alone(const Method& method, const MethodOptions& options, const Instant& instant,
+                        const VirtualCamera& view) {
+  if (!method.frames_only || !(view.intrinsics.distortion == Distortion{})) return false;
+  return method.files_read == nullptr || method.files_read(options, *instant.take, {}).empty();
+}
+
+/// How a view is sampled: `factor` times along each axis, `rows` of its rows at a time.
+struct Sampling {
+  int factor = 1, rows = 0;
+};
+
+/// The bounds go by what every view has: what is measured beside must not change the picture.
+Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSettings& settings,
+                     bool rows_alone) {
   int factor =
       std::min(wanted_supersampling(ratio), std::clamp(settings.most_supersampling, 1, 64));
-  const auto fits = [&] {
-    return pixels_of(view) * kBytesPerPixel * static_cast<std::size_t>(factor * factor) <=
-           settings.supersampling_bytes;
+  const auto row_bytes = [&] {
+    const VirtualCamera row = rows_of(view, 0, 1);
+    return bytes_of_view(row) * static_cast<std::size_t>(factor * factor);
   };
-  while (factor > 1 && !fits()) --factor;
-  return factor;
+  const std::size_t most = settings.supersampling_bytes;
+  if (rows_alone && factor > 1) {
+    const std::size_t rows = std::max<std::size_t>(1, most / row_bytes());
+    return {factor,
+            static_cast<int>(std::min<std::size_t>(rows, static_cast<std::size_t>(view.height)))};
+  }
+  while (factor > 1 && row_bytes() * static_cast<std::size_t>(view.height) > most) --factor;
+  return {factor, view.height};
 }
 
 /// source_pixels_per_pixel() where the method looks rays up: on the focal plane, or, for those that
@@ -192,28 +208,40 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   }
 
   const double ratio = filtered_pixels(view, instant, method, reconstruction.focal_plane);
-  const int factor = supersampling(ratio, view, state_->settings);
-  const VirtualCamera fine = supersampled(view, factor);
+  const auto [factor, rows] = sampling_of(ratio, view, state_->settings,
+                                          renders_rows_alone(method, options, instant, view));
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
-  const ViewRequest request{fine,
-                            instant,
-                            reconstruction.focal_plane,
-                            options,
-                            *state_->kept,
-                            state_->settings.working_bytes,
-                            state_->buffers,
-                            state_->settings.count_needed_pixels,
-                            state_->settings.measure_coverage,
-                            state_->settings.use_take_folder,
-                            factor};
   const bool by_reference = state_->settings.reference || distorted;
-  RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
+  const auto render_rows = [&, factor = factor](const VirtualCamera& part) {
+    const VirtualCamera fine = supersampled(part, factor);
+    const ViewRequest request{fine,
+                              instant,
+                              reconstruction.focal_plane,
+                              options,
+                              *state_->kept,
+                              state_->settings.working_bytes,
+                              state_->buffers,
+                              state_->settings.count_needed_pixels,
+                              state_->settings.measure_coverage,
+                              state_->settings.use_take_folder,
+                              factor};
+    RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
+    return factor > 1 ? averaged(image, factor) : std::move(image);
+  };
+  RenderedView image;
+  if (rows == view.height) {
+    image = render_rows(view);
+  } else {
+    for (int first = 0; first < view.height; first += rows) {
+      put_rows(render_rows(rows_of(view, first, std::min(first + rows, view.height))), first,
+               view.height, image);
+    }
+  }
   if (distorted) {
     image.notes.emplace_back(
         "the view's lens distorts: every ray is worked out by itself, slowly; times say nothing of "
         "other views");
   }
-  if (factor > 1) image = averaged(image, factor);
   if (reconstruction.fill == HoleFill::kPushPull) {
     const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
     fill(image);
@@ -242,9 +270,17 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const Fram
   const Method& method = method_named(reconstruction.method);
   const double ratio =
       instant.present ? filtered_pixels(view, instant, method, reconstruction.focal_plane) : 0;
-  const auto factor = static_cast<std::size_t>(supersampling(ratio, view, state_->settings));
-  const std::size_t bytes = pixels_of(view) * bytes_per_pixel(method, state_->settings);
-  return factor == 1 ? bytes : bytes * (factor * factor + 1);  // and their mean
+  const MethodOptions options(method.options, reconstruction.options,
+                              "method " + reconstruction.method);
+  const Sampling sampling = sampling_of(ratio, view, state_->settings,
+                                        renders_rows_alone(method, options, instant, view));
+  const std::size_t of_pixel = bytes_per_pixel(method, state_->settings);
+  const std::size_t bytes = pixels_of(view) * of_pixel;
+  if (sampling.factor == 1) return bytes;
+  const VirtualCamera fine = supersampled(rows_of(view, 0, sampling.rows), sampling.factor);
+  const std::size_t part =
+      sampling.rows < view.height ? pixels_of(rows_of(view, 0, sampling.rows)) : 0;
+  return bytes + (pixels_of(fine) + part) * of_pixel;  // the samples, and their mean
 }
 
 void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,

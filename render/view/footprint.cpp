@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <string>
+#include <utility>
 
 #include "render/view/plane_projection.h"
 #include "render/view/ray_cells.h"
@@ -146,6 +148,43 @@ RenderedView averaged(const RenderedView& image, int factor) {
     }
   });
   return mean;
+}
+
+VirtualCamera rows_of(const VirtualCamera& view, int first, int end) {
+  VirtualCamera rows = view;
+  rows.height = end - first;
+  rows.intrinsics.cy -= first;
+  return rows;
+}
+
+void put_rows(RenderedView&& rows, int first, int height, RenderedView& whole) {
+  const auto width = static_cast<std::size_t>(rows.width);
+  const auto put = [&](const PixelValues& from, PixelValues& to, std::size_t channels) {
+    if (from.empty()) return;
+    to.resize(width * static_cast<std::size_t>(height) * channels);
+    std::ranges::copy(from, to.begin() + static_cast<std::ptrdiff_t>(
+                                             width * static_cast<std::size_t>(first) * channels));
+  };
+  put(rows.rgba, whole.rgba, 4);
+  put(rows.coverage, whole.coverage, 1);
+  put(rows.z, whole.z, 1);
+  put(rows.cameras, whole.cameras, 1);
+  put(rows.nearest_ray, whole.nearest_ray, 1);
+  put(rows.nothing_there, whole.nothing_there, 1);
+  whole.width = rows.width;
+  whole.height = height;
+  RenderStatistics& sum = whole.statistics;
+  const RenderStatistics& part = rows.statistics;
+  sum.plan_ms += part.plan_ms;
+  sum.decode_ms += part.decode_ms;
+  sum.render_ms += part.render_ms;
+  sum.pixels_decoded += part.pixels_decoded;
+  sum.pixels_needed += part.pixels_needed;
+  sum.cameras_used = std::max(sum.cameras_used, part.cameras_used);
+  sum.working_bytes = std::max(sum.working_bytes, part.working_bytes);
+  for (std::string& note : rows.notes) {
+    if (std::ranges::count(whole.notes, note) == 0) whole.notes.push_back(std::move(note));
+  }
 }
 
 }  // namespace raystage

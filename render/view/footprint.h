@@ -19,10 +19,18 @@ double source_pixels_per_pixel(const VirtualCamera& view, const Instant& instant
 /// The view with `factor` times as many pixels along each axis, over the same image.
 VirtualCamera supersampled(const VirtualCamera& view, int factor);
 
+/// Rows [first, end) of the view as a view of their own: to the rounding, its pixels are theirs.
+VirtualCamera rows_of(const VirtualCamera& view, int first, int end);
+
 /// The mean of factor x factor pixels each: of premultiplied linear light, alpha, coverage and,
 /// where measured, cameras; of inverse depths where alpha is above 0, by alpha (they are what is
 /// linear on a plane); the least, where measured, of nearest_ray. Statistics
 /// and notes are kept. `image`: of a view made by supersampled() with that factor.
 RenderedView averaged(const RenderedView& image, int factor);
+
+/// Puts a view of rows_of() in its place in the view of all rows, which is made with the first of
+/// them, and adds up their statistics: `cameras_used` are those of the rows that use most, and
+/// pixels needed in several parts count in each. Notes come once.
+void put_rows(RenderedView&& rows, int first, int height, RenderedView& whole);
 
 }  // namespace raystage

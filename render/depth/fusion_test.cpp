@@ -248,7 +248,10 @@ TEST(FuseDepths, InBandsOfRowsTheSameInLessMemory) {
     EXPECT_LT(takes, last);
     last = takes;
     EXPECT_TRUE(takes <= bytes || bytes == 0) << takes;
-    EXPECT_EQ(fuse_depths(view, reports, {0.03F, 0.3F, bytes}).values, whole.values);
+    EXPECT_EQ(fuse_depths(view, reports,
+                          {.tolerance = 0.03F, .least_share = 0.3F, .working_bytes = bytes})
+                  .values,
+              whole.values);
   }
 }
 

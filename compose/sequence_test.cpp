@@ -14,6 +14,7 @@
 #include <cmath>
 #include <fstream>
 #include <mutex>
+#include <random>
 
 #include "compose/exr_file.h"
 #include "compose/sequence_name.h"
@@ -146,6 +147,44 @@ class Sequence : public ::testing::Test {
   std::vector<std::string> said_;
   double progress_ = 0;
 };
+
+/// A camera's frames anew: noise, of which a JPEG takes several pages.
+void make_noisy(const std::filesystem::path& take_folder) {
+  const std::filesystem::path archive = take_folder / "archive" / "c0.mkv";
+  const std::filesystem::path journal = take_folder / "archive" / "c0.journal";
+  ASSERT_TRUE(std::filesystem::remove(archive) && std::filesystem::remove(journal));
+  ArchiveWriter writer(archive, journal,
+                       {"c0", kWidth, kHeight, 1'700'000'000 * kNanosecondsPerSecond});
+  std::mt19937 random(1);
+  for (int tick = 0; tick < kTicks; ++tick) {
+    RgbImage image{kWidth, kHeight, {}};
+    image.pixels.resize(static_cast<std::size_t>(kWidth) * kHeight * 3);
+    for (std::uint8_t& value : image.pixels) value = static_cast<std::uint8_t>(random());
+    const auto jpeg = encode_jpeg(image, {.quality = 100});
+    ASSERT_GT(jpeg.size(), 8192U);
+    writer.append(jpeg, kInterval + tick * kInterval);
+  }
+  writer.close();
+}
+
+TEST_F(Sequence, AnArchiveThatIsCutMeanwhileCostsTheFramesThatAreLost) {
+  const std::filesystem::path archive = folder_.path() / "take" / "archive" / "c0.mkv";
+  make_noisy(folder_.path() / "take");
+  const std::string whole = read_file(archive);
+  for (const char* method : {"focal_plane", "depth"}) {
+    write_file_atomically(archive, whole);
+    shot_.layers.front().method = method;
+    options_.output = (folder_.path() / method / "a.####.exr").string();
+    options_.frames_in_flight = 1;
+    options_.say = [&](std::string_view line) {
+      if (line.starts_with("writing")) std::filesystem::resize_file(archive, whole.size() / 2);
+    };
+    const SequenceReport report = run();
+    EXPECT_EQ(report.exit_code(), ExitCode::kSomeFramesFailed) << method;
+    EXPECT_EQ(report.rendered, 3) << method;
+    for (const auto& failure : report.failures) EXPECT_GE(failure.frame, 104) << failure.what;
+  }
+}
 
 TEST_F(Sequence, RendersEveryFrameAtItsTime) {
   const SequenceReport report = run();

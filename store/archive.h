@@ -118,7 +118,7 @@ class ArchiveWriter {
 /// Reads one camera's archive. The journal is the index; where it is missing, torn or behind, the
 /// Matroska file is scanned instead. A file cut at any byte gives every whole frame.
 /// Const members may be called from many threads at once. The archive is mapped: if someone cuts it
-/// short meanwhile, touching the lost part ends the process with SIGBUS.
+/// short while what jpeg() gave is looked at, touching the lost part ends the process with SIGBUS.
 class ArchiveReader {
  public:
   /// Throws Error (bad input): no Matroska file, another time scale, a journal of a future version
@@ -136,12 +136,14 @@ class ArchiveReader {
   /// Index of the frame whose time is nearest (the earlier at a tie), nullopt without frames.
   std::optional<int> nearest_frame(Nanoseconds time) const;
 
-  /// The JPEG bytes of frame i, mapped from the file: valid as long as the reader.
-  /// Nothing is checked but the bounds; see verify_frame.
+  /// The JPEG bytes of frame i, mapped from the file and brought into memory: valid as long as the
+  /// reader. What they are is not checked; see verify_frame. Throws Error (bad input) where the disk
+  /// cannot read them or the file was cut.
   std::span<const std::byte> jpeg(int frame) const;
   /// Asks for frame i to be read from the disk while the caller goes on. A hint.
   void read_ahead(int frame) const;
-  /// Whether the bytes of frame i still have the journal's XXH3; false where it holds none.
+  /// Whether the bytes of frame i still have the journal's XXH3; false where it holds none. Throws
+  /// as jpeg() does.
   bool verify_frame(int frame) const;
 
   const ArchiveWriter::Description& description() const;

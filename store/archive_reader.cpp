@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cassert>
+#include <string>
 #include <utility>
 
+#include "schemas/error.h"
 #include "store/archive.h"
 #include "store/archive_index.h"
 #include "store/posix_file.h"
@@ -12,7 +14,15 @@
 namespace raystage {
 
 struct ArchiveReader::State {
-  explicit State(const std::filesystem::path& archive) : file(archive) {}
+  explicit State(const std::filesystem::path& archive) : path(archive), file(archive) {}
+
+  std::span<const std::byte> mapped(int frame) const {
+    assert(frame >= 0 && static_cast<std::size_t>(frame) < index.frames.size());
+    const FrameRecord& record = index.frames[static_cast<std::size_t>(frame)];
+    return file.bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
+  }
+
+  std::filesystem::path path;
   MappedFile file;
   ArchiveIndex index;
 };
@@ -62,12 +72,18 @@ std::optional<int> ArchiveReader::nearest_frame(Nanoseconds time) const {
 }
 
 std::span<const std::byte> ArchiveReader::jpeg(int frame) const {
-  assert(frame >= 0 && static_cast<std::size_t>(frame) < frames().size());
-  const FrameRecord& record = frames()[static_cast<std::size_t>(frame)];
-  return state_->file.bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
+  const auto bytes = state_->mapped(frame);
+  if (!state_->file.can_read(bytes)) {
+    throw Error::bad_input("frame " + std::to_string(frame) + " cannot be read",
+                           state_->path.string(),
+                           "Check the disk and run `raystage verify` on the take");
+  }
+  return bytes;
 }
 
-void ArchiveReader::read_ahead(int frame) const { state_->file.read_ahead(jpeg(frame)); }
+void ArchiveReader::read_ahead(int frame) const {
+  state_->file.read_ahead(state_->mapped(frame));
+}
 
 bool ArchiveReader::verify_frame(int frame) const {
   const auto bytes = jpeg(frame);

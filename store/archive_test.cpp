@@ -253,6 +253,20 @@ TEST_F(Archive, ChangedPictureFailsItsHash) {
   EXPECT_TRUE(reader().verify_frame(1));
 }
 
+TEST_F(Archive, AFrameThatIsCutOffIsRefused) {
+  {
+    ArchiveWriter out = writer();
+    for (int i = 0; i < 3; ++i) out.append(std::vector<std::byte>(9000, std::byte{7}), 1 + i);
+  }
+  const ArchiveReader in = reader();
+  std::filesystem::resize_file(mkv, in.frames()[1].offset);
+  EXPECT_EQ(in.jpeg(0).back(), std::byte{7});
+  const Error error = error_of([&] { in.jpeg(2); });
+  EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+  EXPECT_THAT(error.what(), HasSubstr("frame 2 cannot be read"));
+  EXPECT_THROW(in.verify_frame(1), Error);
+}
+
 TEST_F(Archive, UnwrittenTailOfACrashIsTorn) {
   ArchiveWriter out = writer();
   for (unsigned i = 1; i <= 4; ++i) out.append(fake_jpeg(i), i);

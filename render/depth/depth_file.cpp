@@ -41,6 +41,12 @@ float depth_of(std::uint16_t code, float step) {
   return code == 0 ? kUnknownDepth : static_cast<float>(code - 1) * step;
 }
 
+/// Whether it is one that step_of() may have chosen.
+bool is_step(float step) {
+  int exponent = 0;
+  return std::frexp(step, &exponent) == 0.5F && std::isfinite(step * kMostSteps);
+}
+
 std::size_t bytes_of(const InverseDepthMap& map) { return kMapHeaderBytes + 2 * map.values.size(); }
 
 /// A zstd frame, handed on block by block.
@@ -198,7 +204,7 @@ std::vector<InverseDepthMap> decode_depth_maps(std::span<const std::byte> file,
         static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
     codes.resize(2 * pixels);
     if (width != static_cast<std::uint32_t>(camera.width) ||
-        height != static_cast<std::uint32_t>(camera.height) || !std::isfinite(step) || step <= 0 ||
+        height != static_cast<std::uint32_t>(camera.height) || !is_step(step) ||
         !frame.take(codes)) {
       throw damaged();
     }

@@ -4,7 +4,11 @@
 #include <gtest/gtest.h>
 #include <zstd.h>
 
+#include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "schemas/error.h"
@@ -96,6 +100,32 @@ TEST(DepthFile, RefusesAnotherVersionAndWhatGoesOn) {
   auto longer = file;
   longer.push_back({});
   EXPECT_NE(refusal(longer).find("damaged"), std::string::npos);
+}
+
+TEST(DepthFile, RefusesStepsThatNoProgramWrites) {
+  const auto file = encoded(some_maps(), 42);
+  std::vector<std::byte> payload(100'000);
+  payload.resize(ZSTD_decompress(payload.data(), payload.size(), file.data(), file.size()));
+  const auto is_refused = [&](float step) {
+    constexpr std::size_t kStepAt = 24 + 8;
+    const auto bits = std::bit_cast<std::array<std::byte, 4>>(step);
+    std::ranges::copy(bits, payload.begin() + kStepAt);
+    std::vector<std::byte> packed(ZSTD_compressBound(payload.size()));
+    packed.resize(ZSTD_compress(packed.data(), packed.size(), payload.data(), payload.size(), 1));
+    try {
+      decode_depth_maps(packed, 42, cameras(), "test");
+    } catch (const Error&) {
+      return true;
+    }
+    return false;
+  };
+  for (const float step : {0x1p-20F, 1.0F, 0x1p112F}) EXPECT_FALSE(is_refused(step)) << step;
+  // Not a power of two; beyond floats when multiplied by a code; neither.
+  for (const float step : {0.75F, 3e38F, 0x1p113F, 0x1p127F, 0.0F, -0.5F,
+                           std::numeric_limits<float>::infinity(),
+                           std::numeric_limits<float>::quiet_NaN()}) {
+    EXPECT_TRUE(is_refused(step)) << step;
+  }
 }
 
 TEST(DepthFile, RefusesWhatIsDamagedOrOfOtherInput) {

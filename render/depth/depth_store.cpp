@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/depth/depth_store.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/stat.h>
 #include <xxhash.h>
 
 #include <algorithm>
@@ -24,8 +26,16 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint32_t kAlgorithm = 2;  ///< raised whenever the same input gives other depths
+constexpr std::uint32_t kAlgorithm = 3;  ///< raised whenever the same input gives other depths
 constexpr std::size_t kDigits = 16;
+
+/// That this may not be written down is no reason to go without. Now, not some stated time: that
+/// may be said by all who may write to the folder, not only by its owner.
+void mark_used(const fs::path& set) {
+  constexpr timespec kNow{0, UTIME_NOW};
+  const std::array times{kNow, kNow};
+  utimensat(AT_FDCWD, set.c_str(), times.data(), 0);
+}
 
 bool read_maps(const fs::path& file, std::uint64_t fingerprint, CameraDepths& depths) {
   std::error_code error;
@@ -37,8 +47,7 @@ bool read_maps(const fs::path& file, std::uint64_t fingerprint, CameraDepths& de
   } catch (const Error&) {
     return false;  // found anew, and written over
   }
-  // The set is in use. That this may not be written down is no reason to go without.
-  fs::last_write_time(file.parent_path(), fs::file_time_type::clock::now(), error);
+  mark_used(file.parent_path());
   return true;
 }
 
@@ -56,8 +65,49 @@ void write_maps(const fs::path& file, std::span<const InverseDepthMap> maps,
   temporary.commit();
 }
 
+/// All of a rig that depths depend on. Not the file: another may have been put in its place since.
+std::vector<std::byte> numbers_of(const Rig& rig) {
+  std::vector<double> numbers;
+  for (const Rig::Camera& camera : rig.cameras) {
+    const Intrinsics& k = camera.model.intrinsics();
+    numbers.insert(numbers.end(), {static_cast<double>(camera.model.width()),
+                                   static_cast<double>(camera.model.height()), k.fx, k.fy, k.cx,
+                                   k.cy, k.distortion.k1, k.distortion.k2, k.distortion.p1,
+                                   k.distortion.p2, k.distortion.k3});
+    const Eigen::Matrix3d turned = camera.pose.world_from_camera_rotation.transpose();
+    numbers.insert(numbers.end(), turned.data(), turned.data() + turned.size());
+    numbers.insert(numbers.end(), camera.pose.position.begin(), camera.pose.position.end());
+    for (const auto& values : {camera.photometric.brightness, camera.photometric.contrast}) {
+      numbers.insert(numbers.end(), values.begin(), values.end());
+    }
+  }
+  std::vector<std::byte> bytes(numbers.size() * sizeof(double));
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    store_little_endian(bytes, i * sizeof(double), std::bit_cast<std::uint64_t>(numbers[i]));
+  }
+  return bytes;
+}
+
 bool is_fingerprint(const std::string& name) {
   return name.size() == kDigits && name.find_first_not_of("0123456789abcdef") == std::string::npos;
+}
+
+using UsedPath = std::pair<fs::file_time_type, fs::path>;  // by last use
+
+/// What processes that ended meanwhile had begun to write in the sets.
+void remove_unfinished(std::span<const UsedPath> sets, fs::file_time_type now) {
+  std::error_code error;
+  for (const auto& [used, set] : sets) {
+    std::vector<fs::path> unfinished;
+    for (fs::directory_iterator entry(set, error), end; entry != end; entry.increment(error)) {
+      const fs::path& path = entry->path();
+      const std::string name = path.filename().string();
+      if (!name.starts_with('.') || !name.ends_with(".tmp.zst")) continue;
+      const fs::file_time_type written = fs::last_write_time(path, error);
+      if (!error && now - written > kDepthsInUse) unfinished.push_back(path);
+    }
+    for (const fs::path& path : unfinished) fs::remove(path, error);
+  }
 }
 
 }  // namespace
@@ -73,9 +123,12 @@ DepthKey depth_key(const Instant& instant, const DepthSettings& s) {
   store_little_endian(fixed, 40, std::bit_cast<std::uint64_t>(s.tolerance_px));
   store_little_endian(fixed, 48, static_cast<std::int64_t>(s.neighbours));
   store_little_endian(fixed, 56, static_cast<std::int64_t>(s.witnesses));
-  const std::string rig = read_file(instant.take->folder() / "rig.json");
+  const std::string colours = instant.take->document().color_space;
+  const std::vector<std::byte> rig = numbers_of(*instant.rig);
   DepthKey key;
-  key.set = XXH3_64bits_withSeed(rig.data(), rig.size(), XXH3_64bits(fixed.data(), fixed.size()));
+  key.set = XXH3_64bits(fixed.data(), fixed.size());
+  key.set = XXH3_64bits_withSeed(colours.data(), colours.size(), key.set);
+  key.set = XXH3_64bits_withSeed(rig.data(), rig.size(), key.set);
   key.instant = key.set;
   for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
     const int frame = instant.frame_of_camera[i];
@@ -93,7 +146,7 @@ fs::path depth_file(const fs::path& take_folder, const DepthKey& key) {
 
 void remove_old_depth_sets(const fs::path& folder, fs::file_time_type now) {
   std::error_code error;
-  std::vector<std::pair<fs::file_time_type, fs::path>> sets, files;  // by last use
+  std::vector<UsedPath> sets, files;
   for (fs::directory_iterator entry(folder, error), end; entry != end; entry.increment(error)) {
     const fs::path& path = entry->path();
     const fs::file_status status = entry->symlink_status(error);
@@ -104,6 +157,7 @@ void remove_old_depth_sets(const fs::path& folder, fs::file_time_type now) {
     const fs::file_time_type used = fs::last_write_time(path, error);
     if (!error) (is_set ? sets : files).emplace_back(used, path);
   }
+  remove_unfinished(sets, now);
   std::ranges::sort(sets, std::greater());
   sets.erase(sets.begin(),
              sets.begin() + static_cast<std::ptrdiff_t>(std::min(sets.size(), kKeptDepthSets)));

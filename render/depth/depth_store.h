@@ -13,8 +13,9 @@ namespace raystage {
 
 /// What an instant's depths stand on.
 struct DepthKey {
-  std::uint64_t set = 0;      ///< XXH3 over the version of the algorithm, the settings and the rig
+  std::uint64_t set = 0;      ///< XXH3 over the algorithm's version, settings, colour space and rig
   std::uint64_t instant = 0;  ///< the same, and each camera's JPEG bytes or that it has none
+  bool operator==(const DepthKey&) const = default;
 };
 DepthKey depth_key(const Instant& instant, const DepthSettings& settings);
 
@@ -33,7 +34,9 @@ inline constexpr std::chrono::hours kDepthsInUse{1};
 
 /// Removes from `folder` (TAKE/depth) all sets but those used last, kKeptDepthSets of them and
 /// whatever was used within kDepthsInUse; files right in it likewise, as earlier versions left
-/// them. Other things stay. A process that has a removed file open reads on undisturbed. What
+/// them; and in the sets files that a process left half written, unless they changed within
+/// kDepthsInUse. Other things stay. A process that has a removed file open reads on undisturbed
+/// where disks are local; over NFS another host's may find it gone, and finds its depths anew. What
 /// cannot be removed stays: never an error.
 void remove_old_depth_sets(const std::filesystem::path& folder,
                            std::filesystem::file_time_type now);

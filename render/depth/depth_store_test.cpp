@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <unistd.h>
+
 #include <set>
 
 #include "render/view/synthetic_take.h"
@@ -54,6 +56,22 @@ TEST(DepthStore, KeepsTheSetsUsedLastAndThoseInUse) {
   remove_old_depth_sets(folder.path() / "notes", now);
 }
 
+TEST(DepthStore, RemovesWhatWasLeftHalfWritten) {
+  const TestFolder folder;
+  const fs::file_time_type now = fs::file_time_type::clock::now();
+  const fs::path set = folder.path() / name_of(1);
+  create_folder(set);
+  const std::string old = ".0123456789abcdef.zst.host.17.0.tmp.zst";
+  const std::string recent = ".0123456789abcdef.zst.host.18.0.tmp.zst";
+  for (const std::string& name : {old, recent, std::string("0123456789abcdef.zst")}) {
+    write_file_atomically(set / name, std::string_view("depths"));
+    fs::last_write_time(set / name, now - hours(name == recent ? 0 : 2));
+  }
+  fs::last_write_time(set, now);
+  remove_old_depth_sets(folder.path(), now);
+  EXPECT_EQ(names_in(set), (std::set<std::string>{recent, "0123456789abcdef.zst"}));
+}
+
 class TakeWithDepths : public ::testing::Test {
  protected:
   TakeWithDepths() {
@@ -84,6 +102,56 @@ class TakeWithDepths : public ::testing::Test {
   std::unique_ptr<FrameCache> cache_;
   Instant instant_;
 };
+
+/// Puts `to` in place of the first `from` in a document of the take, and opens it.
+Take with(const fs::path& take, const char* file, const std::string& from, const std::string& to) {
+  std::string text = read_file(take / file);
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << text;
+  write_file_atomically(take / file, text.replace(at, from.size(), to));
+  return Take(take);
+}
+
+TEST_F(TakeWithDepths, WhatFramesMeanIsPartOfTheKey) {
+  const DepthKey before = depth_key(instant_, {});
+  const Take linear = with(take_->folder(), "take.json", "srgb_texture", "lin_rec709_scene");
+  EXPECT_EQ(depth_key(instant_, {}), before);  // goes by the take as it was opened
+  Instant other = instant_;
+  other.take = &linear;
+  EXPECT_NE(depth_key(other, {}).set, before.set);
+  EXPECT_NE(depth_key(other, {}).instant, before.instant);
+}
+
+TEST_F(TakeWithDepths, TheRigThatIsUsedIsPartOfTheKeyNotTheFile) {
+  const DepthKey before = depth_key(instant_, {});
+  Rig moved = take_->rig();
+  moved.cameras[1].pose.position.x() += 1e-9;
+  Rig brighter = take_->rig();
+  brighter.cameras[1].photometric.contrast[2] += 1e-9;
+  for (const Rig* rig : {&moved, &brighter}) {
+    Instant other = instant_;
+    other.rig = rig;
+    EXPECT_NE(depth_key(other, {}).set, before.set);
+  }
+  write_file_atomically(take_->folder() / "rig.json", std::string_view("calibrated meanwhile"));
+  EXPECT_EQ(depth_key(instant_, {}), before);
+}
+
+TEST_F(TakeWithDepths, WhoMayWriteMarksAsUsedAlsoWhatIsAnothers) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root can be somebody else";
+  const fs::path set = ask(5, hours(10));
+  for (fs::path at = set; at != folder_.path().parent_path(); at = at.parent_path()) {
+    fs::permissions(at, fs::perms::all);
+  }
+  constexpr uid_t kNobody = 65534;
+  ASSERT_EQ(seteuid(kNobody), 0);
+  DepthSettings settings;
+  settings.scene = {3, 5};
+  std::string note;
+  kept_camera_depths(instant_, settings, std::size_t{1} << 28, true, note);
+  ASSERT_EQ(seteuid(0), 0);
+  EXPECT_LT(fs::file_time_type::clock::now() - fs::last_write_time(set), hours(1));
+}
 
 TEST_F(TakeWithDepths, OtherOptionsMakeRoomForThemselves) {
   std::vector<fs::path> sets;

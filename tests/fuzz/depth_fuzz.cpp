@@ -3,6 +3,7 @@
 // get past its checksum.
 #include <zstd.h>
 
+#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <vector>
@@ -36,6 +37,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     maps = raystage::decode_depth_maps(file, kFingerprint, cameras, "depths");
   } catch (const raystage::Error&) {
     return 0;
+  }
+  for (const raystage::InverseDepthMap& map : maps) {
+    for (const float depth : map.values) {
+      if (!std::isfinite(depth)) std::abort();
+    }
   }
   // What was read can be written and read again.
   for (raystage::InverseDepthMap& map : maps) raystage::quantise(map);

@@ -265,6 +265,25 @@ TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   EXPECT_THROW(render(little), Error);
 }
 
+TEST_F(Slabs, CountsThePixelsThatTheViewDependsOn) {
+  const Take take = write(grid_take(3, 3, {-0.1, 0.02, 0.001, -0.002, 0}));
+  const VirtualCamera view = view_from({0.013, 0.017, 0.1}, 2, 15, 48, 32);
+  const auto counted = [&](const OptionValues& options, bool reference) {
+    RendererSettings settings;
+    settings.count_needed_pixels = true;
+    settings.reference = reference;
+    return LightFieldRenderer(take, settings)
+        .render(view, select_frames(take, 0, 1), {"slabs", kPaintedPlane, options})
+        .statistics;
+  };
+  const RenderStatistics fast = counted({}, false), slow = counted({}, true);
+  EXPECT_GT(fast.pixels_needed, 1000);
+  EXPECT_LT(fast.pixels_needed, fast.pixels_decoded / 3);  // whole frames are rectified
+  EXPECT_NEAR(static_cast<double>(fast.pixels_needed), static_cast<double>(slow.pixels_needed),
+              0.02 * static_cast<double>(slow.pixels_needed));
+  EXPECT_LT(counted({{"interpolation", "nearest"}}, false).pixels_needed, fast.pixels_needed);
+}
+
 TEST_F(Slabs, RefusesOptionsThatItDoesNotHave) {
   const Take take = write(grid_take(1, 2));
   const FrameSelection frames = select_frames(take, 0, 1);

@@ -138,9 +138,9 @@ void mark(const PixelRun& run) {
     }
     for (int c = 0; c < run.count; ++c) {
       const SourceView& source = *run.source[c];
-      if (source.wanted_mcus == nullptr) continue;
+      if (source.wanted_mcus == nullptr && source.read_pixels == nullptr) continue;
       find_taps(source, begin, run.y, n, weights.camera[c], taps);
-      mark_mcus(source, taps, n);
+      if (source.wanted_mcus != nullptr) mark_mcus(source, taps, n);
       if (source.read_pixels != nullptr) mark_pixels(source, taps, n);
     }
   }

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "render/slabs/needed_pixels.h"
 #include "render/slabs/node_image.h"
 #include "render/slabs/slab_coverage.h"
 #include "render/slabs/slab_rays.h"
@@ -30,11 +31,12 @@ SlabRun::Function as_function(const Vector3d& v) { return {v.x(), v.y(), v.z()};
 class SlabFrame {
  public:
   SlabFrame(const ViewRequest& request, const PlaneProjection& projection, const Slab& slab,
-            const std::vector<NodeSources>& nodes)
+            const std::vector<NodeSources>& nodes, NeededPixels& needed)
       : request_(request),
         projection_(projection),
         slab_(slab),
         nodes_(nodes),
+        needed_(needed),
         interpolation_(interpolation_of(request.options)),
         rays_(request.view, slab),
         runs_(static_cast<std::size_t>(request.view.height)),
@@ -73,6 +75,7 @@ class SlabFrame {
       image.statistics.render_ms += milliseconds(Clock::now() - fetched);
       begin = end;
     }
+    if (request_.count_needed_pixels) mark_needed();
     image.statistics.cameras_used += static_cast<int>(std::ranges::count(camera_used_, true));
   }
 
@@ -161,13 +164,21 @@ class SlabFrame {
       statistics.pixels_decoded += decoded[i];
       const NodeSources& sources = nodes_[static_cast<std::size_t>(missing[i])];
       for (std::size_t c = 0; c < static_cast<std::size_t>(sources.count); ++c) {
-        const auto camera = static_cast<std::size_t>(sources.camera[c]);
-        const CameraModel& model = request_.instant.rig->cameras[camera].model;
-        // Rectification reads all of a frame.
-        if (request_.count_needed_pixels && !camera_used_[camera]) {
-          statistics.pixels_needed += std::int64_t{model.width()} * model.height();
+        camera_used_[static_cast<std::size_t>(sources.camera[c])] = true;
+      }
+    }
+  }
+
+  void mark_needed() {
+    const bool nearest = interpolation_ == SlabInterpolation::kNearest;
+    for (int y = 0; y < request_.view.height; ++y) {
+      for (const SlabRays::Run& run : runs_[static_cast<std::size_t>(y)]) {
+        std::array<const NodeSources*, 4> around{};
+        const std::array<int, 4> nodes = nodes_of(run);
+        for (std::size_t i = 0; i < nodes.size(); ++i) {
+          if (nodes[i] >= 0) around[i] = &nodes_[static_cast<std::size_t>(nodes[i])];
         }
-        camera_used_[camera] = true;
+        needed_.mark(rays_, run, y, nearest, around, projection_);
       }
     }
   }
@@ -245,6 +256,7 @@ class SlabFrame {
   const PlaneProjection& projection_;
   const Slab& slab_;
   const std::vector<NodeSources>& nodes_;
+  NeededPixels& needed_;
   SlabInterpolation interpolation_;
   SlabRays rays_;
   std::vector<SlabRun::Function> u_, v_;  // per column, per row of nodes
@@ -261,6 +273,7 @@ RenderedView render_slabs(const ViewRequest& request) {
   const auto start = Clock::now();
   const auto slabs = slabs_of(request);
   image.statistics.plan_ms = milliseconds(Clock::now() - start);
+  NeededPixels needed(request.instant);
   // A ray on the border of two slabs is the first one's: it comes last.
   for (std::size_t i = slabs->slabs.size(); i-- > 0;) {
     const Slab& slab = slabs->slabs[i];
@@ -269,8 +282,9 @@ RenderedView render_slabs(const ViewRequest& request) {
     on_face.focal_plane = focal_plane_of(slab, request);
     const PlaneProjection projection(request.view, on_face.focal_plane);
     if (!projection.at_infinity() && projection.distance() == 0) continue;  // eye on the plane
-    SlabFrame(on_face, projection, slab, slabs->nodes[i]).render(image);
+    SlabFrame(on_face, projection, slab, slabs->nodes[i], needed).render(image);
   }
+  image.statistics.pixels_needed = needed.count();
   if (request.measure_coverage) measure_slab_coverage(request, *slabs, image);
   return image;
 }

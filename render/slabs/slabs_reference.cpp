@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <limits>
@@ -30,6 +32,10 @@ double fade(double at, int size) {
   return std::clamp(std::min(at, size - at) * kBorderFade, 0.0, 1.0);
 }
 
+std::size_t pixels_of(const DecodedFrame& frame) {
+  return static_cast<std::size_t>(frame.width) * static_cast<std::size_t>(frame.height);
+}
+
 class ReferenceFrame {
  public:
   explicit ReferenceFrame(const ViewRequest& request)
@@ -39,7 +45,8 @@ class ReferenceFrame {
         interpolation_(interpolation_of(request.options)),
         view_model_(
             {"view", request.view.width, request.view.height, request.view.intrinsics, {}, {}, {}}),
-        frames_(rig_.cameras.size()) {
+        frames_(rig_.cameras.size()),
+        read_(rig_.cameras.size()) {
     // Which nodes a ray passes is a question about the ray, so it is asked of an undistorted twin
     // of the view at the pixel that the ray has there.
     ideal_view_.intrinsics.distortion = {};
@@ -74,6 +81,9 @@ class ReferenceFrame {
       }
     });
     const auto end = std::chrono::steady_clock::now();
+    for (const auto& read : read_) {
+      image.statistics.pixels_needed += std::count(read.begin(), read.end(), 1);
+    }
     image.statistics.decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
     image.statistics.render_ms = std::chrono::duration<double, std::milli>(end - decoded).count();
     return image;
@@ -88,9 +98,9 @@ class ReferenceFrame {
       frames_[i] = request_.instant.cache->fetch(
           camera, frame, McuMask(static_cast<std::size_t>(layout->mcu_count()), 1),
           statistics.pixels_decoded);
+      if (request_.count_needed_pixels) read_[i].resize(pixels_of(*frames_[i]));
       ++statistics.cameras_used;
     }
-    if (request_.count_needed_pixels) statistics.pixels_needed = statistics.pixels_decoded;
   }
 
   /// Returns the ray; `behind`: what weight each camera has in it.
@@ -236,6 +246,16 @@ class ReferenceFrame {
                         fy * ((1 - fx) * code(x0, y1, c) + fx * code(x1, y1, c)));
     }
     sum[3] += seen;
+    std::vector<std::uint8_t>& read = read_[camera];
+    if (read.empty()) return;
+    for (const int y : {y0, fy > 0 ? y1 : y0}) {
+      for (const int x : {x0, fx > 0 ? x1 : x0}) {
+        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
+                               static_cast<std::size_t>(x);
+        // Rays of other threads may set the same byte.
+        std::atomic_ref(read[at]).store(1, std::memory_order_relaxed);
+      }
+    }
   }
 
   const ViewRequest& request_;
@@ -247,6 +267,8 @@ class ReferenceFrame {
   std::vector<SlabRays> rays_;                // per slab
   std::vector<PlaneProjection> projections_;  // per slab
   std::vector<std::shared_ptr<const DecodedFrame>> frames_;
+  /// For counting: per camera and pixel whether a ray reads it; empty: not counted.
+  mutable std::vector<std::vector<std::uint8_t>> read_;
 };
 
 }  // namespace

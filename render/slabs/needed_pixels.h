@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "render/slabs/node_sources.h"
+#include "render/slabs/slab_rays.h"
+#include "render/view/instant.h"
+#include "render/view/plane_projection.h"
+
+namespace raystage {
+
+/// Pixels of the cameras' frames that a view by slabs depends on, for
+/// RenderStatistics::pixels_needed: each ray's taps in the cameras of the nodes around it, as if it
+/// were looked up in the frames themselves. Rectified images are made of whole frames.
+class NeededPixels {
+ public:
+  explicit NeededPixels(const Instant& instant);
+
+  /// A run of pixels of row `y`, `projection` of the view on the focal plane. `nodes`: of the run's
+  /// cell, upper left, upper right, lower left, lower right; null where there is none.
+  void mark(const SlabRays& rays, const SlabRays::Run& run, int y, bool nearest,
+            const std::array<const NodeSources*, 4>& nodes, const PlaneProjection& projection);
+
+  std::int64_t count() const;
+
+ private:
+  void mark_node(const NodeSources& node, int begin, int end, int y,
+                 const PlaneProjection& projection);
+
+  const Instant& instant_;
+  std::vector<std::vector<std::uint8_t>> read_;  // per camera, per pixel; empty: none
+};
+
+}  // namespace raystage

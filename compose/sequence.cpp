@@ -381,6 +381,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   settings.kept_bytes = memory.kept_bytes;
   settings.working_bytes = memory.working_bytes;
   settings.measure_coverage = options.coverage_measures;
+  settings.ticks = plan.timeline().ticks;
   const LightFieldRenderer renderer(plan.take(), settings);
   check_folder(name.folder());
   check_room(name.folder(), shot, frames.size(), options);

@@ -18,6 +18,7 @@
 
 #include "compose/exr_file.h"
 #include "compose/sequence_name.h"
+#include "compose/shot_plan.h"
 #include "schemas/atomic_file.h"
 #include "schemas/test_folder.h"
 #include "schemas/transfer_function.h"
@@ -147,6 +148,29 @@ class Sequence : public ::testing::Test {
   std::vector<std::string> said_;
   double progress_ = 0;
 };
+
+TEST_F(Sequence, AFrameThatLooksBesideDependsOnTheTicksThere) {
+  const auto fingerprints = [&](bool temporal) {
+    shot_.layers.front().method = "depth";
+    shot_.layers.front().options = {{"temporal", temporal}};
+    write_shot(shot_, shot_file());
+    const ShotPlan plan(shot_file());
+    std::vector<std::string> prints;
+    for (const int tick : {0, 1, 2})
+      prints.push_back(plan.fingerprint({101 + tick, tick}, false, false));
+    return prints;
+  };
+  const auto alone = fingerprints(false), beside = fingerprints(true);
+  Timeline timeline = read_timeline(Take(folder_.path() / "take"));
+  timeline.ticks[0].frame[1] = -1;
+  timeline.ticks[0].difference[1] = 0;
+  write_timeline(timeline, folder_.path() / "take");
+  const auto alone_now = fingerprints(false), beside_now = fingerprints(true);
+  EXPECT_NE(alone_now[0], alone[0]);
+  EXPECT_EQ(alone_now[1], alone[1]);
+  EXPECT_NE(beside_now[1], beside[1]);
+  EXPECT_EQ(beside_now[2], beside[2]);
+}
 
 /// A camera's frames anew: noise, of which a JPEG takes several pages.
 void make_noisy(const std::filesystem::path& take_folder) {

@@ -212,6 +212,19 @@ void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
   }
 }
 
+void ShotPlan::add_sources(const FrameSelection& tick, Fingerprint& print) const {
+  for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
+    if (tick.frame[camera] < 0) {
+      print.text("source", "absent");
+      continue;
+    }
+    const FrameRecord& record = take_.archive(static_cast<int>(camera))
+                                    .frames()[static_cast<std::size_t>(tick.frame[camera])];
+    print.integer("source", record.time_ns);
+    print.integer("xxh3", static_cast<std::int64_t>(record.xxh3));
+  }
+}
+
 std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities,
                                   bool coverage_measures) const {
   Fingerprint print(common_);
@@ -228,15 +241,16 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   const FrameSelection& tick = timeline_.ticks[static_cast<std::size_t>(*frame.tick)];
   for (const auto& file : files_read(frame)) print.text("file", read_file(file));
   print.integer("time", tick.time_ns);
-  for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
-    if (tick.frame[camera] < 0) {
-      print.text("source", "absent");
-      continue;
+  add_sources(tick, print);
+  const Method& method = method_named(reconstruction_.method);
+  if (method.looks_beside != nullptr &&
+      method.looks_beside(MethodOptions(method.options, reconstruction_.options, method.name))) {
+    for (const int beside : {*frame.tick - 1, *frame.tick + 1}) {
+      const auto i = static_cast<std::size_t>(beside);
+      if (beside < 0 || i >= timeline_.ticks.size()) continue;
+      print.integer("beside", beside - *frame.tick);
+      add_sources(timeline_.ticks[i], print);
     }
-    const FrameRecord& record = take_.archive(static_cast<int>(camera))
-                                    .frames()[static_cast<std::size_t>(tick.frame[camera])];
-    print.integer("source", record.time_ns);
-    print.integer("xxh3", static_cast<std::int64_t>(record.xxh3));
   }
   return print.hex();
 }

@@ -66,9 +66,10 @@ class ShotPlan {
   void check_files(std::span<const PlannedFrame> frames) const;
 
   /// Of everything that determines the file of a frame: the camera at it, layer, size and output of
-  /// the shot, take.json and rig.json, time and XXH3 of each source frame, kReconstructionVersion.
-  /// Not of paths, threads or other frames. The timeline counts by what it selects, so that a take
-  /// synchronised anew to the same frames needs no new rendering.
+  /// the shot, take.json and rig.json, time and XXH3 of each source frame (those of the ticks
+  /// before and after, too, where the method looks at them), kReconstructionVersion. Not of paths,
+  /// threads or other frames. The timeline counts by what it selects, so that a take synchronised
+  /// anew to the same frames needs no new rendering.
   std::string fingerprint(const PlannedFrame& frame, bool chromaticities,
                           bool coverage_measures) const;
   ExrMetadata metadata(const PlannedFrame& frame) const;
@@ -77,6 +78,8 @@ class ShotPlan {
   std::optional<int> nearest_present(int tick) const;
   /// That the method reads for the frame, beside the archives.
   std::vector<std::filesystem::path> files_read(const PlannedFrame& frame) const;
+  /// Time and XXH3 of the frames of a tick.
+  void add_sources(const FrameSelection& tick, Fingerprint& print) const;
 
   std::filesystem::path shot_file_;
   ShotDocument shot_;

@@ -48,6 +48,33 @@ struct LightFieldRenderer::State {
     return known;
   }
 
+  std::vector<int> frames_of_members(const FrameSelection& frames) const {
+    std::vector<int> of_camera(static_cast<std::size_t>(take.camera_count()), -1);
+    for (const int camera : members) {
+      of_camera[static_cast<std::size_t>(camera)] = frames.frame[static_cast<std::size_t>(camera)];
+    }
+    return of_camera;
+  }
+
+  std::vector<std::vector<int>> frames_beside(Nanoseconds time) const {
+    const std::span<const FrameSelection> ticks = settings.ticks;
+    if (ticks.size() < 2) return {};
+    const auto apart = [&](const FrameSelection& tick) {
+      return std::abs(static_cast<double>(tick.time_ns) - static_cast<double>(time));
+    };
+    auto now = std::ranges::lower_bound(ticks, time, {}, &FrameSelection::time_ns);
+    if (now == ticks.end()) --now;
+    if (now != ticks.begin() && apart(*(now - 1)) <= apart(*now)) --now;
+    const double interval =
+        (static_cast<double>(ticks.back().time_ns) - static_cast<double>(ticks.front().time_ns)) /
+        static_cast<double>(ticks.size() - 1);
+    if (apart(*now) > interval / 2) return {};
+    std::vector<std::vector<int>> beside;
+    if (now != ticks.begin()) beside.push_back(frames_of_members(*(now - 1)));
+    if (now + 1 != ticks.end()) beside.push_back(frames_of_members(*(now + 1)));
+    return beside;
+  }
+
   /// Without topologies where no camera is present.
   Instant instant(const FrameSelection& frames) {
     Instant instant;
@@ -55,13 +82,12 @@ struct LightFieldRenderer::State {
     instant.time_ns = frames.time_ns;
     instant.rig = &take.rig();
     instant.cache = &cache;
-    instant.frame_of_camera.assign(static_cast<std::size_t>(take.camera_count()), -1);
+    instant.frame_of_camera = frames_of_members(frames);
+    instant.frames_beside = frames_beside(frames.time_ns);
     instant.members = members;
     std::vector<int> present;
     for (const int camera : members) {
-      const int frame = frames.frame[static_cast<std::size_t>(camera)];
-      instant.frame_of_camera[static_cast<std::size_t>(camera)] = frame;
-      if (frame >= 0) present.push_back(camera);
+      if (instant.is_present(camera)) present.push_back(camera);
     }
     if (present.empty()) return instant;
     instant.present = topology(present);
@@ -159,9 +185,9 @@ RaySurface surface_met(const Method& method, const MethodOptions& options,
     return hull(options, instant, kept);
   }
   if (method.name == "lumigraph") {
-    std::size_t took = 0;
+    DepthWork work;
     return proxy_surface(options, focal_plane, instant, kept, settings.working_bytes,
-                         settings.use_take_folder, took);
+                         settings.use_take_folder, work);
   }
   if (method.name == "depth") return by_depth(options);
   if (method.name == "plane_sweep") {

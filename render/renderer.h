@@ -37,6 +37,10 @@ struct RendererSettings {
   std::shared_ptr<KeptResults> kept = nullptr;
   std::size_t working_bytes = std::size_t{1} << 30;  ///< what a method may use for one view
   std::vector<int> left_out;  ///< cameras of the take that must not contribute
+  /// The take's timeline, by increasing time, for methods that look at the instants before and
+  /// after: those of the tick nearest to the frames asked for, within half a tick. Empty: there are
+  /// none. Referred to.
+  std::span<const FrameSelection> ticks;
   BlendSpace blend_space = BlendSpace::kPerceptual;
   /// Views with less resolution than the light field are rendered with whole multiples of their
   /// pixels, as many as make their steps as short as the cameras', and averaged in linear light

@@ -137,8 +137,8 @@ class ArchiveReader {
   std::optional<int> nearest_frame(Nanoseconds time) const;
 
   /// The JPEG bytes of frame i, mapped from the file and brought into memory: valid as long as the
-  /// reader. What they are is not checked; see verify_frame. Throws Error (bad input) where the disk
-  /// cannot read them or the file was cut.
+  /// reader. What they are is not checked; see verify_frame. Throws Error (bad input) where the
+  /// disk cannot read them or the file was cut.
   std::span<const std::byte> jpeg(int frame) const;
   /// Asks for frame i to be read from the disk while the caller goes on. A hint.
   void read_ahead(int frame) const;

@@ -81,9 +81,7 @@ std::span<const std::byte> ArchiveReader::jpeg(int frame) const {
   return bytes;
 }
 
-void ArchiveReader::read_ahead(int frame) const {
-  state_->file.read_ahead(state_->mapped(frame));
-}
+void ArchiveReader::read_ahead(int frame) const { state_->file.read_ahead(state_->mapped(frame)); }
 
 bool ArchiveReader::verify_frame(int frame) const {
   const auto bytes = jpeg(frame);

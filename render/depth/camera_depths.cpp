@@ -4,6 +4,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -59,6 +60,7 @@ class Solver {
       for_each_camera(agreement_, [&](int camera) { return agreed(camera); });
       for_each_camera(refinement_, [&](int camera) { return refined(camera); });
     }
+    depths_.pixels_decoded = pixels_decoded_;
     return std::move(depths_);
   }
 
@@ -174,6 +176,7 @@ class Solver {
     const auto i = static_cast<std::size_t>(camera);
     std::int64_t decoded = 0;
     const auto frame = instant_.cache->fetch(camera, instant_.frame_of_camera[i], {}, decoded);
+    pixels_decoded_ += decoded;
     images_[i] = MatchingImage(*frame, instant_.cache->blend_space(), instant_.rig->cameras[i],
                                depths_.pinholes[i]);
   }
@@ -328,6 +331,7 @@ class Solver {
   std::vector<int> members_;
   SolvePass guess_, agreement_, refinement_;
   SolveMemory memory_;
+  std::atomic<std::int64_t> pixels_decoded_ = 0;
 };
 
 }  // namespace

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "render/depth/pinhole.h"
@@ -53,7 +54,10 @@ struct CameraDepths {
   /// over the rig); 0 where no two cameras see the same from different places.
   double pixel = 0;
   std::vector<InverseDepthMap> nearest;  ///< nearest_of_blocks() of the maps; see find_nearest()
-  std::size_t working_bytes = 0;  ///< that finding them took, beside them; 0 where they were read
+  /// What finding them took: memory beside them, and pixels of the frames decoded for it; 0 where
+  /// they were read.
+  std::size_t working_bytes = 0;
+  std::int64_t pixels_decoded = 0;
 
   void find_nearest();
   std::size_t bytes() const;

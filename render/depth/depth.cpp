@@ -39,7 +39,8 @@ class Frame {
     const auto decoded = Clock::now();
     blend(image);
     image.notes = plan_.notes;
-    image.statistics.working_bytes = plan_.working_bytes;
+    image.statistics.working_bytes = plan_.work.bytes;
+    image.statistics.pixels_decoded += plan_.work.pixels_decoded;
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);

@@ -25,6 +25,12 @@ namespace raystage {
 /// neither the take nor the options say how deep the scene is.
 Method depth_method();
 
+/// What finding depths took; nothing where they are kept already.
+struct DepthWork {
+  std::size_t bytes = 0;            ///< worked in, the most at once
+  std::int64_t pixels_decoded = 0;  ///< of the cameras' frames, summed
+};
+
 namespace depth {
 
 struct Settings {
@@ -33,7 +39,7 @@ struct Settings {
   double agreement = 10;  ///< codes of 255
   LookUp look_up = LookUp::kCubic;
   bool keep = true;       ///< in the take's folder
-  bool temporal = false;  ///< depths steadied by those of the instants before and after
+  bool temporal = false;  ///< depths steadied by those of Instant::frames_beside
 };
 
 /// What is to be done for a view: shared by the fast and the slow way.
@@ -46,17 +52,17 @@ struct Plan {
   std::shared_ptr<const CameraDepths> depths;
   InverseDepthMap view_depths;     ///< of the pinhole's pixels; all known
   std::vector<std::string> notes;  ///< see RenderedView::notes
-  std::size_t working_bytes = 0;   ///< that it took: see RenderStatistics
+  DepthWork work;                  ///< that it took: see RenderStatistics
 };
 /// nullopt where the view sees nothing of the scene.
 std::optional<Plan> plan(const ViewRequest& request);
 
 /// The depths of an instant's cameras as the method has them with its options as they are unless
 /// told, but between these depths of the `scene`: kept likewise, in `kept` and, with `keep`, in the
-/// take. `took`: raised to the bytes worked in where they are found now.
+/// take. `work`: what they took, where they are found now, is added to it.
 std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, KeptResults& kept,
                                                        std::size_t working_bytes, bool keep,
-                                                       const DepthRange& scene, std::size_t& took);
+                                                       const DepthRange& scene, DepthWork& work);
 
 /// Where any ray meets what the method finds with these `options` of its own, kept and taken from
 /// where its views' depths are (see depth_surface); `instant`'s rig must live on. Throws Error (bad

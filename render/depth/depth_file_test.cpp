@@ -121,9 +121,9 @@ TEST(DepthFile, RefusesStepsThatNoProgramWrites) {
   };
   for (const float step : {0x1p-20F, 1.0F, 0x1p112F}) EXPECT_FALSE(is_refused(step)) << step;
   // Not a power of two; beyond floats when multiplied by a code; neither.
-  for (const float step : {0.75F, 3e38F, 0x1p113F, 0x1p127F, 0.0F, -0.5F,
-                           std::numeric_limits<float>::infinity(),
-                           std::numeric_limits<float>::quiet_NaN()}) {
+  for (const float step :
+       {0.75F, 3e38F, 0x1p113F, 0x1p127F, 0.0F, -0.5F, std::numeric_limits<float>::infinity(),
+        std::numeric_limits<float>::quiet_NaN()}) {
     EXPECT_TRUE(is_refused(step)) << step;
   }
 }

@@ -60,6 +60,7 @@ class Reference {
       for (int x = 0; x < request_.view.width; ++x) render_pixel(x, y, image);
     });
     image.notes = plan_.notes;
+    image.statistics.pixels_decoded += plan_.work.pixels_decoded;
     if (request_.measure_coverage) measure_coverage(request_, plan_, image);
     return image;
   }

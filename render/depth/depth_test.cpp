@@ -365,21 +365,50 @@ TEST_F(Depth, RaysOfAPlaneSweepEndBetweenItsDepths) {
   EXPECT_TRUE(kept_files().empty());
 }
 
+TEST_F(Depth, TheViewThatDepthsAreFoundForSaysWhatTheyTook) {
+  SyntheticTake settings = slanted(2, 3);
+  settings.frames = 3;
+  const Take take = write(settings);
+  constexpr std::int64_t kFrames = 6 * 96 * 72;  // pixels of an instant
+  RendererSettings counting;
+  counting.count_needed_pixels = true;
+  const auto decoded = [&](OptionValues options, bool by_reference = false) {
+    counting.reference = by_reference;
+    const FrameSelection frames = select_frames(take, kNanosecondsPerSecond / 15, 30'000'000);
+    const RenderStatistics found = LightFieldRenderer(take, counting)
+                                       .render(a_view(), frames, {"depth", {0, 0, 0, 1}, options})
+                                       .statistics;
+    EXPECT_GE(found.pixels_decoded, found.pixels_needed);
+    return found.pixels_decoded;
+  };
+  EXPECT_EQ(decoded({}), kFrames);
+  EXPECT_LT(decoded({{"cameras", 2.0}}), kFrames);  // depths are there
+  EXPECT_EQ(decoded({{"keep", false}}), kFrames);
+  EXPECT_EQ(decoded({{"keep", false}}, true), kFrames);
+  const auto timeline = build_timeline(take, 15, 0);
+  counting.ticks = timeline.ticks;
+  EXPECT_EQ(decoded({{"keep", false}, {"temporal", true}}), 3 * kFrames);
+}
+
 TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
   SyntheticTake settings = slanted(2, 3);
   settings.frames = 4;  // all alike
   const Take take = write(settings);
   const OptionValues steady{{"temporal", true}};
-  EXPECT_GT(mean_alpha(render(take, a_view(), steady, {}, 0)), 0.9);  // it has none before
-  const RenderedView second = render(take, a_view(), steady, {}, 1);
+  const Timeline timeline = build_timeline(take, 15, 0);
+  RendererSettings on_ticks;
+  on_ticks.ticks = timeline.ticks;
+  EXPECT_GT(mean_alpha(render(take, a_view(), steady, on_ticks, 0)), 0.9);  // it has none before
+  const RenderedView second = render(take, a_view(), steady, on_ticks, 1);
   const RenderedView alone = render(take, a_view(), {}, {}, 1);
   for (std::size_t i = 0; i < alone.rgba.size(); ++i) {
     ASSERT_NEAR(second.rgba[i], alone.rgba[i], 1e-3) << i;
   }
-  RendererSettings slow;
+  RendererSettings slow = on_ticks;
   slow.reference = true;
   expect_equal(second, render(take, a_view(), steady, slow, 1));
-  EXPECT_EQ(render(take, a_view(), steady, {}, 1).rgba, second.rgba);  // found or read: the same
+  EXPECT_EQ(render(take, a_view(), steady, on_ticks, 1).rgba,
+            second.rgba);  // found or read: the same
 }
 
 TEST_F(Depth, RendersATakeThatItMayNotWriteTo) {

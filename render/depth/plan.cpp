@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <map>
 #include <set>
 
@@ -35,8 +36,8 @@ constexpr std::array kOptions{
     number_option("agreement", 10, 0.1, 255,
                   "difference of 8-bit codes at which a camera counts half when blended"),
     flag_option("temporal", false,
-                "depths averaged with those of the frames before and after, where a camera's "
-                "picture stands still"),
+                "depths averaged with those of the timeline's ticks before and after, where a "
+                "camera's picture stands still"),
     flag_option("keep", true, "depths in the folder depth/ of the take, and use those there")};
 
 Settings settings_of(const MethodOptions& options, const Take& take, bool use_take_folder) {
@@ -93,11 +94,11 @@ struct KeptDepths {
   std::vector<std::string> notes;
 };
 
-/// `took`: raised to the bytes worked in where they are found now.
+/// `work`: what they take is added to it where they are found now.
 std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResults& kept_results,
                                                 std::size_t working_bytes,
                                                 const DepthSettings& solving, bool keep,
-                                                std::size_t& took) {
+                                                DepthWork& work) {
   return kept_results.get<KeptDepths>(key_of(instant, solving), [&](std::size_t& bytes) {
     auto kept = std::make_shared<KeptDepths>();
     std::string note;
@@ -113,30 +114,34 @@ std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResu
     }
     kept->depths.find_nearest();
     bytes = kept->depths.bytes();
-    took = std::max(took, kept->depths.working_bytes);
+    work.bytes = std::max(work.bytes, kept->depths.working_bytes);
+    work.pixels_decoded += kept->depths.pixels_decoded;
     return kept;
   });
 }
 
-/// The instant of every camera's next frame, or that before if `step` is -1; nullopt where one has
-/// none.
-std::optional<Instant> beside(const Instant& instant, int step) {
-  Instant other = instant;
-  for (std::size_t i = 0; i < other.frame_of_camera.size(); ++i) {
-    int& frame = other.frame_of_camera[i];
-    if (frame < 0) continue;
-    frame += step;
-    const auto frames = instant.take->archive(static_cast<int>(i)).frames();
-    if (frame < 0 || frame >= static_cast<int>(frames.size())) return std::nullopt;
-    other.time_ns = frames[static_cast<std::size_t>(frame)].time_ns;
+/// The instants of Instant::frames_beside, of those cameras that count at this one.
+std::vector<Instant> instants_beside(const Instant& instant) {
+  std::vector<Instant> instants;
+  for (const std::vector<int>& frames : instant.frames_beside) {
+    Instant other = instant;
+    other.frames_beside.clear();
+    std::ranges::fill(other.frame_of_camera, -1);
+    for (const int camera : instant.members) {
+      const auto i = static_cast<std::size_t>(camera);
+      other.frame_of_camera[i] = frames[i];
+    }
+    if (!cameras_of(other, false).empty()) instants.push_back(std::move(other));
   }
-  return other;
+  return instants;
 }
 
-MatchingImage picture_of(const Instant& instant, std::size_t camera, const CameraDepths& depths) {
+MatchingImage picture_of(const Instant& instant, std::size_t camera, const CameraDepths& depths,
+                         std::atomic<std::int64_t>& pixels_decoded) {
   std::int64_t decoded = 0;
   const auto frame =
       instant.cache->fetch(static_cast<int>(camera), instant.frame_of_camera[camera], {}, decoded);
+  pixels_decoded += decoded;
   return {*frame, instant.cache->blend_space(), instant.rig->cameras[camera],
           depths.pinholes[camera]};
 }
@@ -146,20 +151,19 @@ MatchingImage picture_of(const Instant& instant, std::size_t camera, const Camer
 std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptResults& kept_results,
                                                   std::size_t working_bytes,
                                                   const DepthSettings& solving, bool keep,
-                                                  std::size_t& took) {
-  const std::string key = "steadied " + key_of(instant, solving);
+                                                  DepthWork& work) {
+  const std::vector<Instant> beside = instants_beside(instant);
+  if (beside.empty()) {
+    return camera_depths(instant, kept_results, working_bytes, solving, keep, work);
+  }
+  std::string key = "steadied " + key_of(instant, solving);
+  for (const Instant& other : beside) key += " beside " + key_of(other, solving);
   return kept_results.get<KeptDepths>(key, [&](std::size_t& bytes) {
     const auto depths_at = [&](const Instant& at) {
-      return camera_depths(at, kept_results, working_bytes, solving, keep, took);
+      return camera_depths(at, kept_results, working_bytes, solving, keep, work);
     };
-    struct Other {
-      Instant instant;
-      std::shared_ptr<const KeptDepths> kept;
-    };
-    std::vector<Other> others;
-    for (const int step : {-1, 1}) {
-      if (const auto other = beside(instant, step)) others.push_back({*other, depths_at(*other)});
-    }
+    std::vector<std::shared_ptr<const KeptDepths>> depths_beside;
+    for (const Instant& other : beside) depths_beside.push_back(depths_at(other));
     auto kept = std::make_shared<KeptDepths>(*depths_at(instant));
     CameraDepths& depths = kept->depths;
     const auto tolerance = static_cast<float>(solving.tolerance_px * depths.pixel);
@@ -168,19 +172,24 @@ std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptRe
     for (const InverseDepthMap& map : depths.maps) most = std::max(most, map.values.size());
     const std::size_t in_flight =
         std::clamp<std::size_t>(working_bytes / (most * kBytesPerPixel), 1, depths.maps.size());
-    took = std::max(took, in_flight * most * kBytesPerPixel);
+    work.bytes = std::max(work.bytes, in_flight * most * kBytesPerPixel);
+    std::atomic<std::int64_t> decoded = 0;
     const auto never = [] { return false; };
     for_each_in_flight(depths.maps.size(), in_flight, never, [&](std::size_t i) {
       if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
       std::vector<MatchingImage> pictures;
-      std::vector<OtherInstant> of_camera;
-      for (const Other& other : others) pictures.push_back(picture_of(other.instant, i, depths));
-      for (std::size_t j = 0; j < others.size(); ++j) {
-        of_camera.push_back({&pictures[j], &others[j].kept->depths.maps[i]});
+      std::vector<OtherInstant> others;
+      pictures.reserve(beside.size());
+      for (std::size_t j = 0; j < beside.size(); ++j) {
+        if (!beside[j].is_present(static_cast<int>(i))) continue;
+        pictures.push_back(picture_of(beside[j], i, depths, decoded));
+        others.push_back({&pictures.back(), &depths_beside[j]->depths.maps[i]});
       }
+      if (others.empty()) return;
       depths.maps[i] =
-          steadied(depths.maps[i], picture_of(instant, i, depths), of_camera, tolerance);
+          steadied(depths.maps[i], picture_of(instant, i, depths, decoded), others, tolerance);
     });
+    work.pixels_decoded += decoded;
     depths.find_nearest();
     bytes = depths.bytes();
     return kept;
@@ -189,9 +198,9 @@ std::shared_ptr<const KeptDepths> steadied_depths(const Instant& instant, KeptRe
 
 std::shared_ptr<const KeptDepths> depths_by(const Settings& settings, const Instant& instant,
                                             KeptResults& kept_results, std::size_t working_bytes,
-                                            std::size_t& took) {
+                                            DepthWork& work) {
   const auto depths_of = settings.temporal ? steadied_depths : camera_depths;
-  return depths_of(instant, kept_results, working_bytes, settings.solving, settings.keep, took);
+  return depths_of(instant, kept_results, working_bytes, settings.solving, settings.keep, work);
 }
 
 /// What cameras say of a view's depths: they count as they would if its rays were blended from few
@@ -230,7 +239,7 @@ InverseDepthMap depths_of_view(Plan& plan, const ViewRequest& request) {
   const CameraField field(view, *instant.rig, cameras_of(instant, false), plan.range, kBest);
   const std::vector<DepthReport> reports = reports_for(field, *plan.depths);
   const std::size_t bytes = fusion_bytes(view, reports, request.working_bytes);
-  plan.working_bytes = std::max(plan.working_bytes, bytes);
+  plan.work.bytes = std::max(plan.work.bytes, bytes);
   if (bytes > request.working_bytes) plan.notes.push_back(more_than_its_share("depth", request));
   const auto thick = static_cast<float>(pixel / 2);
   // Wires that fall on one column of pixels in this view and on two in the next must not break.
@@ -255,9 +264,9 @@ std::optional<Plan> plan(const ViewRequest& request) {
       request.view.pose);
   const InverseDepthRange range = inverse_depths_in_view(request.view, rig, settings.solving.scene);
   if (range.empty()) return std::nullopt;
-  std::size_t took = 0;
+  DepthWork work;
   const std::shared_ptr<const KeptDepths> kept =
-      depths_by(settings, request.instant, request.kept, request.working_bytes, took);
+      depths_by(settings, request.instant, request.kept, request.working_bytes, work);
   const auto field_of = [&](bool absent_too) {
     return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,
                        settings.cameras);
@@ -270,30 +279,30 @@ std::optional<Plan> plan(const ViewRequest& request) {
               std::shared_ptr<const CameraDepths>(kept, &kept->depths),
               {},
               {},
-              0};
+              {}};
   if (request.instant.present != request.instant.complete) {
     result.complete.emplace(field_of(true));
   }
   result.notes = kept->notes;
-  result.working_bytes = took;
+  result.work = work;
   result.view_depths = depths_of_view(result, request);
   return result;
 }
 
 std::shared_ptr<const CameraDepths> depths_unless_told(const Instant& instant, KeptResults& kept,
                                                        std::size_t working_bytes, bool keep,
-                                                       const DepthRange& scene, std::size_t& took) {
+                                                       const DepthRange& scene, DepthWork& work) {
   DepthSettings solving;
   solving.scene = scene;
-  const auto found = camera_depths(instant, kept, working_bytes, solving, keep, took);
+  const auto found = camera_depths(instant, kept, working_bytes, solving, keep, work);
   return {found, &found->depths};
 }
 
 RaySurface surface_by(const MethodOptions& options, const Instant& instant, KeptResults& kept,
                       std::size_t working_bytes, bool use_take_folder) {
   const Settings settings = settings_of(options, *instant.take, use_take_folder);
-  std::size_t took = 0;
-  const auto found = depths_by(settings, instant, kept, working_bytes, took);
+  DepthWork work;
+  const auto found = depths_by(settings, instant, kept, working_bytes, work);
   return depth_surface({found, &found->depths}, *instant.rig, settings.solving.scene);
 }
 
@@ -331,7 +340,8 @@ Method depth_method() {
           false,
           false,
           false,
-          kCheck};
+          kCheck,
+          [](const MethodOptions& options) { return options.flag("temporal"); }};
 }
 
 }  // namespace raystage

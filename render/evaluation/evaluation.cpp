@@ -202,14 +202,15 @@ class TimedView {
     return view;
   }
 
-  /// Source pixels decoded per pixel needed; counting takes time, so this one's is not taken.
-  double decoded_per_needed() const {
+  /// Source pixels that `first`, with nothing cached before, decoded per pixel needed; counting
+  /// takes time, so this one's is not taken.
+  double decoded_per_needed(const RenderedView& first) const {
     RendererSettings counting = settings_;
     counting.count_needed_pixels = true;
     const RenderStatistics counts = LightFieldRenderer(take_, counting)
                                         .render(subject_.camera, frames_, reconstruction_)
                                         .statistics;
-    return counts.pixels_needed > 0 ? static_cast<double>(counts.pixels_decoded) /
+    return counts.pixels_needed > 0 ? static_cast<double>(first.statistics.pixels_decoded) /
                                           static_cast<double>(counts.pixels_needed)
                                     : std::numeric_limits<double>::quiet_NaN();
   }
@@ -301,6 +302,11 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   renderer_settings.use_take_folder =
       settings.use_take_folder && renderer_settings.left_out.empty();
   renderer_settings.kept = std::make_shared<KeptResults>(renderer_settings.kept_bytes);
+  std::optional<Timeline> timeline;  // for methods that look at the frames before and after
+  if (std::filesystem::exists(take.folder() / "timeline.zst")) {
+    timeline = read_timeline(take);
+    renderer_settings.ticks = timeline->ticks;
+  }
   evaluation.cameras = take.camera_count() - static_cast<int>(renderer_settings.left_out.size());
   const auto tolerance =
       static_cast<Nanoseconds>(kNanosecondsPerSecond / take.document().nominal_fps / 2);
@@ -317,7 +323,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
     result.id = subject.id;
     const TimedView timed(take, renderer_settings, subject, frames, reconstruction);
     const RenderedView view = timed.render(settings.repeat, result);
-    if (settings.count_needed_pixels) result.decoded_per_needed = timed.decoded_per_needed();
+    if (settings.count_needed_pixels) result.decoded_per_needed = timed.decoded_per_needed(view);
     const RgbImage image = srgb_image(view);
     if (!settings.image_folder.empty()) {
       write_image(image, settings.image_folder / (subject.id + ".png"));

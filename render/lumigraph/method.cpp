@@ -16,25 +16,26 @@ std::filesystem::path mesh_file(const MethodOptions& options, const Take& take) 
   return take.folder() / options.text("mesh");
 }
 
-RaySurface surface_of(const ViewRequest& r, std::size_t& took) {
+RaySurface surface_of(const ViewRequest& r, DepthWork& work) {
   return proxy_surface(r.options, r.focal_plane, r.instant, r.kept, r.working_bytes,
-                       r.use_take_folder, took);
+                       r.use_take_folder, work);
 }
 
 RenderedView by_lumigraph(const ViewRequest& request) {
   const bool field = request.options.text("weights") == "blending_field";
-  std::size_t took = 0;
-  const RaySurface surface = surface_of(request, took);
+  DepthWork work;
+  const RaySurface surface = surface_of(request, work);
   RenderedView image =
       render_lumigraph(request, surface, ray_weighing(request.options),
                        field ? WeightField::kBlendingField : WeightField::kPerPixel);
-  image.statistics.working_bytes = std::max(image.statistics.working_bytes, took);
+  image.statistics.working_bytes = std::max(image.statistics.working_bytes, work.bytes);
+  image.statistics.pixels_decoded += work.pixels_decoded;
   return image;
 }
 
 RenderedView by_lumigraph_reference(const ViewRequest& request) {
-  std::size_t took = 0;
-  return render_lumigraph_reference(request, surface_of(request, took),
+  DepthWork work;
+  return render_lumigraph_reference(request, surface_of(request, work),
                                     ray_weighing(request.options));
 }
 
@@ -67,7 +68,7 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
 
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
                          const Instant& instant, KeptResults& kept, std::size_t working_bytes,
-                         bool use_take_folder, std::size_t& took) {
+                         bool use_take_folder, DepthWork& work) {
   RaySurface on_plane = plane_surface(plane);
   check(options, *instant.take);
   const std::string& proxy = options.text("proxy");
@@ -75,7 +76,7 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
   if (proxy == "depth") {
     const DepthRange scene = scene_of(*instant.take);
     return depth_surface(
-        depth::depths_unless_told(instant, kept, working_bytes, use_take_folder, scene, took),
+        depth::depths_unless_told(instant, kept, working_bytes, use_take_folder, scene, work),
         *instant.rig, scene);
   }
   const std::filesystem::path file = mesh_file(options, *instant.take);

@@ -19,6 +19,9 @@ struct Instant {
   Nanoseconds time_ns = 0;  ///< since the take's epoch
   /// Per camera of the rig: its frame, or -1 where it has none at this instant or is left out.
   std::vector<int> frame_of_camera;
+  /// The same of the timeline's ticks before and after, where there are any: see
+  /// RendererSettings::ticks.
+  std::vector<std::vector<int>> frames_beside;
   std::vector<int> members;  ///< cameras that are not left out, in increasing order
   /// Cells of the cameras present, and of all that could be (those not left out): rays are blended
   /// by the first, RenderedView::coverage is counted by the second. Equal when nobody is absent.

@@ -63,6 +63,8 @@ struct Method {
   /// Throws Error (bad input) where these options render no view of the take, as far as that can be
   /// known before one is; null: nothing to know.
   void (*check)(const MethodOptions& options, const Take& take) = nullptr;
+  /// Whether pixels depend on Instant::frames_beside; null: never.
+  bool (*looks_beside)(const MethodOptions& options) = nullptr;
 };
 
 }  // namespace raystage

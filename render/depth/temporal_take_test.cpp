@@ -1,0 +1,234 @@
+// SPDX-License-Identifier: Apache-2.0
+// Method depth's `temporal` on a noisy take in which something moves and frames are lacking.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <set>
+
+#include "render/depth/depth.h"
+#include "render/depth/depth_file.h"
+#include "render/depth/temporal.h"
+#include "render/matching/large_buffer.h"
+#include "render/renderer.h"
+#include "render/view/synthetic_take.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kCameras = 6, kTicks = 4, kWidth = 96, kHeight = 72;
+constexpr int kDropping = 4, kDropped = 2;    ///< this camera's frame lacks at this tick
+constexpr double kDepth = 4, kStillFrom = 0;  ///< right of it, metres, nothing moves
+constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 15;
+
+/// A wall; what is painted on its left changes from frame to frame.
+testing::Painting wall(int frame) {
+  return [frame](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+    const Eigen::Vector3d hit = from - (from.z() + kDepth) / direction.z() * direction;
+    const double moved = hit.x() < kStillFrom ? 1.7 * frame : 0.0;
+    const auto coarse = testing::painted_plane(2 * hit.x() + moved, 2 * hit.y());
+    const auto fine = testing::painted_plane(5 * hit.x() + 1 + moved, 5 * hit.y());
+    return std::array<double, 3>{(coarse[0] + fine[1]) / 2, (coarse[1] + fine[2]) / 2,
+                                 (coarse[2] + fine[0]) / 2};
+  };
+}
+
+class TemporalTake : public ::testing::Test {
+ protected:
+  TemporalTake() {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(2, 3, 0.1, kWidth, kHeight);
+    TakeDocument document;
+    RigDocument rig;
+    document.name = rig.name = "noisy";
+    document.created_by = "raystage test";
+    document.nominal_fps = 15;
+    document.color_space = "srgb_texture";
+    document.depth_range = DepthRange{2.5, 7};
+    for (const CameraGeometry& camera : settings.cameras) {
+      document.cameras.push_back({camera.id, "", "", ""});
+      rig.cameras.push_back({camera, {}});
+    }
+    TakeWriter writer(folder_.path() / "take", document, rig);
+    std::mt19937 random(7);
+    std::normal_distribution<double> noise(0, 1.2);  // codes
+    for (int frame = 0; frame < kTicks; ++frame) {
+      settings.painting = wall(frame);
+      for (int camera = 0; camera < kCameras; ++camera) {
+        if (camera == kDropping && frame == kDropped) continue;
+        RgbImage image = photograph(settings.cameras[static_cast<std::size_t>(camera)], settings);
+        for (std::size_t i = 0; i < image.pixels.size(); i += 3) {
+          const double grey = noise(random);
+          for (std::size_t c = i; c < i + 3; ++c) {
+            image.pixels[c] =
+                static_cast<std::uint8_t>(std::clamp(image.pixels[c] + grey, 0.0, 255.0));
+          }
+        }
+        writer.archive(camera).append(encode_jpeg(image, {}), frame * kInterval);
+      }
+    }
+    writer.commit();
+    take_ = std::make_unique<Take>(folder_.path() / "take");
+    timeline_ = build_timeline(*take_, 15, 0);
+    cache_ = std::make_unique<FrameCache>(*take_, std::size_t{1} << 26, BlendSpace::kPerceptual);
+  }
+
+  Instant at(int tick) const {
+    Instant instant;
+    instant.take = take_.get();
+    instant.rig = &take_->rig();
+    instant.cache = cache_.get();
+    instant.frame_of_camera = timeline_.ticks[static_cast<std::size_t>(tick)].frame;
+    std::vector<int> present;
+    for (int camera = 0; camera < kCameras; ++camera) {
+      instant.members.push_back(camera);
+      if (instant.is_present(camera)) present.push_back(camera);
+    }
+    instant.present = std::make_shared<Topology>(topology_of(take_->rig(), present));
+    instant.complete = std::make_shared<Topology>(topology_of(take_->rig(), instant.members));
+    return instant;
+  }
+
+  CameraDepths depths(const Instant& instant, bool temporal) const {
+    const MethodOptions options(depth_method().options, {{"temporal", temporal}, {"keep", false}},
+                                "test");
+    const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.5, {});
+    KeptResults kept(std::size_t{1} << 28);
+    BufferPool buffers;
+    const auto plan =
+        depth::plan({view, instant, {0, 0, 0, 1}, options, kept, std::size_t{1} << 28, buffers});
+    return *plan.value().depths;
+  }
+
+  RenderedView render(int tick, std::vector<int> left_out = {}) const {
+    RendererSettings settings;
+    settings.ticks = timeline_.ticks;
+    settings.left_out = std::move(left_out);
+    return LightFieldRenderer(*take_, settings)
+        .render(virtual_camera_with_fov(40, 30, 0.5, {}),
+                timeline_.ticks[static_cast<std::size_t>(tick)],
+                {"depth", {0, 0, 0, 1}, {{"temporal", true}}});
+  }
+
+  std::size_t kept_files() const {
+    std::size_t files = 0;
+    for (const auto& entry : fs::recursive_directory_iterator(take_->folder() / "depth")) {
+      files += entry.is_regular_file() ? 1 : 0;
+    }
+    return files;
+  }
+
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+  Timeline timeline_;
+  std::unique_ptr<FrameCache> cache_;
+};
+
+TEST_F(TemporalTake, WhatStandsStillComesNearerToTheTruthAndWhatMovesStays) {
+  Instant instant = at(1);
+  const CameraDepths alone = depths(instant, true);  // nothing beside it
+  instant.frames_beside = {at(0).frame_of_camera, at(2).frame_of_camera};
+  const CameraDepths steady = depths(instant, true);
+  const CameraDepths unasked = depths(instant, false);
+  double before = 0, after = 0, moving = 0;
+  int still_pixels = 0, moving_pixels = 0;
+  for (std::size_t i = 0; i < kCameras; ++i) {
+    EXPECT_EQ(unasked.maps[i].values, alone.maps[i].values);
+    const double x0 = take_->rig().cameras[i].pose.position.x();
+    for (int y = 0; y < kHeight; ++y) {
+      for (int x = 0; x < kWidth; ++x) {
+        const float was = alone.maps[i].at(x, y), is = steady.maps[i].at(x, y);
+        if (was < 0) continue;
+        const Intrinsics& k = take_->rig().cameras[i].model.intrinsics();
+        const double on_wall = x0 + kDepth * (x + 0.5 - k.cx) / k.fx;
+        if (on_wall > kStillFrom + 0.3) {
+          before += std::abs(static_cast<double>(was) - 1 / kDepth);
+          after += std::abs(static_cast<double>(is) - 1 / kDepth);
+          ++still_pixels;
+        } else if (on_wall < kStillFrom - 0.3) {
+          moving += was == is ? 0 : 1;
+          ++moving_pixels;
+        }
+      }
+    }
+  }
+  ASSERT_GT(still_pixels, 10'000);
+  ASSERT_GT(moving_pixels, 10'000);
+  EXPECT_LT(after, 0.9 * before);
+  EXPECT_LT(moving / moving_pixels, 0.05);  // paint may be alike here and there
+}
+
+TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
+  for (const int tick : {1, 2, 3}) {
+    Instant instant = at(tick);
+    std::vector<Instant> beside{at(tick - 1)};
+    if (tick + 1 < kTicks) beside.push_back(at(tick + 1));
+    for (const Instant& other : beside) instant.frames_beside.push_back(other.frame_of_camera);
+    const CameraDepths fast = depths(instant, true);
+
+    DepthSettings settings;
+    settings.scene = {2.5, 7};
+    const auto solved = [&](const Instant& of) {
+      CameraDepths found = solve_camera_depths(of, settings, std::size_t{1} << 28);
+      for (InverseDepthMap& map : found.maps) quantise(map);
+      return found;
+    };
+    const CameraDepths now = solved(instant);
+    std::vector<CameraDepths> then;
+    for (const Instant& other : beside) then.push_back(solved(other));
+    int changed = 0;
+    for (std::size_t i = 0; i < kCameras; ++i) {
+      const auto picture = [&](const Instant& of) {
+        std::int64_t decoded = 0;
+        const auto frame = cache_->fetch(static_cast<int>(i), of.frame_of_camera[i], {}, decoded);
+        return MatchingImage(*frame, cache_->blend_space(), take_->rig().cameras[i],
+                             now.pinholes[i]);
+      };
+      if (!instant.is_present(static_cast<int>(i))) {
+        EXPECT_TRUE(fast.maps[i].values.empty());
+        continue;
+      }
+      std::vector<MatchingImage> pictures;
+      std::vector<OtherInstant> others;
+      pictures.reserve(2);
+      for (std::size_t j = 0; j < beside.size(); ++j) {
+        if (!beside[j].is_present(static_cast<int>(i))) continue;
+        pictures.push_back(picture(beside[j]));
+        others.push_back({&pictures.back(), &then[j].maps[i]});
+      }
+      const InverseDepthMap expected =
+          steadied_reference(now.maps[i], picture(instant), others,
+                             static_cast<float>(settings.tolerance_px * now.pixel));
+      for (std::size_t p = 0; p < expected.values.size(); ++p) {
+        ASSERT_NEAR(fast.maps[i].values[p], expected.values[p], 1e-5) << "tick " << tick;
+        changed += fast.maps[i].values[p] == now.maps[i].values[p] ? 0 : 1;
+      }
+    }
+    EXPECT_GT(changed, 5000) << "tick " << tick;
+  }
+}
+
+TEST_F(TemporalTake, TheInstantsBesideAreTheTicks) {
+  ASSERT_EQ(timeline_.ticks.size(), static_cast<std::size_t>(kTicks));
+  ASSERT_EQ(timeline_.ticks[kDropped].frame[kDropping], -1);
+  ASSERT_EQ(timeline_.ticks[3].frame[kDropping], 2);  // as an archive counts, not as ticks do
+  render(1);
+  EXPECT_EQ(kept_files(), 3U);
+  for (int tick = 0; tick < kTicks; ++tick) render(tick);
+  EXPECT_EQ(kept_files(), static_cast<std::size_t>(kTicks));
+  render(2, {0});  // a camera that is left out is so before and after, too
+  EXPECT_EQ(kept_files(), kTicks + 3U);
+}
+
+TEST_F(TemporalTake, WithoutATimelineThereIsNothingBeside) {
+  const LightFieldRenderer renderer(*take_, {});
+  renderer.render(virtual_camera_with_fov(40, 30, 0.5, {}), timeline_.ticks[1],
+                  {"depth", {0, 0, 0, 1}, {{"temporal", true}}});
+  EXPECT_EQ(kept_files(), 1U);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "images/image_file.h"
@@ -302,8 +303,10 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   renderer_settings.use_take_folder =
       settings.use_take_folder && renderer_settings.left_out.empty();
   renderer_settings.kept = std::make_shared<KeptResults>(renderer_settings.kept_bytes);
-  std::optional<Timeline> timeline;  // for methods that look at the frames before and after
-  if (std::filesystem::exists(take.folder() / "timeline.zst")) {
+  std::optional<Timeline> timeline;
+  const auto looks_beside = method_named(settings.method).looks_beside;
+  if (looks_beside != nullptr && looks_beside(options) &&
+      std::filesystem::exists(take.folder() / "timeline.zst")) {
     timeline = read_timeline(take);
     renderer_settings.ticks = timeline->ticks;
   }

@@ -5,13 +5,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <optional>
 
 #include "render/automatic/left_out_camera.h"
 #include "rig/sampling_limits.h"
 
 namespace raystage {
 namespace {
+
+/// What shows less of the pictures is no reconstruction of them, however near it comes: as bench.
+constexpr double kLeastCovered = 0.85;
 
 double longest_focal_length(const Rig& rig) {
   double longest = 0;
@@ -49,7 +52,17 @@ std::string in_time(double seconds) {
                      : fmt::format("{:.1f} s a frame", seconds);
 }
 
-/// choose(), for a take that knows its depth range; `request` is on eq. 2.2's plane.
+std::string measured(const LeftOutQuality& quality) {
+  std::string text =
+      fmt::format("{:.1f} dB ({:.1f} less a spread of {:.1f}) at {} cameras left out",
+                  quality.expected_db(), quality.mean_db, quality.deviation_db, quality.cameras);
+  if (quality.covered < kLeastCovered) {
+    text += fmt::format(", but {:.0f} % of their pictures covered", quality.covered * 100);
+  }
+  return text;
+}
+
+/// choose(), in a scene of this depth range; `request` is on eq. 2.2's plane.
 Choice choose_by_range(std::span<const Candidate> candidates, const Target& target,
                        const ViewRequest& request, const DepthRange& scene) {
   const Instant& instant = request.instant;
@@ -95,24 +108,29 @@ Choice choose_by_range(std::span<const Candidate> candidates, const Target& targ
   }
   std::ranges::sort(in_reach, {},
                     [&](std::size_t i) { return seconds_per_frame(candidates[i], work); });
-  double most_measured = -std::numeric_limits<double>::infinity();
+  std::optional<LeftOutQuality> best_measured;
   for (const std::size_t i : in_reach) {
     if (i == best) break;
-    const double psnr =
-        error_at_left_out_cameras(candidates[i].method, candidates[i].options, request);
-    most_measured = std::max(most_measured, psnr);
-    if (psnr >= target.psnr_db) {
+    const LeftOutQuality quality =
+        quality_at_left_out_cameras(candidates[i].method, candidates[i].options, request);
+    if (quality.cameras == 0) {
+      return {best, fmt::format("{}: the most accurate in reach, {}; no camera stands between "
+                                "three others, so that none can be left out to measure",
+                                candidates[best].label, best_takes)};
+    }
+    if (quality.covered >= kLeastCovered && quality.expected_db() >= target.psnr_db) {
       return {i,
-              fmt::format("{}: {:.1f} dB at cameras left out, {:.1f} asked for, {}",
-                          candidates[i].label, psnr, target.psnr_db,
-                          in_time(seconds_per_frame(candidates[i], work))),
+              fmt::format("{}: {}, {:.1f} asked for, {}", candidates[i].label, measured(quality),
+                          target.psnr_db, in_time(seconds_per_frame(candidates[i], work))),
               true};
     }
+    if (!best_measured || quality.expected_db() > best_measured->expected_db()) {
+      best_measured = quality;
+    }
   }
-  return {best, std::isfinite(most_measured)
-                    ? fmt::format("{}: the most accurate, {}; others give {:.1f} dB at most at "
-                                  "cameras left out",
-                                  candidates[best].label, best_takes, most_measured)
+  return {best, best_measured
+                    ? fmt::format("{}: the most accurate, {}; of others the best has {}",
+                                  candidates[best].label, best_takes, measured(*best_measured))
                     : fmt::format("{}: the most accurate in reach, {}", candidates[best].label,
                                   best_takes)};
 }
@@ -120,7 +138,7 @@ Choice choose_by_range(std::span<const Candidate> candidates, const Target& targ
 /// choose(), but for saying what was not measured.
 Choice chosen(std::span<const Candidate> candidates, const Target& target,
               const ViewRequest& request) {
-  const auto range = request.instant.take->document().depth_range;
+  const auto range = target.scene ? target.scene : request.instant.take->document().depth_range;
   if (!range) {
     return {0, fmt::format("{}: the take has no depth range, which the others need",
                            candidates[0].label)};

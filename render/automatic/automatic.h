@@ -29,26 +29,29 @@ struct Target {
   /// one sample a pixel: how many a view takes (ViewRequest::supersampling) changes along a shot,
   /// the choice must not.
   double seconds_per_frame = 0;
+  /// How deep the scene is, where the take does not say or says otherwise.
+  std::optional<DepthRange> scene = std::nullopt;
 };
 
 struct Choice {
   std::size_t candidate = 0;
   std::string why;                       ///< a line for people
   bool met_at_left_out_cameras = false;  ///< its error was measured and meets the target
-  /// Where methods that need a plane look rays up: eq. 2.2's. None where the take does not say how
-  /// deep it is: each view's own, which is no part of the choice.
+  /// Where methods that need a plane look rays up: eq. 2.2's. None where nobody says how deep the
+  /// scene is: each view's own, which is no part of the choice.
   std::optional<Eigen::Vector4d> focal_plane = std::nullopt;
 };
 
 /// Chooses among `candidates`, which stand from the least to the most accurate. A single plane (the
 /// first) wherever eq. 2.1 says that it is free of ghosts. Else, of those within the time, the
-/// cheapest whose error, measured at cameras that are left out for it, meets the target; or the
-/// most accurate where none does, or none is asked for. What was not measured is never called to
-/// meet the target. The measured error is an estimate: of three cameras near the array's centre at
-/// one instant, likely too large, as with its camera left out a view's nearest neighbours are twice
-/// as far away as they will be. Depends on the take, the options and the size of the picture alone:
-/// every frame of a shot and every node of a farm gets the same answer. Costs up to three views of
-/// each candidate but the last.
+/// cheapest that meets the target at cameras that are left out for it:
+/// with LeftOutQuality::expected_db(), and 85 % of their pictures covered. The most accurate where
+/// none does, none is asked for or no camera can be left out. What was not measured is never called
+/// to meet the target. That is an estimate of views among the cameras, with a margin for where they
+/// stand and what they show; of views off the array, which no camera tells of, see
+/// off_array_note(). Depends on the take, the options and the size of the picture alone: every
+/// frame of a shot and every node of a farm gets the same answer. Costs up to nine pictures of the
+/// cameras for each candidate but the last.
 Choice choose(std::span<const Candidate> candidates, const Target& target,
               const ViewRequest& request);
 

@@ -2,20 +2,26 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <filesystem>
 
 #include "render/automatic/automatic.h"
+#include "render/automatic/off_array.h"
 #include "render/depth/depth.h"
 #include "render/matching/large_buffer.h"
 #include "render/planar/focal_plane.h"
 #include "render/sweep/plane_sweep.h"
+#include "render/view/scene_depths.h"
 
 namespace raystage {
 namespace {
 
 constexpr std::array kOptions{
-    number_option("target_error", 0, 0, 100,
-                  "PSNR in dB that must be met, measured at cameras left out; 0: as near to the "
-                  "truth as can be"),
+    number_option(
+        "target_error", 0, 0, 100,
+        "PSNR in dB that must be met, measured at cameras left out, less its spread; 0: as "
+        "near to the truth as can be"),
+    number_option("near", 0, 0, 1e9, "nearest thing, metres in front of the array; 0: the take's"),
+    number_option("far", 0, 0, 1e12, "farthest thing, metres in front of the array; 0: the take's"),
     number_option("target_time", 0, 0, 1e6,
                   "seconds that a frame may take on two threads of the machine of "
                   "docs/benchmarks.md, to be rendered alone from decoded frames, one sample a "
@@ -44,16 +50,29 @@ std::vector<Candidate> candidates() {
       {.label = "depth", .method = depth_method(), .pixel_ns = 400, .instant_ns = 980}};
 }
 
+/// The depth range that the options say, if they do.
+std::optional<DepthRange> scene_told(const ViewRequest& request) {
+  if (request.options.number("near") == 0 && request.options.number("far") == 0) return {};
+  return scene_depths(request.options, *request.instant.take, "auto");
+}
+
 RenderedView render_with(const ViewRequest& request, bool reference) {
-  const Target target{request.options.number("target_error"),
-                      request.options.number("target_time")};
+  const Target target{request.options.number("target_error"), request.options.number("target_time"),
+                      scene_told(request)};
   std::vector<Candidate> all = candidates();
+  for (Candidate& candidate : all) {
+    if (!target.scene || candidate.method.on_focal_plane) continue;
+    for (const char* name : {"near", "far"}) {
+      candidate.options[name] = request.options.number(name);
+    }
+  }
   if (request.measure_coverage) {
     std::erase_if(all, [](const Candidate& c) { return !c.method.measures_coverage; });
   }
   // Within a renderer take and cameras are the same throughout.
   const std::string key =
-      fmt::format("auto {} {} {}x{} of {}", target.psnr_db, target.seconds_per_frame,
+      fmt::format("auto {} {} {} {} {}x{} of {}", target.psnr_db, target.seconds_per_frame,
+                  request.options.number("near"), request.options.number("far"),
                   request.view.width / request.supersampling,
                   request.view.height / request.supersampling, all.size());
   const auto choice = request.kept.get<Choice>(key, [&](std::size_t& bytes) {
@@ -83,7 +102,20 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                         request.supersampling * request.supersampling);
   }
   view.notes.push_back(std::move(note));
+  if (choice->met_at_left_out_cameras) {
+    if (auto beyond = off_array_note(request.view, request.instant)) {
+      view.notes.push_back("auto: " + *beyond);
+    }
+  }
   return view;
+}
+
+/// The instant that is measured is the timeline's middle.
+std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
+                                              const FrameSelection& /*frames*/) {
+  const std::filesystem::path timeline = take.folder() / "timeline.zst";
+  if (options.number("target_error") == 0 || !std::filesystem::exists(timeline)) return {};
+  return {timeline};
 }
 
 }  // namespace
@@ -96,7 +128,7 @@ Method automatic_method() {
           kOptions,
           [](const ViewRequest& request) { return render_with(request, false); },
           [](const ViewRequest& request) { return render_with(request, true); },
-          nullptr,
+          files_read,
           true,
           kPresets,
           false,

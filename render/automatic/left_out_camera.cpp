@@ -2,132 +2,188 @@
 #include "render/automatic/left_out_camera.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <numeric>
+#include <optional>
+#include <span>
 #include <vector>
 
+#include "render/automatic/ideal_picture.h"
+#include "render/automatic/take_instants.h"
 #include "render/quality/image_quality.h"
-#include "schemas/transfer_function.h"
-#include "store/timeline.h"
+#include "render/view/ray_cells.h"
 
 namespace raystage {
 namespace {
 
-constexpr std::size_t kMostCameras = 3;
+/// Sums over the pictures compared.
+struct Comparison {
+  std::array<std::vector<double>, 5> psnr_db;  ///< by part: one of every camera that shows it
+  std::int64_t asked = 0, covered = 0;         ///< pixels
+};
 
-/// The frames of the members at the middle of the take.
-Instant middle_instant(const Instant& now) {
-  Instant middle = now;
-  const auto frames = now.take->archive(now.members.front()).frames();
-  middle.time_ns = frames.empty() ? now.time_ns : frames[frames.size() / 2].time_ns;
-  const auto tolerance =
-      static_cast<Nanoseconds>(kNanosecondsPerSecond / now.take->document().nominal_fps / 2);
-  const FrameSelection selection = select_frames(*now.take, middle.time_ns, tolerance);
-  std::ranges::fill(middle.frame_of_camera, -1);
-  for (const int camera : now.members) {
-    const auto i = static_cast<std::size_t>(camera);
-    middle.frame_of_camera[i] = selection.frame[i];
+/// The instant without a camera, none of whose frames it shall use.
+Instant without(const Instant& instant, int camera) {
+  Instant rest = instant;
+  rest.frame_of_camera[static_cast<std::size_t>(camera)] = -1;
+  std::erase(rest.members, camera);
+  std::vector<int> present;
+  for (const int member : rest.members) {
+    if (rest.is_present(member)) present.push_back(member);
   }
-  return middle;
+  if (!present.empty()) {
+    rest.present = std::make_shared<const Topology>(topology_of(*instant.rig, present));
+  }
+  rest.complete = rest.present;
+  return rest;
 }
 
-/// From the middle of the array outwards: the nearest to the centre, and those at a quarter and at
-/// half of the order, so that they are not all neighbours.
-std::vector<int> cameras_to_leave_out(const Instant& instant, std::vector<int> present) {
-  const Eigen::Vector3d centre = instant.rig->centre();
-  std::ranges::stable_sort(present, {}, [&](int camera) {
-    return (instant.rig->cameras[static_cast<std::size_t>(camera)].pose.position - centre).norm();
-  });
+VirtualCamera view_of(const Rig::Camera& camera) {
+  VirtualCamera view{camera.model.width(), camera.model.height(), camera.model.intrinsics(),
+                     camera.pose};
+  view.intrinsics.distortion = {};
+  return view;
+}
+
+/// Whether the camera stands between others: what is seen from elsewhere is extrapolated.
+bool is_between_others(int camera, const Instant& instant) {
+  std::vector<int> others = instant.members;
+  std::erase(others, camera);
+  const VirtualCamera view = view_of(instant.rig->cameras[static_cast<std::size_t>(camera)]);
+  const RayCells cells(view, *instant.rig, topology_of(*instant.rig, others));
+  return cells.locate(view.intrinsics.cx, view.intrinsics.cy).has_value();
+}
+
+/// The nearest to the array's centre, then again and again the farthest from those that there are.
+std::vector<int> cameras_to_leave_out(const Instant& instant) {
+  constexpr std::size_t kFewest = 4;  // three to blend when one is left out
+  constexpr std::size_t kMost = 9;
+  std::vector<int> candidates = instant.members;
   std::vector<int> chosen;
-  for (const std::size_t at : {std::size_t{0}, present.size() / 4, present.size() / 2}) {
-    if (chosen.size() < kMostCameras && std::ranges::count(chosen, present[at]) == 0) {
-      chosen.push_back(present[at]);
+  if (candidates.size() < kFewest) return chosen;
+  const auto position = [&](int camera) {
+    return instant.rig->cameras[static_cast<std::size_t>(camera)].pose.position;
+  };
+  const Eigen::Vector3d centre = instant.rig->centre();
+  const auto distance = [&](int camera) {
+    if (chosen.empty()) return -(position(camera) - centre).norm();
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const int other : chosen) {
+      nearest = std::min(nearest, (position(camera) - position(other)).norm());
     }
+    return nearest;
+  };
+  while (!candidates.empty() && chosen.size() < kMost) {
+    const auto next = std::ranges::max_element(candidates, {}, distance);
+    if (is_between_others(*next, instant)) chosen.push_back(*next);
+    candidates.erase(next);
   }
   return chosen;
 }
 
-/// The camera's frame as 8-bit sRGB codes, photometrically corrected, seen without its distortion.
-RgbImage ideal_picture(const DecodedFrame& frame, const CameraModel& model, double full_scale,
-                       BlendSpace space) {
-  RgbImage image{frame.width, frame.height, {}};
-  image.pixels.resize(static_cast<std::size_t>(frame.width) *
-                      static_cast<std::size_t>(frame.height) * 3);
-  const Intrinsics& k = model.intrinsics();
-  std::size_t at = 0;
-  for (int y = 0; y < frame.height; ++y) {
-    for (int x = 0; x < frame.width; ++x) {
-      const Eigen::Vector2d ideal((x + 0.5 - k.cx) / k.fx, (y + 0.5 - k.cy) / k.fy);
-      const Eigen::Vector2d pixel = model.pixel_from_ideal(ideal).value_or(Eigen::Vector2d(0, 0));
-      const double left = std::clamp(pixel.x() - 0.5, 0.0, frame.width - 1.0);
-      const double top = std::clamp(pixel.y() - 0.5, 0.0, frame.height - 1.0);
-      const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
-      const double fx = left - x0, fy = top - y0;
-      for (std::size_t c = 0; c < 3; ++c, ++at) {
-        const auto code = [&](int i, int j) {
-          const auto row = static_cast<std::size_t>(std::min(y0 + j, frame.height - 1));
-          const auto column = static_cast<std::size_t>(std::min(x0 + i, frame.width - 1));
-          return frame.rgbx[(row * static_cast<std::size_t>(frame.width) + column) * 4 + c] /
-                 65535.0;
-        };
-        const double value = (1 - fy) * ((1 - fx) * code(0, 0) + fx * code(1, 0)) +
-                             fy * ((1 - fx) * code(0, 1) + fx * code(1, 1));
-        const double linear =
-            full_scale * (space == BlendSpace::kPerceptual ? linear_from_srgb(value) : value);
-        image.pixels[at] = static_cast<std::uint8_t>(
-            std::lround(255 * srgb_from_linear(std::clamp(linear, 0.0, 1.0))));
+/// The instants over which `count` cameras are spread, by the camera's place among them: the first
+/// from there on at which the camera has a frame and three others have.
+std::optional<Instant> instant_of(const TakeInstants& instants, int camera, std::size_t place,
+                                  std::size_t count) {
+  const auto all = static_cast<std::size_t>(instants.count());
+  const std::size_t first = (2 * place + 1) * all / (2 * count);
+  for (std::size_t step = 0; step < all; ++step) {
+    Instant instant = instants.at(static_cast<int>((first + step) % all));
+    const auto present = std::ranges::count_if(
+        instant.members, [&](int member) { return instant.is_present(member); });
+    if (instant.is_present(camera) && present > 3) return instant;
+  }
+  return std::nullopt;
+}
+
+/// PSNR over the pixels of a part that `counted` has; not-a-number where it has none.
+double psnr_of_part(const RgbImage& image, const RgbImage& truth,
+                    std::span<const std::uint8_t> counted, int left, int top, int width,
+                    int height) {
+  double squares = 0, pixels = 0;
+  for (int y = top; y < top + height; ++y) {
+    for (int x = left; x < left + width; ++x) {
+      const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
+                         static_cast<std::size_t>(x);
+      if (counted[pixel] == 0) continue;
+      ++pixels;
+      for (std::size_t c = pixel * 3; c < pixel * 3 + 3; ++c) {
+        const double error = static_cast<double>(image.pixels[c]) - truth.pixels[c];
+        squares += error * error;
       }
     }
   }
-  return image;
+  if (pixels == 0) return std::numeric_limits<double>::quiet_NaN();
+  // Equal parts count as a single code off in a single pixel: a mean has to be taken.
+  return 10 * std::log10(255.0 * 255.0 * 3 * pixels / std::max(squares, 1.0));
 }
 
-double error_without(int camera, const Instant& middle, std::vector<int> present,
-                     const Method& method, const MethodOptions& options,
-                     const ViewRequest& request) {
-  const auto index = static_cast<std::size_t>(camera);
-  Instant instant = middle;
-  instant.frame_of_camera[index] = -1;
-  std::erase(present, camera);
-  std::erase(instant.members, camera);
-  instant.present = std::make_shared<const Topology>(topology_of(*middle.rig, present));
-  instant.complete = instant.present;
-  const Rig::Camera& left_out = middle.rig->cameras[index];
-  VirtualCamera view{left_out.model.width(), left_out.model.height(), left_out.model.intrinsics(),
-                     left_out.pose};
-  view.intrinsics.distortion = {};
-  const RenderedView rendered =
-      method.render({view, instant, request.focal_plane, options, request.kept,
-                     request.working_bytes, request.buffers, false, false, false});
-  std::int64_t decoded = 0;
-  const auto frame = middle.cache->fetch(camera, middle.frame_of_camera[index], {}, decoded);
-  const RgbImage truth = ideal_picture(*frame, left_out.model, middle.cache->full_scale(),
-                                       middle.cache->blend_space());
-  return compare_images(srgb_image(rendered), truth, covered_pixels(rendered)).psnr_db;
+void compare(const RenderedView& rendered, const IdealPicture& truth, Comparison& comparison) {
+  const RgbImage image = srgb_image(rendered);
+  std::vector<std::uint8_t> counted = covered_pixels(rendered);
+  for (std::size_t i = 0; i < counted.size(); ++i) {
+    counted[i] &= truth.within[i];
+    comparison.asked += truth.within[i];
+    comparison.covered += counted[i];
+  }
+  const int width = std::max(1, image.width * 2 / 3), height = std::max(1, image.height * 2 / 3);
+  const int right = image.width - width, bottom = image.height - height;
+  const std::array<std::array<int, 2>, 5> corners{
+      {{0, 0}, {right, 0}, {0, bottom}, {right, bottom}, {right / 2, bottom / 2}}};
+  for (std::size_t part = 0; part < corners.size(); ++part) {
+    const auto [left, top] = corners[part];
+    const double psnr = psnr_of_part(image, truth.image, counted, left, top, width, height);
+    if (!std::isnan(psnr)) comparison.psnr_db[part].push_back(psnr);
+  }
 }
 
 }  // namespace
 
-double error_at_left_out_cameras(const Method& method, const OptionValues& given,
-                                 const ViewRequest& request) {
-  constexpr std::size_t kFewest = 4;  // three to blend when one is left out
-  const Instant middle = middle_instant(request.instant);
-  std::vector<int> present;
-  for (const int camera : middle.members) {
-    if (middle.is_present(camera)) present.push_back(camera);
-  }
-  constexpr double kNone = -std::numeric_limits<double>::infinity();
-  if (present.size() < kFewest) return kNone;
+LeftOutQuality quality_at_left_out_cameras(const Method& method, const OptionValues& given,
+                                           const ViewRequest& request) {
   const MethodOptions options(method.options, given, method.name);
-  double sum = 0;
-  int counted = 0;
-  for (const int camera : cameras_to_leave_out(middle, present)) {
-    const double psnr = error_without(camera, middle, present, method, options, request);
-    if (std::isnan(psnr)) continue;  // nothing of it was seen
-    sum += psnr;
-    ++counted;
+  const TakeInstants instants(request.instant);
+  const std::vector<int> cameras = cameras_to_leave_out(request.instant);
+  LeftOutQuality quality;
+  Comparison comparison;
+  for (std::size_t place = 0; place < cameras.size(); ++place) {
+    const int camera = cameras[place];
+    const auto instant = instant_of(instants, camera, place, cameras.size());
+    if (!instant) continue;
+    const Instant rest = without(*instant, camera);
+    const Rig::Camera& left_out = instant->rig->cameras[static_cast<std::size_t>(camera)];
+    const VirtualCamera view = view_of(left_out);
+    const RenderedView rendered =
+        method.render({view, rest, request.focal_plane, options, request.kept,
+                       request.working_bytes, request.buffers, false, false, false});
+    FrameCache& cache = *instant->cache;
+    std::int64_t decoded = 0;
+    const auto frame = cache.fetch(
+        camera, instant->frame_of_camera[static_cast<std::size_t>(camera)], {}, decoded);
+    compare(rendered,
+            ideal_picture(*frame, left_out.model, cache.full_scale(), cache.blend_space()),
+            comparison);
+    ++quality.cameras;
   }
-  return counted > 0 ? sum / counted : kNone;
+  double least = std::numeric_limits<double>::infinity();
+  for (const std::vector<double>& of_part : comparison.psnr_db) {
+    if (of_part.empty()) continue;
+    const auto count = static_cast<double>(of_part.size());
+    const double mean = std::accumulate(of_part.begin(), of_part.end(), 0.0) / count;
+    double squares = 0;
+    for (const double psnr : of_part) squares += (psnr - mean) * (psnr - mean);
+    const double deviation = std::sqrt(squares / count);
+    if (mean - deviation >= least) continue;
+    least = mean - deviation;
+    quality.mean_db = mean;
+    quality.deviation_db = deviation;
+  }
+  if (comparison.asked == 0) return quality;
+  quality.covered = static_cast<double>(comparison.covered) / static_cast<double>(comparison.asked);
+  return quality;
 }
 
 }  // namespace raystage

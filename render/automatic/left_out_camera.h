@@ -1,15 +1,32 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <limits>
+
 #include "render/view/method.h"
 
 namespace raystage {
 
-/// PSNR, dB, of what `method` reconstructs in place of cameras that are left out for it, in the
-/// mean over up to three in the middle of the array, at the middle instant of the take. Minus
-/// infinity where nothing can be left out (too few cameras) or nothing is seen. Of `request` it
-/// uses the take and its cameras, the focal plane and the means, not the view.
-double error_at_left_out_cameras(const Method& method, const OptionValues& options,
-                                 const ViewRequest& request);
+/// How near a method comes to the pictures of cameras that are left out for it.
+struct LeftOutQuality {
+  int cameras = 0;  ///< that were left out, one at a time; 0: none can be, and nothing is known
+  /// PSNR, dB, over these cameras: mean and standard deviation. Of that part of their pictures that
+  /// fares worst: of each corner and the middle, two thirds wide and high, as much as a view shows
+  /// that asks for half again the cameras' resolution, which may be filled by what is difficult.
+  /// Minus infinity where nothing is covered.
+  double mean_db = -std::numeric_limits<double>::infinity(), deviation_db = 0;
+  double covered = 0;  ///< share of the pictures' pixels that count (covered_pixels()), 0 to 1
+
+  /// What a view may count on: less than the mean by the spread.
+  double expected_db() const { return mean_db - deviation_db; }
+};
+
+/// Leaves out up to nine cameras, one at a time, and compares what `method` shows in their place
+/// with what they saw. They are spread over the array as far as cameras stand between others, from
+/// the centre to the rim but for its corners, and over the take's instants (TakeInstants): a shot
+/// may show any. None of fewer than four. Of `request` it uses take and members of the instant, the
+/// focal plane and the means, not the view.
+LeftOutQuality quality_at_left_out_cameras(const Method& method, const OptionValues& options,
+                                           const ViewRequest& request);
 
 }  // namespace raystage

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/automatic/take_instants.h"
+
+#include <algorithm>
+#include <filesystem>
+
+namespace raystage {
+
+TakeInstants::TakeInstants(const Instant& now) : now_(now) {
+  if (std::filesystem::exists(now.take->folder() / "timeline.zst")) {
+    ticks_ = read_timeline(*now.take).ticks;
+  }
+}
+
+int TakeInstants::count() const {
+  if (!ticks_.empty()) return static_cast<int>(ticks_.size());
+  return static_cast<int>(now_.take->archive(now_.members.front()).frames().size());
+}
+
+Instant TakeInstants::at(int index) const {
+  const auto i = static_cast<std::size_t>(index);
+  FrameSelection selection;
+  if (ticks_.empty()) {
+    const Take& take = *now_.take;
+    const auto half_a_frame =
+        static_cast<Nanoseconds>(kNanosecondsPerSecond / take.document().nominal_fps / 2);
+    selection =
+        select_frames(take, take.archive(now_.members.front()).frames()[i].time_ns, half_a_frame);
+  } else {
+    selection = ticks_[i];
+  }
+  Instant instant = now_;
+  instant.time_ns = selection.time_ns;
+  std::ranges::fill(instant.frame_of_camera, -1);
+  for (const int camera : now_.members) {
+    const auto c = static_cast<std::size_t>(camera);
+    instant.frame_of_camera[c] = selection.frame[c];
+  }
+  return instant;
+}
+
+}  // namespace raystage

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "render/view/instant.h"
+#include "store/timeline.h"
+
+namespace raystage {
+
+/// The instants of a take: the ticks of its timeline, with the frames that these select (clocks
+/// corrected, frames that are not to be trusted left out); where it has none, the frames of the
+/// first member and what the other cameras stamped within half a frame time of them.
+class TakeInstants {
+ public:
+  /// Of the take and members of `now`, which has to stay. Throws Error (bad input) where the
+  /// timeline cannot be read.
+  explicit TakeInstants(const Instant& now);
+
+  int count() const;
+  Instant at(int index) const;
+
+ private:
+  const Instant& now_;
+  std::vector<FrameSelection> ticks_;  ///< empty: by stamps
+};
+
+}  // namespace raystage

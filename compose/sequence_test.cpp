@@ -334,6 +334,35 @@ TEST_F(Sequence, ATargetTakesTheMethodsPlaceAndTheFileSaysWhatWasChosen) {
   EXPECT_EQ(run().rendered, 1);
 }
 
+TEST_F(Sequence, ATargetKeepsHowDeepTheLayerSaysItsSceneIs) {
+  shot_.layers[0].method = "depth";
+  shot_.layers[0].options = {{"near", 1.5}, {"far", 6.0}, {"neighbours", 4.0}};
+  write_shot(shot_, shot_file());
+  const ShotPlan plan(shot_file(), {}, {{"target_error", 30.0}});
+  EXPECT_EQ(plan.reconstruction().method, "auto");
+  EXPECT_EQ(text_of(plan.reconstruction().options), "far=6,near=1.5,target_error=30");
+}
+
+TEST_F(Sequence, WithoutADepthRangeAutoNeedsAPlaneOrDepths) {
+  const auto file = folder_.path() / "take" / "take.json";
+  std::string text = read_file(file);
+  const std::size_t at = text.find("\"depth_range_m\"");
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, std::string("\"depth_range_m\"").size(), "\"x_range\"");
+  std::ofstream(file) << text;
+  const auto plane = [&] {
+    write_shot(shot_, shot_file());
+    return ShotPlan(shot_file(), {}, options_.target).reconstruction().focal_plane;
+  };
+  shot_.layers[0].method = "auto";
+  EXPECT_THAT(refusal(), HasSubstr("no depth range"));
+  shot_.layers[0].options = {{"near", 2.0}, {"far", 6.0}};
+  EXPECT_NEAR(std::abs(plane()[3]), 3, 1e-9);
+  shot_.layers[0].method = "depth";
+  options_.target = {{"target_error", 30.0}};
+  EXPECT_NEAR(std::abs(plane()[3]), 3, 1e-9);
+}
+
 TEST_F(Sequence, CoverageMeasuresAreChannelsOnRequest) {
   options_.frames = {101};
   const auto channels = [&] {

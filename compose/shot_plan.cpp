@@ -44,26 +44,46 @@ Fingerprint common_fingerprint(const ShotDocument& shot, const Take& take,
   return print;
 }
 
+bool has_option(const Method& method, std::string_view name) {
+  return std::ranges::any_of(method.options, [&](const auto& o) { return o.name == name; });
+}
+
+/// How deep the scene is: as the method's options say, else as the take does.
+std::optional<DepthRange> scene_of(const Reconstruction& reconstruction, const Take& take) {
+  const Method& method = method_named(reconstruction.method);
+  const MethodOptions options(method.options, reconstruction.options, reconstruction.method);
+  DepthRange scene = take.document().depth_range.value_or(DepthRange{0, 0});
+  if (has_option(method, "near") && options.number("near") > 0) scene.near = options.number("near");
+  if (has_option(method, "far") && options.number("far") > 0) scene.far = options.number("far");
+  return scene.near > 0 && scene.far > 0 ? std::optional(scene) : std::nullopt;
+}
+
 Reconstruction reconstruction_of(const ShotDocument& shot, const Take& take,
                                  const std::filesystem::path& shot_file,
                                  std::optional<HoleFill> fill, const OptionValues& target) {
   const ShotDocument::Layer& layer = shot.layers.front();
-  const Method& method = method_named(layer.method);
-  const MethodOptions options(method.options, layer.options,
+  const Method& of_layer = method_named(layer.method);
+  const MethodOptions options(of_layer.options, layer.options,
                               shot_file.string() + "#/layers/0/options");
-  if (method.check != nullptr) method.check(options, take);
+  if (of_layer.check != nullptr) of_layer.check(options, take);
   check_exr_compression(shot.output.compression);
   Reconstruction reconstruction;
   reconstruction.method = target.empty() ? layer.method : "auto";
   reconstruction.options = target.empty() ? layer.options : target;
-  reconstruction.fill = fill.value_or(layer.fill);
-  const bool best = layer.focal_plane.kind == ShotDocument::FocalPlane::Kind::kBest;
-  if (best && !take.document().depth_range && !method_named(layer.method).on_focal_plane) {
-    return reconstruction;  // nobody asks for the plane
+  const Method& method = method_named(reconstruction.method);
+  // How deep the layer's scene is stays true whoever renders it.
+  for (const char* name : {"near", "far"}) {
+    if (has_option(method, name) && layer.options.contains(name)) {
+      reconstruction.options[name] = layer.options.at(name);
+    }
   }
-  reconstruction.focal_plane =
-      focal_plane_equation(layer.focal_plane, take.rig(), take.document().depth_range,
-                           shot_file.string() + "#/layers/0/focal_plane");
+  reconstruction.fill = fill.value_or(layer.fill);
+  const std::optional<DepthRange> scene = scene_of(reconstruction, take);
+  const bool best = layer.focal_plane.kind == ShotDocument::FocalPlane::Kind::kBest;
+  // Nobody asks for the plane; but `auto` has nothing else where it does not know the scene.
+  if (best && !scene && !method.on_focal_plane && method.name != "auto") return reconstruction;
+  reconstruction.focal_plane = focal_plane_equation(layer.focal_plane, take.rig(), scene,
+                                                    shot_file.string() + "#/layers/0/focal_plane");
   return reconstruction;
 }
 

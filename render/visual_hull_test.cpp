@@ -310,10 +310,11 @@ TEST_F(VisualHull, MattesAreCountedAsPicturesAreNotAsInstants) {
 TEST_F(VisualHull, CamerasWithoutMattesAreCounted) {
   write(cameras_around(160, 120));
   const VirtualCamera view = virtual_camera_with_fov(9, 9, 1, around(11, 5, 2));
-  EXPECT_TRUE(render(view).notes.empty());
+  using ::testing::Contains;
+  using ::testing::HasSubstr;
+  EXPECT_THAT(render(view).notes, ::testing::Not(Contains(HasSubstr("have no matte"))));
   std::filesystem::remove_all(folder() / "mattes" / "c3");
-  EXPECT_THAT(render(view).notes,
-              ::testing::ElementsAre(::testing::HasSubstr("visual_hull: 1 of ")));
+  EXPECT_THAT(render(view).notes, Contains(HasSubstr("visual_hull: 1 of 28 cameras have no")));
 }
 
 TEST_F(VisualHull, MattesThatAreNoneAreRefused) {

@@ -130,7 +130,7 @@ class FocalPlaneFrame {
       const RayCells::Cell& cell = cells_.cells()[static_cast<std::size_t>(index)];
       for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
         const SourceView& camera = sources_.view(cell.camera[i]);
-        if (camera.wanted_mcus == nullptr) continue;
+        if (camera.wanted_mcus == nullptr || cell.share[i].isZero(0)) continue;
         mark_block(camera, {x_begin, x_end, y_begin, y_end});
       }
     });

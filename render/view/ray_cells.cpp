@@ -73,6 +73,28 @@ double edge_tolerance(const RayCells::Cell& cell, const Rig& rig, const Vector3d
   return kEdgeTolerance + 8 * kEpsilon * distance / width;
 }
 
+/// An eye in the array's plane, on an edge between two cameras, sees the third nowhere: its share,
+/// which rounding makes less than the tolerance, is nothing, and its frame need not be decoded.
+void drop_shares_below_tolerance(RayCells::Cell& cell, const VirtualCamera& view) {
+  const auto range_of = [&](const Vector3d& linear) {
+    double least = linear.z(), most = linear.z();
+    for (const double x : {0.0, static_cast<double>(view.width)}) {
+      for (const double y : {0.0, static_cast<double>(view.height)}) {
+        const double value = linear.dot(Vector3d(x, y, 1));
+        least = std::min(least, value);
+        most = std::max(most, value);
+      }
+    }
+    return std::pair(least, most);
+  };
+  const auto [least, most] = range_of(cell.total);
+  const double least_total = least > 0 ? least : most < 0 ? -most : 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
+    const auto [lowest, highest] = range_of(cell.share[i]);
+    if (std::max(-lowest, highest) < cell.edge_tolerance * least_total) cell.share[i].setZero();
+  }
+}
+
 /// Rows between which a triangle's projection lies, with what the tolerance adds around it; all
 /// rows where it reaches beyond the horizon.
 void bound_rows(RayCells::Cell& cell, const Rig& rig, const Vector3d& eye,
@@ -191,6 +213,7 @@ RayCells::RayCells(const VirtualCamera& view, const Rig& rig, const Topology& to
     cells_.push_back(make_cell(indices, topology, rig, view.pose.position, ray_from_pixel));
     cells_.back().corner_products = corner_products(cells_.back(), rig);
     cells_.back().edge_tolerance = edge_tolerance(cells_.back(), rig, view.pose.position);
+    drop_shares_below_tolerance(cells_.back(), view);
     bound_rows(cells_.back(), rig, view.pose.position, pixel_from_ray);
   }
 }

@@ -160,6 +160,25 @@ TEST(RayCells, AtACamerasOwnCentreOnlyThatCameraCounts) {
   }
 }
 
+TEST(RayCells, InTheMiddleOfAnEdgeTheThirdCameraHasNoShare) {
+  const Rig rig = grid_rig(2, 2, 0.1);
+  Pose pose;
+  for (const double off : {0.0, 1e-13}) {
+    pose.position = {off, -off / 3, 0};  // on the diagonal, however it is drawn
+    const VirtualCamera view = virtual_camera_with_fov(96, 64, 1, pose);
+    const RayCells cells(view, rig, topology_of(rig, all_cameras(rig)));
+    for (const RayCells::Cell& cell : cells.cells()) {
+      int none = 0;
+      for (const auto& share : cell.share) none += share.isZero(0) ? 1 : 0;
+      EXPECT_EQ(none, 1);
+    }
+    const auto crossing = cells.locate(20, 30);
+    ASSERT_TRUE(crossing);
+    EXPECT_NEAR(crossing->weight[0] + crossing->weight[1] + crossing->weight[2], 1, 1e-9);
+    EXPECT_EQ(std::ranges::count(crossing->weight, 0), 1);
+  }
+}
+
 TEST(RayCells, OutsideTheArraysPlaneNothingIsCrossed) {
   const Rig rig = grid_rig(3, 3, 0.06);
   const RayCells cells(view_at({0.2, 0, 0}), rig, topology_of(rig, all_cameras(rig)));

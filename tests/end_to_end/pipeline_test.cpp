@@ -105,7 +105,7 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
   expect_quality(views[0], {23.4, 0.785, 0.99});
   expect_quality(views[1], {23.0, 0.76, 0.99});
   for (const json& view : views) {
-    expect_few_decoded(view, 1.5);
+    expect_few_decoded(view, 1.7);
     EXPECT_TRUE(std::filesystem::exists(frames + "/" + view.at("id").get<std::string>() + ".png"));
   }
   const json& mean = evaluation.at("mean");

@@ -16,6 +16,7 @@
 
 #include "compose/exr_file.h"
 #include "compose/frame_range.h"
+#include "compose/memory_plan.h"
 #include "compose/sequence_name.h"
 #include "render/methods.h"
 #include "schemas/atomic_file.h"
@@ -26,85 +27,7 @@
 namespace raystage {
 namespace {
 
-constexpr int kMaxFramesInFlight = 16;
-constexpr std::size_t kMiB = std::size_t{1} << 20;
-constexpr std::size_t kMinCache = 64 * kMiB;
-constexpr std::size_t kDefaultCache = 4096 * kMiB, kDefaultKept = 1024 * kMiB;
-/// Beside the view (24 at least): its EXR samples (16), the file being built (16) and the
-/// renderer's own tables.
-constexpr std::size_t kViewBytesPerPixel = 24, kBytesPerPixelBesideView = 72;
-/// The coverage measures on top: for the file, in it.
-constexpr std::size_t kMeasuresBytesPerPixelBesideView = 16;
 constexpr std::size_t kRawExrBytesPerPixel = 16;
-
-std::string size_text(double bytes) {
-  return bytes < 1e9 ? fmt::format("{:.1f} MB", bytes * 1e-6)
-                     : fmt::format("{:.2f} GB", bytes * 1e-9);
-}
-
-struct MemoryPlan {
-  int in_flight = 1;
-  std::size_t cache_bytes = kMinCache;
-  std::size_t kept_bytes = 0;     // what the method works out once
-  std::size_t working_bytes = 0;  // what it works with, for each frame in flight
-};
-
-/// What the views of the frames take at most. Every one is looked at: of a zoom a single frame may
-/// be the one that is supersampled most.
-std::size_t most_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
-                            bool coverage_measures) {
-  RendererSettings settings;
-  settings.cache_bytes = settings.kept_bytes = 0;
-  settings.measure_coverage = coverage_measures;
-  const LightFieldRenderer renderer(plan.take(), settings);
-  std::size_t most = static_cast<std::size_t>(plan.shot().width) *
-                     static_cast<std::size_t>(plan.shot().height) * kViewBytesPerPixel;
-  for (const PlannedFrame& frame : frames) {
-    if (!frame.tick) continue;
-    const FrameSelection& tick = plan.timeline().ticks[static_cast<std::size_t>(*frame.tick)];
-    most =
-        std::max(most, renderer.view_bytes(plan.camera(frame.frame), tick, plan.reconstruction()));
-  }
-  return most;
-}
-
-/// A method that needs more than decoded frames gets a quarter of the memory for what it keeps, and
-/// a quarter to work with.
-MemoryPlan plan_memory(const ShotDocument& shot, const SequenceOptions& options,
-                       const Method& method, std::size_t view_bytes) {
-  const std::size_t per_frame =
-      static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height) *
-          (kBytesPerPixelBesideView +
-           (options.coverage_measures ? kMeasuresBytesPerPixelBesideView : 0)) +
-      view_bytes;
-  const std::size_t budget =
-      options.memory_bytes > 0 ? options.memory_bytes : available_memory() / 2;
-  if (budget < per_frame + kMinCache) {
-    throw Error::bad_input(fmt::format("one frame needs {} of memory and {} are granted",
-                                       size_text(static_cast<double>(per_frame + kMinCache)),
-                                       size_text(static_cast<double>(budget))),
-                           "", "Raise --memory");
-  }
-  MemoryPlan plan;
-  plan.in_flight = options.frames_in_flight > 0
-                       ? options.frames_in_flight
-                       : std::min(tbb::this_task_arena::max_concurrency(), kMaxFramesInFlight);
-  const std::size_t room = (budget - kMinCache) / per_frame;
-  plan.in_flight = static_cast<int>(std::min(static_cast<std::size_t>(plan.in_flight), room));
-  const auto in_flight = static_cast<std::size_t>(plan.in_flight);
-  plan.cache_bytes = budget - in_flight * per_frame;
-  if (!method.frames_only) {
-    plan.kept_bytes = plan.cache_bytes / 4;
-    plan.working_bytes = plan.cache_bytes / 4 / in_flight;
-    if (options.memory_bytes == 0) {
-      plan.kept_bytes = std::min(plan.kept_bytes, kDefaultKept);
-      plan.working_bytes = std::min(plan.working_bytes, kDefaultKept / in_flight);
-    }
-    plan.cache_bytes -= plan.kept_bytes + plan.working_bytes * in_flight;
-  }
-  if (options.memory_bytes == 0) plan.cache_bytes = std::min(plan.cache_bytes, kDefaultCache);
-  return plan;
-}
 
 std::vector<int> frames_to_render(const ShotDocument& shot, const SequenceOptions& options) {
   std::vector<int> frames;
@@ -370,16 +293,16 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
     throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
                            shot_file.string(), "Leave --coverage out, or choose another method");
   }
-  const MemoryPlan memory =
-      plan_memory(shot, options, method, most_view_bytes(plan, frames, options.coverage_measures));
+  const MemoryPlan memory = plan_memory(
+      plan, frames, {options.memory_bytes, options.frames_in_flight, options.coverage_measures});
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
   const SequenceName name = checked_name(resolved, frames.size());
   if (options.existing == ExistingFiles::kError) check_existing(name, numbers);
   RendererSettings settings;
-  settings.cache_bytes = memory.cache_bytes;
-  settings.kept_bytes = memory.kept_bytes;
-  settings.working_bytes = memory.working_bytes;
+  settings.cache_bytes = memory.cache;
+  settings.kept_bytes = memory.kept;
+  settings.working_bytes = memory.working;
   settings.measure_coverage = options.coverage_measures;
   settings.ticks = plan.timeline().ticks;
   const LightFieldRenderer renderer(plan.take(), settings);
@@ -395,15 +318,16 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   }
   if (held > 0) options.say(fmt::format("{} frames hold another instant of the take", held));
   if (black > 0) options.say(fmt::format("{} frames are empty: the take has nothing there", black));
-  std::string plan_text = fmt::format("writing {} frames to {}, {} in flight, {} of cache",
-                                      frames.size(), resolved.output, memory.in_flight,
-                                      size_text(static_cast<double>(memory.cache_bytes)));
+  std::string plan_text =
+      fmt::format("writing {} frames to {}, {} in flight, {} of cache", frames.size(),
+                  resolved.output, memory.in_flight, size_text(static_cast<double>(memory.cache)));
   if (!method.frames_only) {
     plan_text += fmt::format(", {} for what {} keeps, {} for each frame to work with",
-                             size_text(static_cast<double>(memory.kept_bytes)), method.name,
-                             size_text(static_cast<double>(memory.working_bytes)));
+                             size_text(static_cast<double>(memory.kept)), method.name,
+                             size_text(static_cast<double>(memory.working)));
   }
   options.say(plan_text);
+  if (!memory.note.empty()) options.say(memory.note);
   options.progress(0);
   return SequenceRun(plan, name, frames, renderer, resolved, std::move(stop)).run(memory.in_flight);
 }

@@ -82,6 +82,7 @@ struct FrameCache::State {
   std::list<Key> by_use;  // most recent first
   std::size_t bytes = 0;
   std::set<int> fetched;  // cameras of which some frame has been
+  int read_ahead = 0;
   /// Memory of frames thrown out, by size: fresh pages cost more than decoding into old ones.
   std::multimap<std::size_t, std::unique_ptr<std::uint16_t[]>> spare;
   std::size_t spare_bytes = 0;
@@ -145,7 +146,7 @@ struct FrameCache::State {
 
   void recycle(DecodedFrame& frame) {
     const std::scoped_lock lock(mutex);
-    if (spare_bytes + frame.bytes > budget / 4) return;
+    if (spare_bytes + frame.bytes > most_spare()) return;
     spare_bytes += frame.bytes;
     spare.emplace(frame.bytes, std::move(frame.rgbx));
   }
@@ -167,11 +168,13 @@ struct FrameCache::State {
     return frame;
   }
 
+  std::size_t most_spare() const { return budget / 8; }
+
   /// Lets go of the least recently used frames; those still in use keep their memory until done.
   void make_room() {
     std::vector<std::shared_ptr<const DecodedFrame>> dropped;  // freed after the lock
     const std::scoped_lock lock(mutex);
-    while (bytes > budget && by_use.size() > 1) {
+    while (bytes > budget - most_spare() && by_use.size() > 1) {
       const auto oldest = entries.find(by_use.back());
       if (oldest->second->frame) {
         bytes -= oldest->second->frame->bytes;
@@ -238,6 +241,7 @@ void FrameCache::read_ahead(int camera, int frame) {
     if (!state_->fetched.empty() && state_->fetched.count(camera) == 0) return;
     const auto found = state_->entries.find({camera, frame});
     if (found != state_->entries.end() && found->second->frame) return;
+    ++state_->read_ahead;
   }
   state_->take.archive(camera).read_ahead(frame);
 }
@@ -252,6 +256,11 @@ bool FrameCache::holds_whole(int camera, int frame) {
 BlendSpace FrameCache::blend_space() const { return state_->space; }
 
 double FrameCache::full_scale() const { return state_->full_scale; }
+
+int FrameCache::frames_read_ahead() const {
+  const std::scoped_lock lock(state_->mutex);
+  return state_->read_ahead;
+}
 
 std::size_t FrameCache::bytes_held() const {
   const std::scoped_lock lock(state_->mutex);

@@ -24,7 +24,8 @@ struct DecodedFrame {
   std::size_t bytes = 0;  ///< of memory held
 };
 
-/// Decoded frames of a take within a bound of memory, least recently used out first. A frame asked
+/// Decoded frames of a take within a bound of memory, an eighth of it for memory that waits to be
+/// used again, least recently used out first. A frame asked
 /// for again with more than it holds is decoded whole: the second look says that it will be looked
 /// at often. Thread-safe; a frame is decoded once however many threads ask.
 class FrameCache {
@@ -54,6 +55,8 @@ class FrameCache {
   /// correction raises its white above 1.
   double full_scale() const;
   std::size_t bytes_held() const;
+  /// Frames that read_ahead() asked for.
+  int frames_read_ahead() const;
 
  private:
   struct State;

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+
+#include "compose/shot_plan.h"
+
+namespace raystage {
+
+/// "12.3 MB" or "1.23 GB", of 10^6 and 10^9 bytes.
+std::string size_text(double bytes);
+
+/// What is granted, and for what.
+struct MemoryRequest {
+  std::size_t bytes = 0;     ///< 0: half of available_memory(), at most 4 GiB of them for the cache
+  int frames_in_flight = 0;  ///< 0: one per thread of the TBB arena, at most 16
+  bool coverage_measures = false;
+};
+
+/// How a sequence shares its memory out, bytes.
+struct MemoryPlan {
+  int in_flight = 1;
+  std::size_t cache = 0;    ///< decoded source frames
+  std::size_t kept = 0;     ///< what the method works out once
+  std::size_t working = 0;  ///< what it works with, for each frame in flight
+  /// For people: where a view may need more than is there; empty: nowhere.
+  std::string note;
+};
+
+/// So many frames in flight as there is room for, with the decoded frames that a view may look
+/// through at once. A method that needs more than decoded frames gets a quarter of the memory for
+/// what it keeps, and a quarter to work with. Throws Error (bad input) where not one frame fits.
+MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                       const MemoryRequest& request);
+
+}  // namespace raystage

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/memory_plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "render/view/synthetic_take.h"
+#include "schemas/error.h"
+#include "schemas/shot_document.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kFrames = 8;
+constexpr std::size_t kInstant = std::size_t{9} * 640 * 480 * 8;  // 22 MB
+
+class Memory : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(3, 3, 0.1, 640, 480);
+    settings.frames = kFrames;
+    settings.depth_range = DepthRange{2, 8};
+    write_synthetic_take(settings, folder_.path() / "take");
+    write_timeline(build_timeline(Take(folder_.path() / "take"), 15, 0), folder_.path() / "take");
+    shot_.width = 640;
+    shot_.height = 480;
+    shot_.fps = shot_.fps_numerator = 15;
+    shot_.first_frame = 1;
+    shot_.last_frame = kFrames;
+    shot_.camera.push_back({1, {0, 0, 0}, {1, 0, 0, 0}, 60});
+    ShotDocument::Layer layer;
+    layer.take = "take";
+    shot_.layers.push_back(layer);
+  }
+
+  MemoryPlan planned(std::size_t megabytes, int in_flight = 4) {
+    write_shot(shot_, folder_.path() / "shot.json");
+    const ShotPlan plan(folder_.path() / "shot.json");
+    std::vector<int> frames;
+    for (int frame = 1; frame <= kFrames; ++frame) frames.push_back(frame);
+    return plan_memory(plan, plan.plan(frames, MissingFrames::kError),
+                       {megabytes * 1'000'000, in_flight, false});
+  }
+
+  TestFolder folder_;
+  ShotDocument shot_;
+};
+
+TEST_F(Memory, IsSharedOutAndNoMore) {
+  constexpr std::size_t kView = std::size_t{640} * 480 * 96;  // 29 MB
+  for (const char* method : {"focal_plane", "depth"}) {
+    shot_.layers[0].method = method;
+    for (const std::size_t megabytes : {120, 200, 400, 4000}) {
+      const MemoryPlan plan = planned(megabytes);
+      const auto in_flight = static_cast<std::size_t>(plan.in_flight);
+      EXPECT_LE(in_flight * (kView + plan.working) + plan.kept + plan.cache, megabytes * 1'000'000);
+      EXPECT_EQ(plan.kept == 0, std::string(method) == "focal_plane");
+    }
+    EXPECT_EQ(planned(4000).in_flight, 4);
+    EXPECT_EQ(planned(4000).note, "");
+  }
+}
+
+TEST_F(Memory, HasRoomForTheFramesThatViewsLookThrough) {
+  // Two views of different instants take 103 MB, of which 45 MB are decoded frames.
+  EXPECT_EQ(planned(160).in_flight, 1);
+  EXPECT_EQ(planned(170).in_flight, 2);
+  EXPECT_GE(planned(170).cache, 2 * kInstant);
+  shot_.layers[0].speed = 0;  // all of one instant: its frames are held once
+  EXPECT_EQ(planned(160).in_flight, 3);
+}
+
+TEST_F(Memory, SaysWhereAViewMayTakeMore) {
+  shot_.layers[0].method = "depth";
+  EXPECT_THAT(planned(120).note, ::testing::HasSubstr("all 9 cameras holds 22.1 MB"));
+  EXPECT_THROW(planned(90), Error);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -84,17 +84,19 @@ MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frame
   for (const PlannedFrame& frame : frames) {
     if (frame.tick) ticks.insert(*frame.tick);
   }
-  // Frames of one instant share its decoded frames.
-  const std::size_t shared = ticks.size() > 1 ? 0 : instant;
-  const std::size_t each = per_frame + instant - shared;
-  const std::size_t room = (budget - std::min(budget, std::max(kMinCache, shared))) / each;
+  const auto fits = [&](std::size_t in_flight) {
+    // Frames of one instant share what is decoded of it.
+    const std::size_t decoded = std::min(in_flight, ticks.size()) * instant;
+    return in_flight * per_frame + std::max(kMinCache, decoded) <= budget;
+  };
 
   MemoryPlan result;
-  const int wanted = request.frames_in_flight > 0
+  result.in_flight = request.frames_in_flight > 0
                          ? request.frames_in_flight
                          : std::min(tbb::this_task_arena::max_concurrency(), kMaxFramesInFlight);
-  result.in_flight =
-      static_cast<int>(std::clamp<std::size_t>(room, 1, static_cast<std::size_t>(wanted)));
+  while (result.in_flight > 1 && !fits(static_cast<std::size_t>(result.in_flight))) {
+    --result.in_flight;
+  }
   const auto in_flight = static_cast<std::size_t>(result.in_flight);
   result.cache = budget - in_flight * per_frame;
   const Method& method = method_named(plan.reconstruction().method);

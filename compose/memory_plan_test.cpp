@@ -12,13 +12,13 @@ namespace raystage {
 namespace {
 
 constexpr int kFrames = 8;
-constexpr std::size_t kInstant = std::size_t{9} * 640 * 480 * 8;  // 22 MB
+constexpr std::size_t kInstant = std::size_t{25} * 640 * 480 * 8;  // 61 MB
 
 class Memory : public ::testing::Test {
  protected:
   void SetUp() override {
     testing::SyntheticTake settings;
-    settings.cameras = testing::camera_grid(3, 3, 0.1, 640, 480);
+    settings.cameras = testing::camera_grid(5, 5, 0.1, 640, 480);
     settings.frames = kFrames;
     settings.depth_range = DepthRange{2, 8};
     write_synthetic_take(settings, folder_.path() / "take");
@@ -63,17 +63,17 @@ TEST_F(Memory, IsSharedOutAndNoMore) {
 }
 
 TEST_F(Memory, HasRoomForTheFramesThatViewsLookThrough) {
-  // Two views of different instants take 103 MB, of which 45 MB are decoded frames.
-  EXPECT_EQ(planned(160).in_flight, 1);
-  EXPECT_EQ(planned(170).in_flight, 2);
-  EXPECT_GE(planned(170).cache, 2 * kInstant);
+  EXPECT_EQ(planned(175).in_flight, 1);
+  EXPECT_EQ(planned(185).in_flight, 2);  // 59 MB of views, 123 MB of decoded frames
+  EXPECT_GE(planned(185).cache, 2 * kInstant);
+  EXPECT_EQ(planned(370).in_flight, 4);
   shot_.layers[0].speed = 0;  // all of one instant: its frames are held once
-  EXPECT_EQ(planned(160).in_flight, 3);
+  EXPECT_EQ(planned(190).in_flight, 4);
 }
 
 TEST_F(Memory, SaysWhereAViewMayTakeMore) {
   shot_.layers[0].method = "depth";
-  EXPECT_THAT(planned(120).note, ::testing::HasSubstr("all 9 cameras holds 22.1 MB"));
+  EXPECT_THAT(planned(110).note, ::testing::HasSubstr("all 25 cameras holds 61.4 MB"));
   EXPECT_THROW(planned(90), Error);
 }
 

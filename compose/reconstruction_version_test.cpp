@@ -28,7 +28,8 @@ std::array<double, 3> board_before_plane(const Eigen::Vector3d& eye, const Eigen
   return testing::painted_plane(far.x(), far.y());
 }
 
-/// What a picture comes down to: a change anywhere in it moves one of these.
+/// What a picture comes down to: a change of more than a few codes here and there moves some of
+/// these. Channels are treated alike, so that one of them is enough.
 struct Signature {
   double red = 0, across = 0, down = 0, alpha = 0, coverage = 0, nearness = 0;
 };

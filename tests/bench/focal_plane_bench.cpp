@@ -4,7 +4,6 @@
 // $RAYSTAGE_BENCH_TAKE_PLAIN (without); by default 8x8 cameras of 960x640 looking at a painted
 // plane. See tests/bench/run.sh.
 #include <benchmark/benchmark.h>
-#include <malloc.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
@@ -22,6 +21,7 @@
 #include "schemas/transfer_function.h"
 #include "store/jpeg/decode.h"
 #include "tests/bench/bench_take.h"
+#include "tests/bench/run_benchmarks.h"
 
 namespace raystage {
 namespace {
@@ -445,10 +445,4 @@ BENCHMARK(BM_ArchiveToPixelsWithoutMarkers)
 }  // namespace
 }  // namespace raystage
 
-int main(int argc, char** argv) {
-  mallopt(M_TRIM_THRESHOLD, 1 << 30);  // as every raystage command does
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);
-  benchmark::Initialize(&argc, argv);
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
-}
+int main(int argc, char** argv) { return raystage::run_benchmarks(argc, argv); }

@@ -2,7 +2,6 @@
 // Every method in the same view: what a second thread gains, and what the machine allows. The take:
 // $RAYSTAGE_BENCH_TAKE; by default 8x8 cameras of 960x640 looking at a painted plane.
 #include <benchmark/benchmark.h>
-#include <malloc.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 
@@ -23,6 +22,7 @@
 #include "render/view/ray_cells.h"
 #include "rig/sampling_limits.h"
 #include "tests/bench/bench_take.h"
+#include "tests/bench/run_benchmarks.h"
 
 namespace raystage {
 namespace {
@@ -228,12 +228,7 @@ BENCHMARK(BM_MemoryWrite)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRea
 }  // namespace raystage
 
 int main(int argc, char** argv) {
-  mallopt(M_TRIM_THRESHOLD, 1 << 30);  // as every raystage command does
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);
-  benchmark::Initialize(&argc, argv);
-  std::vector<raystage::TradeSetting> settings = raystage::default_trade_settings();
-  settings.push_back(raystage::trade_setting_from_text("auto to 30 dB:auto:target_error=30"));
-  for (const raystage::TradeSetting& setting : settings) {
+  for (const raystage::TradeSetting& setting : raystage::default_trade_settings()) {
     benchmark::RegisterBenchmark(("BM_Threads/" + setting.label).c_str(),
                                  [setting](benchmark::State& state) {
                                    raystage::BM_Threads(state,
@@ -246,6 +241,5 @@ int main(int argc, char** argv) {
         ->MinTime(1)
         ->UseRealTime();
   }
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
+  return raystage::run_benchmarks(argc, argv);
 }

@@ -2,7 +2,6 @@
 // plane_sweep against the same in OpenCV: 96 planes, 4 cameras, 5x5 box, best plane, blend.
 // The take: $RAYSTAGE_BENCH_TAKE; by default 4x4 cameras of 960x640 looking at a painted plane.
 #include <benchmark/benchmark.h>
-#include <malloc.h>
 #include <tbb/global_control.h>
 
 #include <algorithm>
@@ -17,6 +16,7 @@
 #include "schemas/transfer_function.h"
 #include "store/jpeg/decode.h"
 #include "tests/bench/bench_take.h"
+#include "tests/bench/run_benchmarks.h"
 
 namespace raystage {
 namespace {
@@ -191,10 +191,4 @@ BENCHMARK_CAPTURE(BM_PlaneSweep, semi_global, OptionValues{})
 }  // namespace
 }  // namespace raystage
 
-int main(int argc, char** argv) {
-  mallopt(M_TRIM_THRESHOLD, 1 << 30);  // as every raystage command does
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);
-  benchmark::Initialize(&argc, argv);
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
-}
+int main(int argc, char** argv) { return raystage::run_benchmarks(argc, argv); }

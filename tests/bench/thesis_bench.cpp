@@ -3,7 +3,6 @@
 // cache), and how the time goes with cameras, threads and resolution. The take is written anew:
 // 17x17 cameras 6 cm apart, 62 degrees, that look at a painted plane; fewer cameras are its middle.
 #include <benchmark/benchmark.h>
-#include <malloc.h>
 #include <tbb/global_control.h>
 #include <tbb/parallel_pipeline.h>
 
@@ -15,6 +14,7 @@
 
 #include "render/renderer.h"
 #include "tests/bench/bench_take.h"
+#include "tests/bench/run_benchmarks.h"
 
 namespace raystage {
 namespace {
@@ -197,10 +197,4 @@ BENCHMARK(BM_Rectify)
 }  // namespace
 }  // namespace raystage
 
-int main(int argc, char** argv) {
-  mallopt(M_TRIM_THRESHOLD, 1 << 30);  // as every raystage command does
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);
-  benchmark::Initialize(&argc, argv);
-  benchmark::RunSpecifiedBenchmarks();
-  return 0;
-}
+int main(int argc, char** argv) { return raystage::run_benchmarks(argc, argv); }

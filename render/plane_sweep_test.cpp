@@ -123,7 +123,8 @@ TEST_F(PlaneSweep, AgreesWithTheReference) {
   for (const OptionValues& options :
        {OptionValues{}, OptionValues{{"aggregation", std::string("box")}, {"sub_plane", false}},
         OptionValues{{"cameras", 7.0}, {"look_up", std::string("linear")}, {"step_px", 1.0}},
-        OptionValues{{"planes", 1.0}},
+        OptionValues{{"planes", 1.0}}, OptionValues{{"left_out", 1.0}},
+        OptionValues{{"edge_scale", 8.0}, {"step_px", 1.0}},
         OptionValues{{"aggregation", std::string("none")}, {"truncation", 20.0}}}) {
     expect_nearly_equal(render(take, a_view(), options), render(take, a_view(), options, slow));
   }
@@ -232,6 +233,27 @@ TEST_F(PlaneSweep, KeepsTheTwoSidesOfAStepApart) {
     }
   }
   EXPECT_LT(wrong, count / 50);
+}
+
+/// Something that a single camera of nine looks at, as if it stood right before its lens.
+TEST_F(PlaneSweep, LeavesOutTheCameraThatSeesSomethingElse) {
+  SyntheticTake settings = slanted(3, 3);
+  const auto scene = settings.painting;
+  settings.painting = [scene](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+    return from.norm() < 1e-9 ? std::array<double, 3>{1, 1, 1} : scene(from, direction);
+  };
+  const Take take = write(settings);
+  const VirtualCamera view = a_view();
+  const auto errors = [&](double left_out) {
+    return errors_on_slanted(
+               render(
+                   take, view,
+                   {{"left_out", left_out}, {"cameras", 6.0}, {"aggregation", std::string("box")}}),
+               view)
+        .disparity;
+  };
+  EXPECT_LT(errors(1), 0.75 * errors(0));
+  EXPECT_LT(errors(1), 0.2);
 }
 
 TEST_F(PlaneSweep, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
@@ -379,6 +401,11 @@ TEST_F(PlaneSweep, SaysWhatItLacks) {
   EXPECT_THROW(render(take, a_view(), {{"near", 7.0}, {"far", 3.0}}), Error);
   EXPECT_THROW(render(take, a_view(), {{"near", 3.0}, {"far", 7.0}, {"p2", 10.0}}), Error);
   EXPECT_GT(mean_alpha(render(take, a_view(), {{"near", 3.0}, {"far", 7.0}})), 0.9);
+  EXPECT_THROW(
+      render(
+          take, a_view(),
+          {{"near", 3.0}, {"far", 7.0}, {"edge_scale", 8.0}, {"aggregation", std::string("box")}}),
+      Error);
 }
 
 }  // namespace

@@ -235,10 +235,11 @@ double planes_needed(const InverseDepthRange& range, const VirtualCamera& view, 
                      const CameraField& field, double step_px) {
   constexpr int kParts = 8;
   const ViewRays rays(view);
-  double fastest = 0;  // pixels of disparity per part of the range
-  const auto look_at = [&](double x, double y, const std::vector<CameraShare>& chosen) {
+  // Pixels of disparity per part of the range, at most, between those chosen at a pixel.
+  const auto fastest_at = [&](double x, double y, const std::vector<CameraShare>& chosen) {
+    double fastest = 0;
     const auto ray = rays.through(x, y);
-    if (!ray) return;
+    if (!ray) return fastest;
     for (const CameraShare& one : chosen) {
       const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(one.camera)];
       const Rig::Camera* neighbour = nullptr;
@@ -264,22 +265,27 @@ double planes_needed(const InverseDepthRange& range, const VirtualCamera& view, 
         before = parallax;
       }
     }
+    return fastest;
   };
-  for (int row = 0; row <= field.rows(); ++row) {
+  const auto fastest_of_tile = [&](const CameraField::Tile& tile) {
+    if (!tile.by_middle) return 0.0;
+    std::vector<CameraShare> chosen;
+    for (const auto& camera : tile.cameras) chosen.push_back({camera.camera, 0});
+    return fastest_at((tile.left + tile.right) / 2.0, (tile.top + tile.bottom) / 2.0, chosen);
+  };
+  std::vector<double> fastest_of_row(static_cast<std::size_t>(field.rows() + 1));
+  raystage::parallel_for(0, field.rows() + 1, [&](int row) {
+    double& fastest = fastest_of_row[static_cast<std::size_t>(row)];
     for (int column = 0; column <= field.columns(); ++column) {
-      look_at(std::min(column * CameraField::kTile, view.width),
-              std::min(row * CameraField::kTile, view.height), field.corner(column, row));
+      fastest = std::max(fastest, fastest_at(std::min(column * CameraField::kTile, view.width),
+                                             std::min(row * CameraField::kTile, view.height),
+                                             field.corner(column, row)));
+      if (row < field.rows() && column < field.columns()) {
+        fastest = std::max(fastest, fastest_of_tile(field.tile(column, row)));
+      }
     }
-  }
-  for (int row = 0; row < field.rows(); ++row) {
-    for (int column = 0; column < field.columns(); ++column) {
-      const CameraField::Tile& tile = field.tile(column, row);
-      if (!tile.by_middle) continue;
-      std::vector<CameraShare> chosen;
-      for (const auto& camera : tile.cameras) chosen.push_back({camera.camera, 0});
-      look_at((tile.left + tile.right) / 2.0, (tile.top + tile.bottom) / 2.0, chosen);
-    }
-  }
+  });
+  const double fastest = *std::ranges::max_element(fastest_of_row);
   return 1 + std::max(0.0, std::ceil(fastest * kParts / step_px - 1e-9));
 }
 

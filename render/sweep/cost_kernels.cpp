@@ -138,15 +138,18 @@ struct Measure {
   std::array<std::uint16_t, kMostMatched + 1> part{}, scale{};
 };
 
+/// The mean colour of the cameras that see, and what goes with their number.
+struct Mean {
+  Codes red, green, blue;
+  Codes count;  ///< 0 where all see
+  Codes scale;
+};
+HWY_INLINE Codes codes(int value) { return hn::Set(CodeTag(), static_cast<std::uint16_t>(value)); }
+
 /// `kAllSeen`: every camera sees every pixel; else `seen` says which.
 template <bool kAllSeen>
-HWY_INLINE void compare(const Measure& measure, const Samples* samples, const Codes* seen,
-                        std::uint8_t* costs) {
+HWY_INLINE Mean mean_of(const Measure& measure, const Samples* samples, const Codes* seen) {
   const CodeTag d;
-  const hn::RebindToSigned<CodeTag> di;
-  const hn::Rebind<std::uint8_t, CodeTag> d8;
-  const auto set = [&](int value)
-                       HWY_ATTR { return hn::Set(d, static_cast<std::uint16_t>(value)); };
   auto red = hn::Zero(d), green = red, blue = red, count = red;
   for (int i = 0; i < measure.cameras; ++i) {
     red = hn::Add(red, samples[i].red);
@@ -155,27 +158,58 @@ HWY_INLINE void compare(const Measure& measure, const Samples* samples, const Co
     if (!kAllSeen) count = hn::Sub(count, seen[i]);  // -1 where it sees
   }
   const auto most = static_cast<std::size_t>(std::max(measure.cameras, 2));
-  auto part = set(measure.part[most]), scale = set(measure.scale[most]);
+  auto part = codes(measure.part[most]), scale = codes(measure.scale[most]);
   for (std::size_t n = 2; !kAllSeen && n < most; ++n) {
-    const auto is_n = hn::Eq(count, set(static_cast<int>(n)));
-    part = hn::IfThenElse(is_n, set(measure.part[n]), part);
-    scale = hn::IfThenElse(is_n, set(measure.scale[n]), scale);
+    const auto is_n = hn::Eq(count, codes(static_cast<int>(n)));
+    part = hn::IfThenElse(is_n, codes(measure.part[n]), part);
+    scale = hn::IfThenElse(is_n, codes(measure.scale[n]), scale);
   }
-  red = hn::MulHigh(red, part);
-  green = hn::MulHigh(green, part);
-  blue = hn::MulHigh(blue, part);
-  const auto truncation = set(measure.truncation);
+  return {hn::MulHigh(red, part), hn::MulHigh(green, part), hn::MulHigh(blue, part), count, scale};
+}
+/// Three channels' differences from it.
+HWY_INLINE Codes off(const Samples& sample, const Mean& mean) {
+  return hn::Add(hn::Add(difference(sample.red, mean.red), difference(sample.green, mean.green)),
+                 difference(sample.blue, mean.blue));
+}
+
+/// Where more than two cameras see, the one that is farthest from their mean, the first of equals,
+/// sees no longer.
+HWY_INLINE void leave_out_worst(const Measure& measure, Samples* samples, Codes* seen) {
+  const CodeTag d;
+  const Mean mean = mean_of<false>(measure, samples, seen);
+  std::array<Codes, kMostMatched> offs;
+  auto most = hn::Zero(d);
+  for (int i = 0; i < measure.cameras; ++i) {
+    offs[i] = hn::And(off(samples[i], mean), seen[i]);
+    most = hn::Max(most, offs[i]);
+  }
+  auto waiting = hn::VecFromMask(d, hn::Gt(mean.count, codes(2)));
+  for (int i = 0; i < measure.cameras; ++i) {
+    const auto worst = hn::VecFromMask(d, hn::Eq(offs[i], most));
+    const auto left_out = hn::And(hn::And(worst, seen[i]), waiting);
+    waiting = hn::AndNot(left_out, waiting);
+    seen[i] = hn::AndNot(left_out, seen[i]);
+    samples[i] = {hn::And(samples[i].red, seen[i]), hn::And(samples[i].green, seen[i]),
+                  hn::And(samples[i].blue, seen[i])};
+  }
+}
+
+template <bool kAllSeen>
+HWY_INLINE void compare(const Measure& measure, const Samples* samples, const Codes* seen,
+                        std::uint8_t* costs) {
+  const CodeTag d;
+  const hn::RebindToSigned<CodeTag> di;
+  const hn::Rebind<std::uint8_t, CodeTag> d8;
+  const Mean mean = mean_of<kAllSeen>(measure, samples, seen);
+  const auto truncation = codes(measure.truncation);
   auto sum = hn::Zero(d);
   for (int i = 0; i < measure.cameras; ++i) {
-    const auto off =
-        hn::Add(hn::Add(difference(samples[i].red, red), difference(samples[i].green, green)),
-                difference(samples[i].blue, blue));
-    const auto cut = hn::Min(hn::ShiftRightSame(off, measure.right), truncation);
+    const auto cut = hn::Min(hn::ShiftRightSame(off(samples[i], mean), measure.right), truncation);
     sum = hn::Add(sum, kAllSeen ? cut : hn::And(cut, seen[i]));
   }
   sum = hn::ShiftLeftSame(sum, measure.left);
-  auto cost = hn::ShiftRight<4>(hn::Add(hn::MulHigh(sum, scale), set(8)));
-  if (!kAllSeen) cost = hn::IfThenElse(hn::Lt(count, set(2)), set(kUnknownCost), cost);
+  auto cost = hn::ShiftRight<4>(hn::Add(hn::MulHigh(sum, mean.scale), codes(8)));
+  if (!kAllSeen) cost = hn::IfThenElse(hn::Lt(mean.count, codes(2)), codes(kUnknownCost), cost);
   hn::StoreU(hn::DemoteTo(d8, hn::BitCast(di, cost)), d8, costs);
 }
 
@@ -204,7 +238,7 @@ void fill_planes(const CostRun& run, int begin, int count, CostScratch& scratch)
     for (int x = 0; x < count; x += 2 * lanes) {
       const Pixels pixels{hn::Min(hn::Iota(d, static_cast<float>(x)), last),
                           hn::Min(hn::Iota(d, static_cast<float>(x + lanes)), last), x / lanes};
-      if (all_even && run.cameras.size() > 1) {
+      if (all_even && run.cameras.size() > 1 && run.left_out == 0) {
         for (std::size_t i = 0; i < run.cameras.size(); ++i) {
           samples[i] = sample_even(cameras[i], pixels, plane);
         }
@@ -219,6 +253,7 @@ void fill_planes(const CostRun& run, int begin, int count, CostScratch& scratch)
           seen[i] = hn::Set(CodeTag(), 0xFFFF);
         }
       }
+      for (int i = 0; i < run.left_out; ++i) leave_out_worst(measure, samples.data(), seen.data());
       compare<false>(measure, samples.data(), seen.data(), costs + x);
     }
   }

@@ -26,6 +26,7 @@ struct CostRun {
   std::span<const MatchingCamera* const> cameras;  ///< kMostMatched at most
   SweepPlanes planes;
   double truncation = 40;         ///< codes, 1 to 255
+  int left_out = 0;               ///< cameras at each point, see fill_costs()
   std::uint8_t* costs = nullptr;  ///< of the first pixel; plane_stride() bytes a pixel
 };
 
@@ -79,6 +80,10 @@ class CostScratch {
 /// differences (mean of R, G, B) from their mean colour, each cut off at the truncation; the
 /// truncation becomes 255, so one camera's whole disagreement among many stays small. Bilinear,
 /// at positions that are exact to 1/256 pixel.
+///
+/// Against occlusion, after Kang, Szeliski and Chai 2001 ("Handling occlusions in dense multi-view
+/// stereo"): `left_out` times the camera that is farthest from the mean of those that still count
+/// is left out, the first of equals, as long as more than two count.
 void fill_costs(const CostRun& run, CostScratch& scratch);
 
 /// The slow, obvious one, of one point: `ray` in the world, scaled to planar depth 1.
@@ -88,7 +93,7 @@ struct ReferenceCamera {
 };
 double cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space,
                       const Eigen::Vector3d& eye, const Eigen::Vector3d& ray, double inverse_depth,
-                      double truncation);
+                      double truncation, int left_out = 0);
 
 /// The instruction set in use.
 const char* sweep_target();

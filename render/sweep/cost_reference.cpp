@@ -19,12 +19,28 @@ double code(const DecodedFrame& frame, BlendSpace space, int x, int y, std::size
   return std::floor(srgb_from_linear(stored / 65535.0) * 255 + 0.5);
 }
 
+using Colour = std::array<double, 3>;
+
+Colour mean_of(const std::vector<Colour>& colours) {
+  Colour mean{};
+  for (const Colour& colour : colours) {
+    for (std::size_t c = 0; c < 3; ++c) mean[c] += colour[c] / static_cast<double>(colours.size());
+  }
+  return mean;
+}
+/// Mean of three channels' differences.
+double off(const Colour& a, const Colour& b) {
+  double sum = 0;
+  for (std::size_t c = 0; c < 3; ++c) sum += std::abs(a[c] - b[c]) / 3;
+  return sum;
+}
+
 }  // namespace
 
 double cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space,
                       const Eigen::Vector3d& eye, const Eigen::Vector3d& ray, double inverse_depth,
-                      double truncation) {
-  std::vector<std::array<double, 3>> colours;
+                      double truncation, int left_out) {
+  std::vector<Colour> colours;
   for (const ReferenceCamera& camera : cameras) {
     const DecodedFrame& frame = *camera.frame;
     const DepthSample at =
@@ -33,7 +49,7 @@ double cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space
     const double left = std::clamp(at.u - 0.5, 0.0, frame.width - 1.0);
     const double top = std::clamp(at.v - 0.5, 0.0, frame.height - 1.0);
     const int x = static_cast<int>(left), y = static_cast<int>(top);
-    std::array<double, 3> colour;
+    Colour colour;
     for (std::size_t c = 0; c < 3; ++c) {
       const auto row = [&](int of) {
         return std::lerp(code(frame, space, x, of, c), code(frame, space, x + 1, of, c), left - x);
@@ -43,18 +59,15 @@ double cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space
     colours.push_back(colour);
   }
   if (colours.size() < 2) return kUnknownCost;
-  std::array<double, 3> mean{};
-  const auto n = static_cast<double>(colours.size());
-  for (const auto& colour : colours) {
-    for (std::size_t c = 0; c < 3; ++c) mean[c] += colour[c] / n;
+  for (int i = 0; i < left_out && colours.size() > 2; ++i) {
+    const Colour mean = mean_of(colours);
+    colours.erase(std::ranges::max_element(
+        colours, {}, [&](const Colour& colour) { return off(colour, mean); }));
   }
+  const Colour mean = mean_of(colours);
   double sum = 0;
-  for (const auto& colour : colours) {
-    double off = 0;
-    for (std::size_t c = 0; c < 3; ++c) off += std::abs(colour[c] - mean[c]) / 3;
-    sum += std::min(off, truncation);
-  }
-  return sum / n * 255 / truncation;
+  for (const Colour& colour : colours) sum += std::min(off(colour, mean), truncation);
+  return sum / static_cast<double>(colours.size()) * 255 / truncation;
 }
 
 }  // namespace raystage

@@ -29,6 +29,13 @@ constexpr std::array kOptions{
     whole_option("p2", 800, 0, 4000, "semi_global: penalty for a larger change, at least p1"),
     whole_option("box_radius", 2, 1, 7, "box: pixels to each side that are summed over"),
     number_option("truncation", 40, 1, 255, "difference of 8-bit codes beyond which all are alike"),
+    whole_option(
+        "left_out", 0, 0, kMostMatched - 2,
+        "cameras that agree least at a point, left out against occlusion; two always count"),
+    number_option(
+        "edge_scale", 0, 0, 255,
+        "semi_global: step in luma, 8-bit codes, at which p2 is halved; the picture comes "
+        "from a first pass, which doubles the time; 0: p2 is the same everywhere"),
     flag_option("sub_plane", true, "depths between planes, by a parabola through the costs"),
     choice_option("look_up", "cubic", "cubic|linear", "how frames are read between their pixels")};
 
@@ -47,9 +54,15 @@ Settings settings_of(const MethodOptions& options) {
   s.p2 = options.whole("p2");
   s.box_radius = options.whole("box_radius");
   s.truncation = options.number("truncation");
+  s.left_out = options.whole("left_out");
+  s.edge_scale = options.number("edge_scale");
   if (s.p2 < s.p1) {
     throw Error::bad_input("plane_sweep: p2 is less than p1", "method plane_sweep",
                            "Give p2 at least p1");
+  }
+  if (s.edge_scale > 0 && s.aggregation != Aggregation::kSemiGlobal) {
+    throw Error::bad_input("plane_sweep: edge_scale lowers p2, which is semi_global's",
+                           "method plane_sweep", "Leave out edge_scale, or aggregation");
   }
   return s;
 }
@@ -102,6 +115,17 @@ std::optional<Plan> plan(const ViewRequest& request) {
     result.complete.emplace(request.view, rig, cameras_of(request.instant, true), range,
                             settings.cameras);
   }
+  return result;
+}
+
+SemiGlobalSettings semi_global_settings(const Settings& settings,
+                                        std::span<const std::uint8_t> guide) {
+  SemiGlobalSettings result;
+  result.p1 = settings.p1;
+  result.p2 = settings.p2;
+  result.sub_plane = settings.sub_plane;
+  result.guide = guide;
+  if (!guide.empty()) result.guide_scale = settings.edge_scale;
   return result;
 }
 

@@ -11,6 +11,7 @@
 #include "render/matching/matching.h"
 #include "render/sampling/depth_planning.h"
 #include "render/sweep/cost_kernels.h"
+#include "render/sweep/edge_guide.h"
 #include "render/sweep/field_coverage.h"
 #include "render/view/working_memory.h"
 #include "schemas/parallel.h"
@@ -42,7 +43,11 @@ class Frame {
     const auto planned = Clock::now();
     decode(image.statistics);
     const auto decoded = Clock::now();
-    const PlaneMap map = match(image.statistics);
+    PlaneMap map = match({}, image.statistics);
+    if (plan_.settings.edge_scale > 0 && plan_.planes.count > 1) {
+      const std::vector<std::uint8_t> guide = guide_from(map, image.statistics);
+      map = match(guide, image.statistics);
+    }
     if (image.statistics.working_bytes > request_.working_bytes) {
       image.notes.push_back(more_than_its_share("plane_sweep", request_));
     }
@@ -148,6 +153,7 @@ class Frame {
     run.y = y;
     run.planes = planes_;
     run.truncation = plan_.settings.truncation;
+    run.left_out = plan_.settings.left_out;
     const std::ptrdiff_t stride = plane_stride(plan_.planes.count);
     std::vector<const MatchingCamera*> cameras;
     for (int column = 0; column < plan_.field.columns(); ++column) {
@@ -164,38 +170,49 @@ class Frame {
     }
   }
 
-  PlaneMap match(RenderStatistics& statistics) {
+  std::size_t pixels() const {
+    return static_cast<std::size_t>(view_.width) * static_cast<std::size_t>(view_.height);
+  }
+  /// Of the frames as they are matched, and of a map of planes.
+  std::size_t frames_and_map_bytes() const {
+    std::size_t bytes = pixels() * (sizeof(float) + 1);
+    for (const Source& opened : sources_) {
+      if (opened.frame) bytes += MatchingFrame::bytes(opened.matching_frame.box());
+    }
+    return bytes;
+  }
+  static void hold(std::size_t bytes, RenderStatistics& statistics) {
+    statistics.working_bytes = std::max(statistics.working_bytes, bytes);
+  }
+
+  /// The edges of what the planes found so far show.
+  std::vector<std::uint8_t> guide_from(const PlaneMap& map, RenderStatistics& statistics) {
+    constexpr std::size_t kPictureBytes = 6 * sizeof(float) + 1;  // a pixel's, and its guide
+    hold(frames_and_map_bytes() + kPictureBytes * pixels(), statistics);
+    RenderedView picture = empty_view(view_);
+    blend(map, picture);
+    return edge_guide(picture, request_.instant.cache->full_scale());
+  }
+
+  PlaneMap match(std::span<const std::uint8_t> guide, RenderStatistics& statistics) {
     const CostVolume volume{view_.width, view_.height, plan_.planes.count};
     const Settings& s = plan_.settings;
     if (volume.planes == 1) {
       PlaneMap map{view_.width, view_.height, {}, {}};
-      map.plane.resize(static_cast<std::size_t>(view_.width) *
-                       static_cast<std::size_t>(view_.height));
+      map.plane.resize(pixels());
       return map;
     }
-    for (const Source& opened : sources_) {
-      if (opened.frame) {
-        statistics.working_bytes += MatchingFrame::bytes(opened.matching_frame.box());
-      }
-    }
-    constexpr std::size_t kMapBytes = sizeof(float) + 1;  // of a pixel of the result
-    statistics.working_bytes +=
-        kMapBytes * static_cast<std::size_t>(view_.width) * static_cast<std::size_t>(view_.height);
+    const std::size_t held = frames_and_map_bytes() + guide.size();
     const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs.data()); };
     if (s.aggregation != Aggregation::kSemiGlobal) {
       const int radius = s.aggregation == Aggregation::kBox ? s.box_radius : 0;
-      statistics.working_bytes +=
-          box_bytes(volume, radius, tbb::this_task_arena::max_concurrency());
+      hold(held + box_bytes(volume, radius, tbb::this_task_arena::max_concurrency()), statistics);
       return box_match(volume, fill, radius, s.sub_plane);
     }
-    SemiGlobalSettings settings;
-    settings.p1 = s.p1;
-    settings.p2 = s.p2;
-    settings.sub_plane = s.sub_plane;
+    SemiGlobalSettings settings = semi_global_settings(s, guide);
     settings.buffers = &request_.buffers;
-    const std::size_t held = statistics.working_bytes;
     settings.working_bytes = request_.working_bytes - std::min(request_.working_bytes, held);
-    statistics.working_bytes += semi_global_bytes(volume, settings.working_bytes);
+    hold(held + semi_global_bytes(volume, settings.working_bytes), statistics);
     return semi_global_match(volume, fill, settings);
   }
 

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
+#include "render/matching/matching.h"
 #include "render/sampling/depth_sampling.h"
 #include "render/sweep/camera_field.h"
 #include "render/view/method.h"
@@ -34,6 +37,8 @@ struct Settings {
   bool sub_plane = true;
   int p1 = 40, p2 = 800, box_radius = 2;
   double truncation = 40;
+  int left_out = 0;
+  double edge_scale = 0;  ///< codes; 0: all edges are alike
 };
 
 /// What is to be done for a view: shared by the fast and the slow way.
@@ -44,6 +49,9 @@ struct Plan {
   SweepPlanes planes;
   std::vector<std::string> notes;  ///< see RenderedView::notes
 };
+/// `guide`: see there; edge_scale only counts with one.
+SemiGlobalSettings semi_global_settings(const Settings& settings,
+                                        std::span<const std::uint8_t> guide);
 /// nullopt where the view sees nothing of the scene.
 std::optional<Plan> plan(const ViewRequest& request);
 

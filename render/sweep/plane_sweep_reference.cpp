@@ -6,6 +6,7 @@
 
 #include "render/matching/matching.h"
 #include "render/sweep/cost_kernels.h"
+#include "render/sweep/edge_guide.h"
 #include "render/sweep/field_coverage.h"
 #include "render/sweep/plane_sweep.h"
 #include "schemas/transfer_function.h"
@@ -27,15 +28,13 @@ class Reference {
     const auto start = std::chrono::steady_clock::now();
     decode(image.statistics);
     const auto decoded = std::chrono::steady_clock::now();
-    const PlaneMap map = match();
-    for (int y = 0; y < image.height; ++y) {
-      for (int x = 0; x < image.width; ++x) {
-        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
-                               static_cast<std::size_t>(x);
-        blend(x, y, plan_.planes.inverse_depth(static_cast<double>(map.plane[at])),
-              &image.rgba[at * 4], image.coverage[at], image.z[at]);
-      }
+    PlaneMap map = match({});
+    if (plan_.settings.edge_scale > 0) {
+      RenderedView first = empty_view(request_.view);
+      blend(map, first);
+      map = match(edge_guide(first, request_.instant.cache->full_scale()));
     }
+    blend(map, image);
     const auto end = std::chrono::steady_clock::now();
     if (request_.measure_coverage) measure_field_coverage(request_, plan_.field, {}, image);
     image.statistics.decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
@@ -67,7 +66,7 @@ class Reference {
     }
     return cost_reference(matched, request_.instant.cache->blend_space(),
                           request_.view.pose.position, ray, inverse_depth,
-                          plan_.settings.truncation);
+                          plan_.settings.truncation, plan_.settings.left_out);
   }
 
   void fill_row(int y, std::span<std::uint8_t> costs) const {
@@ -85,7 +84,7 @@ class Reference {
     }
   }
 
-  PlaneMap match() const {
+  PlaneMap match(std::span<const std::uint8_t> guide) const {
     const CostVolume volume{request_.view.width, request_.view.height, plan_.planes.count};
     const Settings& s = plan_.settings;
     const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs); };
@@ -93,13 +92,19 @@ class Reference {
       return box_match_reference(
           volume, fill, s.aggregation == Aggregation::kBox ? s.box_radius : 0, s.sub_plane);
     }
-    SemiGlobalSettings settings;
-    settings.p1 = s.p1;
-    settings.p2 = s.p2;
-    settings.sub_plane = s.sub_plane;
-    return semi_global_match_reference(volume, fill, settings);
+    return semi_global_match_reference(volume, fill, semi_global_settings(s, guide));
   }
 
+  void blend(const PlaneMap& map, RenderedView& image) const {
+    for (int y = 0; y < image.height; ++y) {
+      for (int x = 0; x < image.width; ++x) {
+        const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
+                               static_cast<std::size_t>(x);
+        blend(x, y, plan_.planes.inverse_depth(static_cast<double>(map.plane[at])),
+              &image.rgba[at * 4], image.coverage[at], image.z[at]);
+      }
+    }
+  }
   void blend(int x, int y, double inverse_depth, float* rgba, float& coverage, float& z) const {
     const auto ray = rays_.through(x + 0.5, y + 0.5);
     if (!ray) return;

@@ -148,23 +148,9 @@ Nanoseconds ShotPlan::take_time(int frame) const {
 }
 
 std::optional<int> ShotPlan::tick_at(int frame) const {
-  const auto& ticks = timeline_.ticks;
-  if (ticks.size() == 1) return ticks[0].present() > 0 ? std::optional(0) : std::nullopt;
-  const Nanoseconds time = take_time(frame);
-  const auto half_tick = static_cast<Nanoseconds>(
-      timeline_.fps > 0 ? 0.5 * static_cast<double>(kNanosecondsPerSecond) / timeline_.fps : 0);
-  if (time < ticks.front().time_ns - half_tick || time > ticks.back().time_ns + half_tick) {
-    return std::nullopt;
-  }
-  auto after =
-      std::lower_bound(ticks.begin(), ticks.end(), time,
-                       [](const FrameSelection& tick, Nanoseconds t) { return tick.time_ns < t; });
-  if (after == ticks.end() ||
-      (after != ticks.begin() && time - std::prev(after)->time_ns <= after->time_ns - time)) {
-    --after;
-  }
-  if (after->present() == 0) return std::nullopt;
-  return static_cast<int>(after - ticks.begin());
+  const auto tick = nearest_tick(timeline_.ticks, take_time(frame));
+  if (!tick || timeline_.ticks[*tick].present() == 0) return std::nullopt;
+  return static_cast<int>(*tick);
 }
 
 std::optional<int> ShotPlan::nearest_present(int tick) const {

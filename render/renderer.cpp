@@ -58,20 +58,11 @@ struct LightFieldRenderer::State {
 
   std::vector<std::vector<int>> frames_beside(Nanoseconds time) const {
     const std::span<const FrameSelection> ticks = settings.ticks;
-    if (ticks.size() < 2) return {};
-    const auto apart = [&](const FrameSelection& tick) {
-      return std::abs(static_cast<double>(tick.time_ns) - static_cast<double>(time));
-    };
-    auto now = std::ranges::lower_bound(ticks, time, {}, &FrameSelection::time_ns);
-    if (now == ticks.end()) --now;
-    if (now != ticks.begin() && apart(*(now - 1)) <= apart(*now)) --now;
-    const double interval =
-        (static_cast<double>(ticks.back().time_ns) - static_cast<double>(ticks.front().time_ns)) /
-        static_cast<double>(ticks.size() - 1);
-    if (apart(*now) > interval / 2) return {};
+    const auto now = nearest_tick(ticks, time);
     std::vector<std::vector<int>> beside;
-    if (now != ticks.begin()) beside.push_back(frames_of_members(*(now - 1)));
-    if (now + 1 != ticks.end()) beside.push_back(frames_of_members(*(now + 1)));
+    if (!now) return beside;
+    if (*now > 0) beside.push_back(frames_of_members(ticks[*now - 1]));
+    if (*now + 1 < ticks.size()) beside.push_back(frames_of_members(ticks[*now + 1]));
     return beside;
   }
 

@@ -46,6 +46,12 @@ class Ticks {
   double origin_, period_;
 };
 
+/// Without overflow: times may be anything.
+std::uint64_t apart(Nanoseconds a, Nanoseconds b) {
+  const auto u = static_cast<std::uint64_t>(a), v = static_cast<std::uint64_t>(b);
+  return a > b ? u - v : v - u;
+}
+
 // A still light field: the one instant that is fairest to all, or the middle camera's where they
 // lie too far apart for that.
 Nanoseconds still_instant(const std::vector<std::vector<Nanoseconds>>& times,
@@ -133,16 +139,26 @@ FrameSelection select_frames(const Take& take, Nanoseconds time, Nanoseconds tol
     const auto nearest = archive.nearest_frame(time);
     if (!nearest) continue;
     const Nanoseconds frame_time = archive.frames()[static_cast<std::size_t>(*nearest)].time_ns;
-    // Compared without subtracting: the asked time may be anything.
-    const auto distance =
-        frame_time > time
-            ? static_cast<std::uint64_t>(frame_time) - static_cast<std::uint64_t>(time)
-            : static_cast<std::uint64_t>(time) - static_cast<std::uint64_t>(frame_time);
-    if (tolerance < 0 || distance > static_cast<std::uint64_t>(tolerance)) continue;
+    if (tolerance < 0 || apart(frame_time, time) > static_cast<std::uint64_t>(tolerance)) continue;
     selection.frame[static_cast<std::size_t>(camera)] = *nearest;
     selection.difference[static_cast<std::size_t>(camera)] = frame_time - time;
   }
   return selection;
+}
+
+std::optional<std::size_t> nearest_tick(std::span<const FrameSelection> ticks, Nanoseconds time) {
+  if (ticks.empty()) return std::nullopt;
+  if (ticks.size() == 1) return 0;
+  auto nearest = std::ranges::lower_bound(ticks, time, {}, &FrameSelection::time_ns);
+  if (nearest == ticks.end()) --nearest;
+  if (nearest != ticks.begin() &&
+      apart((nearest - 1)->time_ns, time) <= apart(nearest->time_ns, time)) {
+    --nearest;
+  }
+  const double interval = static_cast<double>(apart(ticks.back().time_ns, ticks.front().time_ns)) /
+                          static_cast<double>(ticks.size() - 1);
+  if (static_cast<double>(apart(nearest->time_ns, time)) > interval / 2) return std::nullopt;
+  return static_cast<std::size_t>(nearest - ticks.begin());
 }
 
 Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance) {

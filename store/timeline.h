@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <limits>
@@ -26,6 +27,10 @@ struct FrameSelection {
 
 /// Nearest frame of each camera within `tolerance` of `time`, else absent.
 FrameSelection select_frames(const Take& take, Nanoseconds time, Nanoseconds tolerance);
+
+/// The tick that shows `time`: the nearest, the earlier at a tie, if it lies within half a tick;
+/// that of a still whenever it is. `ticks`: a timeline's, at a constant rate.
+std::optional<std::size_t> nearest_tick(std::span<const FrameSelection> ticks, Nanoseconds time);
 
 /// A sudden change of the clock that stamped a camera's frames.
 struct ClockStep {
@@ -105,5 +110,7 @@ void write_timeline(const Timeline& timeline, const std::filesystem::path& take_
 /// Throws Error (bad input): missing (run `raystage sync`), damaged, of a future version, or not of
 /// this take.
 Timeline read_timeline(const Take& take);
+/// The same, but nothing where it is missing.
+std::optional<Timeline> read_timeline_if_any(const Take& take);
 
 }  // namespace raystage

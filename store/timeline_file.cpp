@@ -307,4 +307,9 @@ Timeline read_timeline(const Take& take) {
   return timeline;
 }
 
+std::optional<Timeline> read_timeline_if_any(const Take& take) {
+  if (!std::filesystem::exists(take.folder() / kTimelineFile)) return std::nullopt;
+  return read_timeline(take);
+}
+
 }  // namespace raystage

@@ -222,6 +222,28 @@ TEST(SelectFrames, WithinTolerance) {
   EXPECT_EQ(select_frames(take, 160, -1).present(), 0);
 }
 
+TEST(NearestTick, WithinHalfATickTheEarlierAtATie) {
+  std::vector<FrameSelection> ticks(3);
+  for (std::size_t i = 0; i < ticks.size(); ++i) ticks[i].time_ns = 100 + 10 * static_cast<int>(i);
+  const auto at = [&](Nanoseconds time) {
+    const auto tick = nearest_tick(ticks, time);
+    return tick ? static_cast<int>(*tick) : -1;
+  };
+  EXPECT_EQ(at(94), -1);
+  EXPECT_EQ(at(95), 0);
+  EXPECT_EQ(at(105), 0);
+  EXPECT_EQ(at(106), 1);
+  EXPECT_EQ(at(120), 2);
+  EXPECT_EQ(at(125), 2);
+  EXPECT_EQ(at(126), -1);
+  EXPECT_EQ(at(std::numeric_limits<Nanoseconds>::min()), -1);
+  EXPECT_EQ(at(std::numeric_limits<Nanoseconds>::max()), -1);
+  ticks.resize(1);
+  EXPECT_EQ(at(std::numeric_limits<Nanoseconds>::max()), 0) << "a still";
+  ticks.clear();
+  EXPECT_EQ(at(0), -1);
+}
+
 TEST(TimelineStatistics, CountsSpreadAndAbsence) {
   Timeline timeline;
   timeline.fps = 10;

@@ -2,14 +2,12 @@
 #include "render/automatic/take_instants.h"
 
 #include <algorithm>
-#include <filesystem>
+#include <utility>
 
 namespace raystage {
 
 TakeInstants::TakeInstants(const Instant& now) : now_(now) {
-  if (std::filesystem::exists(now.take->folder() / "timeline.zst")) {
-    ticks_ = read_timeline(*now.take).ticks;
-  }
+  if (auto timeline = read_timeline_if_any(*now.take)) ticks_ = std::move(timeline->ticks);
 }
 
 int TakeInstants::count() const {

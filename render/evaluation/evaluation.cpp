@@ -9,69 +9,15 @@
 #include <set>
 
 #include "images/image_file.h"
-#include "render/evaluation/undistorted_truth.h"
+#include "render/evaluation/subjects.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
-#include "store/jpeg/decode.h"
 #include "store/timeline.h"
 
 namespace raystage {
 namespace {
-
-/// A view and where its truth comes from.
-struct Subject {
-  std::string id;
-  VirtualCamera camera;
-  Nanoseconds time = 0;
-  std::function<Truth()> truth;
-};
-
-int index_of(const Take& take, const std::string& id) {
-  const int camera = take.camera_index(id);
-  if (camera >= 0) return camera;
-  throw Error::bad_input("the take has no camera '" + id + "'", take.folder().string(),
-                         "See raystage info for the cameras' ids");
-}
-
-std::vector<Subject> subjects_of(const Take& take, const ViewsDocument& views,
-                                 const std::filesystem::path& views_folder,
-                                 const std::vector<std::string>& leave_out, int step) {
-  std::vector<Subject> subjects;
-  for (const ViewsDocument::View& view : views.views) {
-    subjects.push_back({view.geometry.id, virtual_camera_from_geometry(view.geometry), view.time_ns,
-                        [file = views_folder / view.file] {
-                          return Truth{read_image(file), {}};
-                        }});
-  }
-  for (const std::string& id : leave_out) {
-    const int camera = index_of(take, id);
-    const Rig::Camera& held_out = take.rig().cameras[static_cast<std::size_t>(camera)];
-    const auto frames = take.archive(camera).frames();
-    for (int frame = 0; frame < static_cast<int>(frames.size()); ++frame) {
-      const std::string name = frames.size() == 1 ? id : id + "_" + std::to_string(frame);
-      // Seen without distortion, as views that are rendered by the fast ways.
-      const VirtualCamera pinhole = undistorted(held_out.model, held_out.pose);
-      subjects.push_back({name, pinhole, frames[static_cast<std::size_t>(frame)].time_ns,
-                          [&take, &model = held_out.model, camera, frame, name, pinhole] {
-                            RgbImage image =
-                                JpegDecoder().decode(take.archive(camera).jpeg(frame), name);
-                            if (!model.has_distortion()) return Truth{std::move(image), {}};
-                            return undistorted_truth(image, model, pinhole);
-                          }});
-    }
-  }
-  std::vector<Subject> chosen;
-  for (std::size_t i = 0; i < subjects.size(); i += static_cast<std::size_t>(step)) {
-    chosen.push_back(std::move(subjects[i]));
-  }
-  if (chosen.empty()) {
-    throw Error::bad_input("there is no view to evaluate", views_folder.string(),
-                           "Give a views document, or cameras by --leave-out");
-  }
-  return chosen;
-}
 
 /// 1 per pixel that is covered and of which there is a truth.
 std::vector<std::uint8_t> measured_pixels(const RenderedView& view, const Truth& truth) {
@@ -135,15 +81,14 @@ double prepare_ms_of(const std::vector<ViewEvaluation>& views) {
 }
 
 /// Reads the frames of the views, so that the first setting measured does not pay for the disk.
-void read_ahead(const Take& take, const std::vector<Subject>& subjects, Nanoseconds tolerance,
+void read_ahead(const Take& take, const std::vector<EvaluationSubject>& subjects,
                 const std::vector<int>& left_out) {
   std::set<Nanoseconds> seen;
   std::uint64_t sum = 0;
-  for (const Subject& subject : subjects) {
-    if (!seen.insert(subject.time).second) continue;
-    const FrameSelection frames = select_frames(take, subject.time, tolerance);
+  for (const EvaluationSubject& subject : subjects) {
+    if (!seen.insert(subject.frames.time_ns).second) continue;
     for (int camera = 0; camera < take.camera_count(); ++camera) {
-      const int frame = frames.frame[static_cast<std::size_t>(camera)];
+      const int frame = subject.frames.frame[static_cast<std::size_t>(camera)];
       if (frame < 0 || std::ranges::find(left_out, camera) != left_out.end()) continue;
       constexpr std::size_t kPage = 4096;
       const auto bytes = take.archive(camera).jpeg(frame);
@@ -164,13 +109,9 @@ double ms_since(Clock::time_point start) {
 /// Renders one view as often as its times ask for.
 class TimedView {
  public:
-  TimedView(const Take& take, const RendererSettings& settings, const Subject& subject,
-            const FrameSelection& frames, const Reconstruction& reconstruction)
-      : take_(take),
-        settings_(settings),
-        subject_(subject),
-        frames_(frames),
-        reconstruction_(reconstruction) {}
+  TimedView(const Take& take, const RendererSettings& settings, const EvaluationSubject& subject,
+            const Reconstruction& reconstruction)
+      : take_(take), settings_(settings), subject_(subject), reconstruction_(reconstruction) {}
 
   /// Fills the times of `result`. A renderer of its own, so that no frame is cached when its time
   /// is taken.
@@ -178,7 +119,7 @@ class TimedView {
     const LightFieldRenderer renderer(take_, settings_);
     const std::size_t kept_before = settings_.kept->bytes_held();
     const auto start = Clock::now();
-    RenderedView view = renderer.render(subject_.camera, frames_, reconstruction_);
+    RenderedView view = renderer.render(subject_.camera, subject_.frames, reconstruction_);
     const double first_ms = ms_since(start) - view.statistics.decode_ms;
     const bool prepared = settings_.kept->bytes_held() != kept_before;
     result.decode_ms = view.statistics.decode_ms;
@@ -191,7 +132,7 @@ class TimedView {
     double sum = 0;
     while (static_cast<int>(times.size()) < repeat && (times.empty() || sum < kEnoughMs)) {
       const auto again = Clock::now();
-      const RenderedView same = renderer.render(subject_.camera, frames_, reconstruction_);
+      const RenderedView same = renderer.render(subject_.camera, subject_.frames, reconstruction_);
       times.push_back(ms_since(again) - same.statistics.decode_ms);
       sum += times.back();
     }
@@ -209,7 +150,7 @@ class TimedView {
     RendererSettings counting = settings_;
     counting.count_needed_pixels = true;
     const RenderStatistics counts = LightFieldRenderer(take_, counting)
-                                        .render(subject_.camera, frames_, reconstruction_)
+                                        .render(subject_.camera, subject_.frames, reconstruction_)
                                         .statistics;
     return counts.pixels_needed > 0 ? static_cast<double>(first.statistics.pixels_decoded) /
                                           static_cast<double>(counts.pixels_needed)
@@ -219,8 +160,7 @@ class TimedView {
  private:
   const Take& take_;
   const RendererSettings& settings_;
-  const Subject& subject_;
-  const FrameSelection& frames_;
+  const EvaluationSubject& subject_;
   const Reconstruction& reconstruction_;
 };
 
@@ -229,7 +169,7 @@ class TimedView {
 std::vector<int> cameras_left_out(const Take& take, const std::vector<std::string>& leave_out,
                                   int camera_step) {
   std::vector<int> left_out;
-  for (const std::string& id : leave_out) left_out.push_back(index_of(take, id));
+  for (const std::string& id : leave_out) left_out.push_back(camera_named(take, id));
   if (camera_step <= 1) return left_out;
   // By rank, not number: a grid may count 0, 2, 4.
   std::set<int> rows, columns;
@@ -290,8 +230,9 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   evaluation.method = settings.method;
   evaluation.options = options.values();
   evaluation.focal_depth = focal_depth_of(take, settings);
-  const std::vector<Subject> subjects =
-      subjects_of(take, views, views_folder, settings.leave_out, settings.view_step);
+  const std::optional<Timeline> timeline = read_timeline_if_any(take);
+  const std::vector<EvaluationSubject> subjects =
+      evaluation_subjects(take, timeline ? &*timeline : nullptr, views, views_folder, settings);
   const Reconstruction reconstruction{settings.method,
                                       plane_in_front_of(take.rig(), evaluation.focal_depth),
                                       settings.options, settings.fill};
@@ -303,28 +244,19 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   renderer_settings.use_take_folder =
       settings.use_take_folder && renderer_settings.left_out.empty();
   renderer_settings.kept = std::make_shared<KeptResults>(renderer_settings.kept_bytes);
-  std::optional<Timeline> timeline;
-  const auto looks_beside = method_named(settings.method).looks_beside;
-  if (looks_beside != nullptr && looks_beside(options) &&
-      std::filesystem::exists(take.folder() / "timeline.zst")) {
-    timeline = read_timeline(take);
-    renderer_settings.ticks = timeline->ticks;
-  }
+  if (timeline) renderer_settings.ticks = timeline->ticks;
   evaluation.cameras = take.camera_count() - static_cast<int>(renderer_settings.left_out.size());
-  const auto tolerance =
-      static_cast<Nanoseconds>(kNanosecondsPerSecond / take.document().nominal_fps / 2);
   if (!settings.image_folder.empty()) create_folder(settings.image_folder);
-  read_ahead(take, subjects, tolerance, renderer_settings.left_out);
+  read_ahead(take, subjects, renderer_settings.left_out);
 
   ShotErrors shot_errors;
-  for (const Subject& subject : subjects) {
+  for (const EvaluationSubject& subject : subjects) {
     if (stop.stop_requested()) {
       throw Error::failed("stopped", take.folder().string(), "Run the command again");
     }
-    const FrameSelection frames = select_frames(take, subject.time, tolerance);
     ViewEvaluation result;
     result.id = subject.id;
-    const TimedView timed(take, renderer_settings, subject, frames, reconstruction);
+    const TimedView timed(take, renderer_settings, subject, reconstruction);
     const RenderedView view = timed.render(settings.repeat, result);
     if (settings.count_needed_pixels) result.decoded_per_needed = timed.decoded_per_needed(view);
     const RgbImage image = srgb_image(view);

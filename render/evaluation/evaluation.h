@@ -35,9 +35,9 @@ struct EvaluationSettings {
   OptionValues options;  ///< of the method
   /// Metres in front of the array, parallel to it; nullopt: eq. 2.2 from the take's depth range.
   std::optional<double> focal_depth;
-  /// Ids of cameras that do not contribute; each of their frames becomes a view with itself as
-  /// truth: where their lens distorts, both without distortion (undistorted_truth()), so that times
-  /// are those of the fast ways.
+  /// Ids of cameras that do not contribute; each of their frames that the timeline takes becomes a
+  /// view with itself as truth: where their lens distorts, both without distortion
+  /// (undistorted_truth()), so that times are those of the fast ways.
   std::vector<std::string> leave_out;
   /// Every n-th row and column of the grid contributes, counted from the first: fewer cameras.
   int camera_step = 1;
@@ -97,10 +97,10 @@ Steadiness steadiness_of(std::span<const ViewEvaluation> views);
 std::vector<int> cameras_left_out(const Take& take, const std::vector<std::string>& leave_out,
                                   int camera_step);
 
-/// Renders every view at its time (each camera's nearest frame within half a frame time) and
-/// compares it with its truth image. `views` may be empty if cameras are left out.
-/// Throws Error (bad input): unknown camera, no depth range for the best plane, unreadable truth,
-/// a truth image of another size.
+/// Renders every view at its instant (see evaluation_subjects()) and compares it with its truth
+/// image. `views` may be empty if cameras are left out. Throws Error (bad input): unknown camera,
+/// no depth range for the best plane, unreadable truth, a truth image of another size, a timeline
+/// that is damaged or not of this take.
 Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationSettings& settings,

@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/evaluation/subjects.h"
+
+#include "images/image_file.h"
+#include "schemas/error.h"
+#include "store/jpeg/decode.h"
+
+namespace raystage {
+namespace {
+
+FrameSelection nothing_at(Nanoseconds time, const Take& take) {
+  const auto cameras = static_cast<std::size_t>(take.camera_count());
+  return {time, std::vector<std::int32_t>(cameras, -1), std::vector<Nanoseconds>(cameras, 0)};
+}
+
+FrameSelection by_stamps(Nanoseconds time, const Take& take) {
+  const auto half_a_frame =
+      static_cast<Nanoseconds>(kNanosecondsPerSecond / take.document().nominal_fps / 2);
+  return select_frames(take, time, half_a_frame);
+}
+
+FrameSelection instant_at(Nanoseconds time, const Take& take, const Timeline* timeline) {
+  if (timeline == nullptr) return by_stamps(time, take);
+  const auto tick = nearest_tick(timeline->ticks, time);
+  return tick ? timeline->ticks[*tick] : nothing_at(time, take);
+}
+
+/// The instants of which a camera has a frame, by their number.
+std::vector<std::pair<std::size_t, FrameSelection>> instants_of(int camera, const Take& take,
+                                                                const Timeline* timeline) {
+  std::vector<std::pair<std::size_t, FrameSelection>> instants;
+  if (timeline == nullptr) {
+    for (const FrameRecord& frame : take.archive(camera).frames()) {
+      instants.emplace_back(instants.size(), by_stamps(frame.time_ns, take));
+    }
+    return instants;
+  }
+  for (std::size_t tick = 0; tick < timeline->ticks.size(); ++tick) {
+    const FrameSelection& frames = timeline->ticks[tick];
+    if (frames.frame[static_cast<std::size_t>(camera)] >= 0) instants.emplace_back(tick, frames);
+  }
+  return instants;
+}
+
+void add_camera(int camera, const Take& take, const Timeline* timeline,
+                std::vector<EvaluationSubject>& subjects) {
+  const Rig::Camera& left_out = take.rig().cameras[static_cast<std::size_t>(camera)];
+  const std::size_t instants =
+      timeline != nullptr ? timeline->ticks.size() : take.archive(camera).frames().size();
+  // Seen without distortion, as views that are rendered by the fast ways.
+  const VirtualCamera pinhole = undistorted(left_out.model, left_out.pose);
+  for (auto& [number, frames] : instants_of(camera, take, timeline)) {
+    const std::string name =
+        instants == 1 ? left_out.id : left_out.id + "_" + std::to_string(number);
+    const int frame = frames.frame[static_cast<std::size_t>(camera)];
+    const auto truth = [&take, &model = left_out.model, camera, frame, name, pinhole] {
+      RgbImage image = JpegDecoder().decode(take.archive(camera).jpeg(frame), name);
+      if (!model.has_distortion()) return Truth{std::move(image), {}};
+      return undistorted_truth(image, model, pinhole);
+    };
+    subjects.push_back({name, pinhole, std::move(frames), truth});
+  }
+}
+
+}  // namespace
+
+int camera_named(const Take& take, const std::string& id) {
+  const int camera = take.camera_index(id);
+  if (camera >= 0) return camera;
+  throw Error::bad_input("the take has no camera '" + id + "'", take.folder().string(),
+                         "See raystage info for the cameras' ids");
+}
+
+std::vector<EvaluationSubject> evaluation_subjects(const Take& take, const Timeline* timeline,
+                                                   const ViewsDocument& views,
+                                                   const std::filesystem::path& views_folder,
+                                                   const EvaluationSettings& settings) {
+  std::vector<EvaluationSubject> subjects;
+  for (const ViewsDocument::View& view : views.views) {
+    subjects.push_back({view.geometry.id, virtual_camera_from_geometry(view.geometry),
+                        instant_at(view.time_ns, take, timeline),
+                        [file = views_folder / view.file] {
+                          return Truth{read_image(file), {}};
+                        }});
+  }
+  for (const std::string& id : settings.leave_out) {
+    add_camera(camera_named(take, id), take, timeline, subjects);
+  }
+  std::vector<EvaluationSubject> chosen;
+  for (std::size_t i = 0; i < subjects.size(); i += static_cast<std::size_t>(settings.view_step)) {
+    chosen.push_back(std::move(subjects[i]));
+  }
+  if (chosen.empty()) {
+    throw Error::bad_input("there is no view to evaluate", views_folder.string(),
+                           "Give a views document, or cameras by --leave-out");
+  }
+  return chosen;
+}
+
+}  // namespace raystage

@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/evaluation/subjects.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <optional>
+
+#include "render/view/synthetic_take.h"
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+#include "store/jpeg/encode.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::ElementsAre;
+
+constexpr int kCameras = 4, kTicks = 5, kWidth = 64, kHeight = 48;
+constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 10;
+/// How far the clock of camera 1 is ahead: by its stamps its frames are those of the next instant.
+constexpr Nanoseconds kAhead = kInterval * 7 / 10;
+
+int grey_at(int tick) { return 40 + 40 * tick; }
+
+/// A wall that gets brighter from tick to tick, of which camera 3 has lost one.
+class Subjects : public ::testing::Test {
+ protected:
+  Subjects() {
+    TakeDocument document;
+    document.name = "wall";
+    document.created_by = "test";
+    document.nominal_fps = 10;
+    document.color_space = "srgb_texture";
+    RigDocument rig;
+    rig.name = "four";
+    for (const CameraGeometry& geometry : testing::camera_grid(2, 2, 0.1, kWidth, kHeight)) {
+      document.cameras.push_back({geometry.id, "", "", ""});
+      rig.cameras.emplace_back().geometry = geometry;
+    }
+    std::vector<std::vector<Nanoseconds>> times(kCameras);  // by the array's clock
+    TakeWriter writer(folder_.path() / "take", document, rig);
+    for (int camera = 0; camera < kCameras; ++camera) {
+      for (int tick = 0; tick < kTicks; ++tick) {
+        if (camera == 3 && tick == 2) continue;
+        RgbImage image{kWidth, kHeight, {}};
+        image.pixels.assign(std::size_t{3} * kWidth * kHeight,
+                            static_cast<std::uint8_t>(grey_at(tick)));
+        const Nanoseconds time = (1 + tick) * kInterval;
+        times[static_cast<std::size_t>(camera)].push_back(time);
+        writer.archive(camera).append(encode_jpeg(image, {}), time + (camera == 1 ? kAhead : 0));
+      }
+    }
+    writer.commit();
+    take_.emplace(folder_.path() / "take");
+    timeline_ = build_timeline(times, 10, 10, 0, "test");
+    timeline_.clocks.resize(kCameras);
+    timeline_.clocks[1].offset_ns = kAhead;
+    write_timeline(timeline_, folder_.path() / "take");
+  }
+
+  std::vector<EvaluationSubject> leave_out(const std::string& id, const Timeline* timeline) const {
+    EvaluationSettings settings;
+    settings.leave_out = {id};
+    return evaluation_subjects(*take_, timeline, {}, {}, settings);
+  }
+
+  FrameSelection frames_of_view_at(Nanoseconds time, const Timeline* timeline) const {
+    ViewsDocument views;
+    views.views.push_back({testing::camera_grid(1, 1, 1, kWidth, kHeight).front(), "", time});
+    return evaluation_subjects(*take_, timeline, views, {}, {}).front().frames;
+  }
+
+  TestFolder folder_;
+  std::optional<Take> take_;
+  Timeline timeline_;
+};
+
+std::vector<std::string> ids_of(const std::vector<EvaluationSubject>& subjects) {
+  std::vector<std::string> ids;
+  for (const EvaluationSubject& subject : subjects) ids.push_back(subject.id);
+  return ids;
+}
+
+TEST_F(Subjects, AViewShowsTheTickNearestToItsTime) {
+  ASSERT_EQ(timeline_.ticks.size(), static_cast<std::size_t>(kTicks));
+  const Nanoseconds third = timeline_.ticks[2].time_ns;
+  for (const Nanoseconds beside : {-kInterval / 3, Nanoseconds{0}, kInterval / 3}) {
+    const FrameSelection frames = frames_of_view_at(third + beside, &timeline_);
+    EXPECT_EQ(frames.time_ns, third);
+    EXPECT_THAT(frames.frame, ElementsAre(2, 2, 2, -1));
+  }
+  // By its stamps camera 1 would show the instant before.
+  EXPECT_THAT(frames_of_view_at(third, nullptr).frame, ElementsAre(2, 1, 2, -1));
+}
+
+TEST_F(Subjects, BeyondTheTimelineThereIsNothing) {
+  const Nanoseconds last = timeline_.ticks.back().time_ns;
+  EXPECT_EQ(frames_of_view_at(last + kInterval / 3, &timeline_).present(), kCameras);
+  const FrameSelection beyond = frames_of_view_at(last + kInterval, &timeline_);
+  EXPECT_EQ(beyond.present(), 0);
+  EXPECT_EQ(beyond.frame.size(), static_cast<std::size_t>(kCameras));
+}
+
+TEST_F(Subjects, ACameraLeftOutHasAViewPerTickThatTakesItsFrame) {
+  const std::string fourth = take_->document().cameras[3].id;
+  const auto views = leave_out(fourth, &timeline_);
+  EXPECT_THAT(ids_of(views),
+              ElementsAre(fourth + "_0", fourth + "_1", fourth + "_3", fourth + "_4"));
+  EXPECT_EQ(views[2].frames.frame, timeline_.ticks[3].frame);
+  EXPECT_NEAR(views[2].truth().image.pixels.front(), grey_at(3), 1);
+  timeline_.ticks[3].frame[3] = -1;  // there, but not to be trusted
+  EXPECT_THAT(ids_of(leave_out(fourth, &timeline_)),
+              ElementsAre(fourth + "_0", fourth + "_1", fourth + "_4"));
+  timeline_.ticks.resize(1);
+  EXPECT_THAT(ids_of(leave_out(fourth, &timeline_)), ElementsAre(fourth));
+}
+
+TEST_F(Subjects, WithoutATimelineStampsChoose) {
+  const std::string fourth = take_->document().cameras[3].id;
+  const auto views = leave_out(fourth, nullptr);
+  EXPECT_THAT(ids_of(views),
+              ElementsAre(fourth + "_0", fourth + "_1", fourth + "_2", fourth + "_3"));
+  EXPECT_THAT(views[2].frames.frame, ElementsAre(3, 2, 3, 2));
+}
+
+/// What a camera saw at a tick, rendered from what the others saw then: not from what they stamped.
+TEST_F(Subjects, EvaluationsAreOfTheInstantsThatTheTimelineSays) {
+  EvaluationSettings settings;
+  settings.method = "lumigraph";  // a camera of the border has neighbours on one side only
+  settings.focal_depth = 4;
+  settings.leave_out = {take_->document().cameras[0].id};
+  const auto worst = [&] {
+    double least = std::numeric_limits<double>::infinity();
+    const Evaluation evaluation = evaluate_views(*take_, {}, {}, settings, [](double) {}, {});
+    EXPECT_EQ(evaluation.views.size(), static_cast<std::size_t>(kTicks));
+    for (const ViewEvaluation& view : evaluation.views) {
+      EXPECT_GT(view.quality.covered, 0.1);
+      least = std::min(least, view.quality.psnr_db);
+    }
+    return least;
+  };
+  EXPECT_GT(worst(), 45);
+  std::filesystem::remove(folder_.path() / "take" / "timeline.zst");
+  EXPECT_LT(worst(), 30);
+}
+
+}  // namespace
+}  // namespace raystage

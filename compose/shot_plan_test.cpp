@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/shot_plan.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+#include <set>
+
+#include "compose/sequence_test_data.h"
+#include "render/evaluation/subjects.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+using testing::kInterval;
+
+class ShotPlans : public testing::SequenceTest {};
+
+TEST_F(ShotPlans, AFrameThatLooksBesideDependsOnTheTicksThere) {
+  const auto fingerprints = [&](bool temporal) {
+    shot_.layers.front().method = "depth";
+    shot_.layers.front().options = {{"temporal", temporal}};
+    write_shot(shot_, shot_file());
+    const ShotPlan plan(shot_file());
+    std::vector<std::string> prints;
+    for (const int tick : {0, 1, 2})
+      prints.push_back(plan.fingerprint({101 + tick, tick}, false, false));
+    return prints;
+  };
+  const auto alone = fingerprints(false), beside = fingerprints(true);
+  Timeline timeline = read_timeline(Take(folder_.path() / "take"));
+  timeline.ticks[0].frame[1] = -1;
+  timeline.ticks[0].difference[1] = 0;
+  write_timeline(timeline, folder_.path() / "take");
+  const auto alone_now = fingerprints(false), beside_now = fingerprints(true);
+  EXPECT_NE(alone_now[0], alone[0]);
+  EXPECT_EQ(alone_now[1], alone[1]);
+  EXPECT_NE(beside_now[1], beside[1]);
+  EXPECT_EQ(beside_now[2], beside[2]);
+}
+
+/// `evaluate` and `bench` measure what `render` shows.
+TEST_F(ShotPlans, EvaluationsShowTheInstantsThatAShotShows) {
+  shot_.layers[0].start_seconds = -0.13;
+  shot_.layers[0].speed = 0.37;
+  shot_.last_frame = 130;
+  write_shot(shot_, shot_file());
+  const ShotPlan plan(shot_file());
+  std::set<int> shown;
+  for (int frame = shot_.first_frame; frame <= shot_.last_frame; ++frame) {
+    ViewsDocument views;
+    views.views.emplace_back().time_ns = plan.take_time(frame);
+    const auto subjects = evaluation_subjects(plan.take(), &plan.timeline(), views, {}, {});
+    const std::optional<int> tick = plan.tick_at(frame);
+    shown.insert(tick.value_or(-1));
+    const FrameSelection& frames = subjects.at(0).frames;
+    if (!tick) {
+      EXPECT_EQ(frames.present(), 0) << frame;
+      continue;
+    }
+    const FrameSelection& expected = plan.timeline().ticks[static_cast<std::size_t>(*tick)];
+    EXPECT_EQ(frames.time_ns, expected.time_ns) << frame;
+    EXPECT_EQ(frames.frame, expected.frame) << frame;
+  }
+  EXPECT_THAT(shown, ElementsAre(-1, 0, 1, 2, 3, 4, 5));
+}
+
+TEST_F(ShotPlans, ATargetKeepsHowDeepTheLayerSaysItsSceneIs) {
+  shot_.layers[0].method = "depth";
+  shot_.layers[0].options = {{"near", 1.5}, {"far", 6.0}, {"neighbours", 4.0}};
+  write_shot(shot_, shot_file());
+  const ShotPlan plan(shot_file(), {}, {{"target_error", 30.0}});
+  EXPECT_EQ(plan.reconstruction().method, "auto");
+  EXPECT_EQ(text_of(plan.reconstruction().options), "far=6,near=1.5,target_error=30");
+}
+
+TEST_F(ShotPlans, WithoutADepthRangeAutoNeedsAPlaneOrDepths) {
+  const auto file = folder_.path() / "take" / "take.json";
+  std::string text = read_file(file);
+  const std::size_t at = text.find("\"depth_range_m\"");
+  ASSERT_NE(at, std::string::npos);
+  text.replace(at, std::string("\"depth_range_m\"").size(), "\"x_range\"");
+  std::ofstream(file) << text;
+  const auto plane = [&] {
+    write_shot(shot_, shot_file());
+    return ShotPlan(shot_file(), {}, options_.target).reconstruction().focal_plane;
+  };
+  shot_.layers[0].method = "auto";
+  EXPECT_THAT(refusal(), HasSubstr("no depth range"));
+  shot_.layers[0].options = {{"near", 2.0}, {"far", 6.0}};
+  EXPECT_NEAR(std::abs(plane()[3]), 3, 1e-9);
+  shot_.layers[0].method = "depth";
+  options_.target = {{"target_error", 30.0}};
+  EXPECT_NEAR(std::abs(plane()[3]), 3, 1e-9);
+}
+
+TEST_F(ShotPlans, TheBestPlaneNeedsADepthRange) {
+  TakeDocument take = read_take(folder_.path() / "take" / "take.json");
+  take.depth_range.reset();
+  write_take(take, folder_.path() / "take" / "take.json");
+  const std::string text = refusal();
+  EXPECT_THAT(text, HasSubstr("depth range"));
+  EXPECT_THAT(text, HasSubstr("shot.json#/layers/0/focal_plane"));
+}
+
+TEST_F(ShotPlans, HeaderTellsWhatIsAbsentAndWhen) {
+  write_shot(shot_, shot_file());
+  const ShotPlan plan(shot_file());
+  const auto frames = plan.plan(std::vector<int>{101, 103}, MissingFrames::kError);
+  EXPECT_TRUE(plan.metadata(frames[0]).absent_cameras.empty());
+  EXPECT_THAT(plan.metadata(frames[1]).absent_cameras, ElementsAre("c3"));
+  const Nanoseconds first = plan.timeline().ticks[0].time_ns;
+  EXPECT_EQ(plan.metadata(frames[1]).capture_utc,
+            plan.take().document().epoch_utc + first + 2 * kInterval);
+  EXPECT_EQ(plan.metadata(frames[0]).capture_rate, 10);
+}
+
+TEST_F(ShotPlans, FocalPlanesOfEveryKind) {
+  write_shot(shot_, shot_file());
+  const ShotPlan plan(shot_file());
+  const Rig& rig = plan.take().rig();
+  using Kind = ShotDocument::FocalPlane::Kind;
+  const auto equation = [&](const ShotDocument::FocalPlane& plane) {
+    return focal_plane_equation(plane, rig, DepthRange{2, 6}, "here");
+  };
+  // 2 / (1/2 + 1/6) = 3 m in front of an array that looks along -z.
+  const Eigen::Vector4d best = equation({Kind::kBest, 0, {}});
+  EXPECT_NEAR(std::abs(best[2]), 1, 1e-9);
+  EXPECT_NEAR(best.dot(Eigen::Vector4d(0.3, 0.2, -3, 1)), 0, 1e-9);
+  EXPECT_NEAR((best - equation({Kind::kDepth, 3, {}})).norm(), 0, 1e-12);
+  EXPECT_EQ(equation({Kind::kInfinity, 0, {}}), Eigen::Vector4d(0, 0, 0, 1));
+  EXPECT_EQ(equation({Kind::kEquation, 0, {0, 2, 0, 4}}), Eigen::Vector4d(0, 1, 0, 2));
+  EXPECT_EQ(equation({Kind::kEquation, 0, {0, 0, 0, 4}}), Eigen::Vector4d(0, 0, 0, 1));
+  EXPECT_THROW(equation({Kind::kEquation, 0, {0, 0, 0, 0}}), Error);
+}
+
+}  // namespace
+}  // namespace raystage

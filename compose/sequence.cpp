@@ -144,6 +144,7 @@ class SequenceRun {
     report_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report_.asked = static_cast<int>(frames_.size());
+    report_.frames_read_ahead = renderer_.frames_read_ahead();
     const std::size_t done =
         static_cast<std::size_t>(report_.rendered + report_.skipped) + report_.failures.size();
     report_.stopped = done < frames_.size();
@@ -216,6 +217,8 @@ class SequenceRun {
       if (notes_.insert(note).second) options_.say(note);
     }
     ++report_.rendered;
+    report_.decoded_bytes_held =
+        std::max(report_.decoded_bytes_held, renderer_.decoded_bytes_held());
     report_.bytes_written += static_cast<std::int64_t>(bytes);
     report_.pixels_decoded += view.statistics.pixels_decoded;
     report_.decode_ms += view.statistics.decode_ms;

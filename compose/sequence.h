@@ -54,6 +54,8 @@ struct SequenceReport {
   std::vector<Failure> failures;  ///< by frame
   double seconds = 0;             ///< wall-clock, of the frames
   std::int64_t bytes_written = 0, pixels_decoded = 0;
+  int frames_read_ahead = 0;            ///< of cameras, asked of the disk before they were decoded
+  std::size_t decoded_bytes_held = 0;   ///< the most that was kept of decoded frames after a frame
   double decode_ms = 0, render_ms = 0;  ///< summed over the frames
 
   /// kSuccess only if every frame asked for is there, whole; kBadInput where all failed by it.

@@ -326,4 +326,8 @@ void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
   }
 }
 
+int LightFieldRenderer::frames_read_ahead() const { return state_->cache.frames_read_ahead(); }
+
+std::size_t LightFieldRenderer::decoded_bytes_held() const { return state_->cache.bytes_held(); }
+
 }  // namespace raystage

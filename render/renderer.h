@@ -80,6 +80,11 @@ class LightFieldRenderer {
   /// Asks for the frames that a later render() will need to be read from the disk meanwhile. A
   /// hint: of cameras that earlier views did not look at nothing is read.
   void read_ahead(const FrameSelection& frames) const;
+  /// How many of those were asked for before they were decoded.
+  int frames_read_ahead() const;
+  /// Memory of decoded frames that are kept for later views, bytes: RendererSettings::cache_bytes
+  /// at most, but for a single frame that is larger.
+  std::size_t decoded_bytes_held() const;
 
   /// Any rays, not only those of a view, into as many `samples`: see query_rays(). No fill.
   /// `lumigraph` (weights per ray) and `visual_hull` answer by their options. Of every other method

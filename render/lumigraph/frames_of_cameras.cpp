@@ -8,10 +8,12 @@
 #include "schemas/parallel.h"
 
 namespace raystage {
+
 FramesOfCameras::FramesOfCameras(const Instant& instant, bool count_needed)
     : instant_(instant),
       count_needed_(count_needed),
       used_(instant.rig->cameras.size()),
+      looked_through_(used_.size()),
       layouts_(used_.size()),
       wanted_(used_.size()),
       read_pixels_(used_.size()),
@@ -20,7 +22,9 @@ FramesOfCameras::FramesOfCameras(const Instant& instant, bool count_needed)
 void FramesOfCameras::open(std::vector<bool> used) {
   used_ = std::move(used);
   raystage::parallel_for(std::size_t{0}, used_.size(), [&](std::size_t i) {
-    if (!used_[i]) return;
+    wanted_[i].clear();
+    frames_[i].reset();
+    if (!used_[i] || layouts_[i]) return;
     layouts_[i] = instant_.cache->layout(static_cast<int>(i), instant_.frame_of_camera[i]);
   });
 }
@@ -42,14 +46,13 @@ void FramesOfCameras::plan_into(int camera, SourceView& lens) {
   wanted_[i].assign(static_cast<std::size_t>(layouts_[i]->mcu_count()), 0);
   raystage::plan_into(lens, *layouts_[i], wanted_[i].data());
   if (!count_needed_) return;
-  read_pixels_[i].assign(
+  read_pixels_[i].resize(
       static_cast<std::size_t>(lens.width) * static_cast<std::size_t>(lens.height), 0);
   lens.read_pixels = read_pixels_[i].data();
 }
 
 void FramesOfCameras::decode(RenderStatistics& statistics) {
-  std::atomic<std::int64_t> decoded = 0, needed = 0;
-  std::atomic<int> cameras = 0;
+  std::atomic<std::int64_t> decoded = 0;
   raystage::parallel_for(std::size_t{0}, used_.size(), [&](std::size_t i) {
     const McuMask& mcus = wanted_[i];
     const bool none = !mcus.empty() && std::find(mcus.begin(), mcus.end(), 1) == mcus.end();
@@ -58,12 +61,12 @@ void FramesOfCameras::decode(RenderStatistics& statistics) {
     frames_[i] =
         instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i], mcus, pixels);
     decoded += pixels;
-    needed += std::count(read_pixels_[i].begin(), read_pixels_[i].end(), 1);
-    ++cameras;
+    looked_through_[i] = 1;
   });
-  statistics.pixels_decoded = decoded;
-  statistics.pixels_needed = needed;
-  statistics.cameras_used = cameras;
+  statistics.pixels_decoded += decoded;
+  statistics.pixels_needed = 0;
+  for (const auto& read : read_pixels_) statistics.pixels_needed += std::ranges::count(read, 1);
+  statistics.cameras_used = static_cast<int>(std::ranges::count(looked_through_, 1));
 }
 
 }  // namespace raystage

@@ -44,7 +44,8 @@ struct Scratch {
   std::vector<ChunkWeights> weights, corner_weights;
 };
 
-/// One view's rendering, stage by stage: surface and cameras, plan, decode, blend.
+/// One view's rendering, band of rows by band, each stage by stage: surface and cameras, plan,
+/// decode, blend.
 class LumigraphFrame {
  public:
   LumigraphFrame(const ViewRequest& request, const RaySurface& surface, const RayWeighing& weighing,
@@ -75,9 +76,38 @@ class LumigraphFrame {
       image.nearest_ray.assign(image.coverage.size(), kNowhere);
     }
     if (missed_ == Missed::kNothingThere) image.nothing_there.assign(image.coverage.size(), 0.0F);
+    const int rows = rows_of_band();
+    for (top_ = 0; top_ < view_.height; top_ += rows) {
+      render_band(std::min(top_ + rows, view_.height), image);
+    }
+    return image;
+  }
+
+ private:
+  std::size_t at(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
+           static_cast<std::size_t>(x);
+  }
+
+  std::size_t in_band(int x, int y) const { return at(x, y - top_); }
+
+  /// Whole blocks that fit in working memory with what becomes known of them, at least one high.
+  int rows_of_band() const {
+    const auto columns = static_cast<std::size_t>((view_.width + kBlockWidth - 1) / kBlockWidth);
+    constexpr std::size_t kListsOfCameras = 2, kGrowth = 2;
+    const std::size_t of_block =
+        sizeof(Block) + kListsOfCameras * kGrowth * rig_.cameras.size() * sizeof(int);
+    const std::size_t of_row = columns * of_block + at(0, kBlockHeight) * sizeof(double);
+    const std::size_t blocks_high = std::min<std::size_t>(
+        request_.working_bytes / of_row, static_cast<std::size_t>(view_.height / kBlockHeight + 1));
+    return std::max(1, static_cast<int>(blocks_high)) * kBlockHeight;
+  }
+
+  /// Rows from top_ on. Pixels know nothing of those in other blocks.
+  void render_band(int end, RenderedView& image) {
     const auto start = Clock::now();
-    make_blocks();
-    meet_surface(image);
+    make_blocks(end);
+    meet_surface(end, image);
     frames_.open(used_cameras());
     if (!frames_.are_whole()) mark_wanted();
     const auto planned = Clock::now();
@@ -88,21 +118,14 @@ class LumigraphFrame {
       if (block.present.empty()) leave_empty(block, image);
       for_each_row(block, scratch, [&](int y) { blend_row(block, y, scratch, image); });
     });
-    image.statistics.working_bytes = bytes_worked_in();
-    image.statistics.plan_ms = milliseconds(planned - start);
-    image.statistics.decode_ms = milliseconds(decoded - planned);
-    image.statistics.render_ms = milliseconds(Clock::now() - decoded);
-    return image;
-  }
-
- private:
-  std::size_t at(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
-           static_cast<std::size_t>(x);
+    image.statistics.working_bytes = std::max(image.statistics.working_bytes, bytes_worked_in());
+    image.statistics.plan_ms += milliseconds(planned - start);
+    image.statistics.decode_ms += milliseconds(decoded - planned);
+    image.statistics.render_ms += milliseconds(Clock::now() - decoded);
   }
 
   std::size_t bytes_worked_in() const {
-    std::size_t bytes = inverse_distance_.size() * sizeof(float) + blocks_.size() * sizeof(Block);
+    std::size_t bytes = inverse_distance_.size() * sizeof(double) + blocks_.size() * sizeof(Block);
     for (const Block& block : blocks_) {
       bytes += (block.present.capacity() + block.complete.capacity()) * sizeof(int);
     }
@@ -113,13 +136,14 @@ class LumigraphFrame {
     return (world_ray_ * Vector3d(x, y, 1)).normalized();
   }
 
-  void make_blocks() {
-    for (int y = 0; y < view_.height; y += kBlockHeight) {
+  void make_blocks(int end) {
+    blocks_.clear();
+    for (int y = top_; y < end; y += kBlockHeight) {
       for (int x = 0; x < view_.width; x += kBlockWidth) {
         blocks_.push_back({x,
                            y,
                            std::min(x + kBlockWidth, view_.width),
-                           std::min(y + kBlockHeight, view_.height),
+                           std::min(y + kBlockHeight, end),
                            {},
                            {}});
       }
@@ -138,13 +162,13 @@ class LumigraphFrame {
   }
 
   /// Where the rays end, and who can see it.
-  void meet_surface(RenderedView& image) {
-    find_surface(image);
+  void meet_surface(int end, RenderedView& image) {
+    find_surface(end, image);
     for_each_block([&](Block& block, Scratch&) {
       double least = std::numeric_limits<double>::infinity(), most = 0;
       for (int y = block.y0; y < block.y1; ++y) {
         for (int x = block.x0; x < block.x1; ++x) {
-          const double inverse = inverse_distance_[at(x, y)];
+          const double inverse = inverse_distance_[in_band(x, y)];
           if (!(inverse >= 0)) continue;
           least = std::min(least, inverse);
           most = std::max(most, inverse);
@@ -165,8 +189,8 @@ class LumigraphFrame {
 
   /// A block's rows are shared out too: rays through some surfaces take long, and some a hundred
   /// times as long as others.
-  void find_surface(RenderedView& image) {
-    inverse_distance_.resize(at(0, view_.height));
+  void find_surface(int end, RenderedView& image) {
+    inverse_distance_.resize(in_band(0, end));
     const int rows = static_cast<int>(blocks_.size()) * kBlockHeight;
     raystage::parallel_for(
         tbb::blocked_range<int>(0, rows), [&](const tbb::blocked_range<int>& range) {
@@ -184,7 +208,7 @@ class LumigraphFrame {
             surface_(rays, inverse_distance);
             for (int x = block.x0; x < block.x1; ++x) {
               const double inverse = inverse_distance[static_cast<std::size_t>(x - block.x0)];
-              inverse_distance_[at(x, y)] = inverse;
+              inverse_distance_[in_band(x, y)] = inverse;
               if (!(inverse >= 0) && missed_ == Missed::kNothingThere)
                 image.nothing_there[at(x, y)] = 1;
             }
@@ -212,7 +236,7 @@ class LumigraphFrame {
     const int count = block.x1 - block.x0;
     find_directions(world_ray_, block.x0, y, count, scratch.row);
     fill_chunk(view_.pose.position, scratch.row,
-               std::span(&inverse_distance_[at(block.x0, y)], static_cast<std::size_t>(count)),
+               std::span(&inverse_distance_[in_band(block.x0, y)], static_cast<std::size_t>(count)),
                middle_, scratch.chunk);
   }
 
@@ -353,6 +377,7 @@ class LumigraphFrame {
   std::vector<ChunkCamera> cameras_;
   FramesOfCameras frames_;
   std::vector<int> present_, complete_;
+  int top_ = 0;  // of the band, whose are
   std::vector<Block> blocks_;
   std::vector<double> inverse_distance_;
 };

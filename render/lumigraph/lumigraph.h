@@ -26,8 +26,9 @@ enum class Missed { kUnseen, kNothingThere };
 /// suit it best (see RayWeighing). A = the largest share of it that a camera sees, coverage lower
 /// by the weight that cameras absent at this instant would have had. `request`'s options are not
 /// read. The view must have no lens distortion. Threads share rows of blocks of 64 x 16 pixels; per
-/// block only cameras are looked at that can count there. Memory: 8 bytes a pixel, the frames'
-/// masks, and what FrameCache holds.
+/// block only cameras are looked at that can count there. Memory: 8 bytes a pixel of a band of
+/// blocks, as high as fits ViewRequest::working_bytes, the frames' masks, and what FrameCache
+/// holds. How high has no say in the pixels.
 RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
                               const RayWeighing& weighing, WeightField field,
                               Missed missed = Missed::kUnseen);

@@ -59,6 +59,12 @@ std::size_t instant_bytes(const ShotPlan& plan) {
 
 }  // namespace
 
+bool wants_frames_only(const Reconstruction& reconstruction) {
+  const Method& method = method_named(reconstruction.method);
+  return method.frames_only != nullptr &&
+         method.frames_only(MethodOptions(method.options, reconstruction.options, method.name));
+}
+
 std::string size_text(double bytes) {
   return bytes < 1e9 ? fmt::format("{:.1f} MB", bytes * 1e-6)
                      : fmt::format("{:.2f} GB", bytes * 1e-9);
@@ -99,8 +105,7 @@ MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frame
   }
   const auto in_flight = static_cast<std::size_t>(result.in_flight);
   result.cache = budget - in_flight * per_frame;
-  const Method& method = method_named(plan.reconstruction().method);
-  if (!method.frames_only) {
+  if (!wants_frames_only(plan.reconstruction())) {
     result.kept = result.cache / 4;
     result.working = result.cache / 4 / in_flight;
     if (request.bytes == 0) {

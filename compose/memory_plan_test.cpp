@@ -62,6 +62,13 @@ TEST_F(Memory, IsSharedOutAndNoMore) {
   }
 }
 
+TEST_F(Memory, IsThereForADepthMapAlthoughApertureWorksInLittle) {
+  shot_.layers[0].method = "aperture";
+  EXPECT_EQ(planned(400).kept, 0);
+  shot_.layers[0].options = {{"depth_map", std::string("z.exr")}};
+  EXPECT_GE(planned(400).kept, sizeof(float) * 640 * 480);
+}
+
 TEST_F(Memory, HasRoomForTheFramesThatViewsLookThrough) {
   EXPECT_EQ(planned(175).in_flight, 1);
   EXPECT_EQ(planned(185).in_flight, 2);  // 59 MB of views, 123 MB of decoded frames

@@ -324,7 +324,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   std::string plan_text =
       fmt::format("writing {} frames to {}, {} in flight, {} of cache", frames.size(),
                   resolved.output, memory.in_flight, size_text(static_cast<double>(memory.cache)));
-  if (!method.frames_only) {
+  if (!wants_frames_only(plan.reconstruction())) {
     plan_text += fmt::format(", {} for what {} keeps, {} for each frame to work with",
                              size_text(static_cast<double>(memory.kept)), method.name,
                              size_text(static_cast<double>(memory.working)));

@@ -21,7 +21,7 @@
 namespace raystage {
 
 /// Changes whenever the same inputs give other pixels, so that `--existing skip` renders them anew.
-inline constexpr int kReconstructionVersion = 3;
+inline constexpr int kReconstructionVersion = 4;
 
 /// What to show at a shot frame for which the take has nothing (OpenTimelineIO's policies).
 enum class MissingFrames {

@@ -161,6 +161,38 @@ TEST_F(ApertureDepthMap, HasTheFinalSizeWhereAViewIsRenderedFiner) {
   EXPECT_EQ(image.width, 40);
 }
 
+/// Every row of it differs, so that one in the wrong place shows.
+TEST_F(ApertureDepthMap, IsFollowedByViewsInBandsAndNeverHeldAnew) {
+  constexpr int kCoarseWidth = 40, kCoarseHeight = 30;
+  std::vector<float> z;
+  for (int i = 0; i < kCoarseWidth * kCoarseHeight; ++i) {
+    z.push_back(1 + 0.15F * static_cast<float>(i / kCoarseWidth) +
+                0.01F * static_cast<float>(i % 7));
+  }
+  write_map(z, kCoarseWidth, kCoarseHeight);
+  const VirtualCamera view = a_view(kCoarseWidth, kCoarseHeight);
+  RendererSettings in_bands;
+  for (const bool reference : {false, true}) {
+    in_bands.reference = reference;
+    in_bands.supersampling_bytes = RendererSettings{}.supersampling_bytes;
+    const RenderedView whole = render(view, in_bands);
+    const int factor = whole.statistics.supersampling;
+    ASSERT_GT(factor, 1);
+    in_bands.supersampling_bytes = std::size_t{24} * kCoarseWidth * 7 * factor * factor;
+    const RenderedView image = render(view, in_bands);
+    EXPECT_EQ(image.statistics.supersampling, factor);
+    EXPECT_EQ(image.statistics.working_bytes, 0);
+    for (std::size_t i = 0; i < whole.coverage.size(); ++i) {
+      for (std::size_t c = 4 * i; c < 4 * i + 4; ++c) {
+        ASSERT_NEAR(image.rgba[c], whole.rgba[c], 1e-4) << "pixel " << i;
+      }
+      if (image.coverage[i] > 0) {
+        ASSERT_NEAR(image.z[i] / whole.z[i], 1, 1e-5) << "pixel " << i;
+      }
+    }
+  }
+}
+
 TEST_F(ApertureDepthMap, OutsideItsDataWindowThereIsNoDepth) {
   write_channel(file(), "Z", std::vector<float>(kWidth * kHeight, 4.0F), kWidth, kHeight,
                 {{20, 10}, {kWidth - 1, kHeight - 1}});

@@ -2,7 +2,6 @@
 // Views with less and with more resolution than the light field.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <tbb/global_control.h>
 
 #include <cmath>
 #include <numbers>
@@ -44,9 +43,10 @@ class Filtering : public ::testing::Test {
     return virtual_camera_with_fov(width, width * 3 / 4, 50 * kDegree, pose);
   }
 
-  RenderedView render(int width, const std::string& method, RendererSettings settings = {}) const {
+  RenderedView render(int width, const std::string& method, RendererSettings settings = {},
+                      OptionValues options = {}) const {
     return LightFieldRenderer(*take_, settings)
-        .render(view_of(width), select_frames(*take_, 0, 1), {method, kPlane});
+        .render(view_of(width), select_frames(*take_, 0, 1), {method, kPlane, options});
   }
 
   /// Root mean square of the difference from the stripes' mean: what is left of them.
@@ -106,7 +106,7 @@ TEST_F(Filtering, FineViewsAreLeftAsTheyAreAndSaySo) {
 TEST_F(Filtering, MemoryBoundsTheFactor) {
   RendererSettings little;
   little.supersampling_bytes = 20 * 15 * 24 * 4;  // twice as many pixels along each axis
-  const RenderedView image = render(20, "slabs", little);
+  const RenderedView image = render(20, "depth", little);
   EXPECT_NEAR(image.statistics.source_pixels_per_pixel, 6, 0.5);
   EXPECT_EQ(image.statistics.supersampling, 2);
   EXPECT_THAT(image.notes, ElementsAre(HasSubstr("has 2 samples along each axis of a pixel")));
@@ -114,38 +114,6 @@ TEST_F(Filtering, MemoryBoundsTheFactor) {
   RendererSettings no_room;
   no_room.working_bytes = 0;
   EXPECT_EQ(render(20, "focal_plane", no_room).rgba, render(20, "focal_plane").rgba);
-}
-
-TEST_F(Filtering, PixelsThatKnowNothingOfEachOtherAreSampledInBands) {
-  RendererSettings in_bands;
-  in_bands.measure_coverage = true;
-  RendererSettings whole = in_bands;
-  in_bands.supersampling_bytes = 20 * 24 * 36 * 4;  // four rows at a time
-  for (const std::string method : {"focal_plane", "nearest", "aperture"}) {
-    SCOPED_TRACE(method);
-    const RenderedView image = render(20, method, in_bands), expected = render(20, method, whole);
-    EXPECT_EQ(image.statistics.supersampling, 6);
-    EXPECT_TRUE(image.notes.empty());
-    ASSERT_EQ(image.rgba.size(), expected.rgba.size());
-    EXPECT_EQ(image.height, 15);
-    for (std::size_t i = 0; i < image.coverage.size(); ++i) {
-      for (std::size_t c = 4 * i; c < 4 * i + 4; ++c) {
-        ASSERT_NEAR(image.rgba[c], expected.rgba[c], 1e-4) << "pixel " << i;
-      }
-      ASSERT_NEAR(image.coverage[i], expected.coverage[i], 1e-4);
-      ASSERT_NEAR(image.z[i], expected.z[i], 1e-3);
-      ASSERT_NEAR(image.cameras[i], expected.cameras[i], 1e-3);
-      ASSERT_NEAR(image.nearest_ray[i], expected.nearest_ray[i], 1e-5);
-    }
-    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
-    RendererSettings little = in_bands;
-    little.working_bytes = little.cache_bytes = 0;
-    EXPECT_EQ(render(20, method, little).rgba, image.rgba);
-    const std::size_t bytes =
-        LightFieldRenderer(*take_, in_bands)
-            .view_bytes(view_of(20), select_frames(*take_, 0, 1), {method, kPlane});
-    EXPECT_EQ(bytes, (20U * 15 + 20 * 4 * (36 + 1)) * 32);
-  }
 }
 
 TEST_F(Filtering, SaysWhereMoreSamplesAreCalledFor) {
@@ -184,9 +152,9 @@ TEST_F(Filtering, WhatIsMeasuredBesideDoesNotChangeThePixels) {
   little.supersampling_bytes = 20 * 15 * 24 * 9;
   RendererSettings measured = little;
   measured.measure_coverage = true;
-  for (const std::string method : {"focal_plane", "slabs"}) {
+  for (const std::string method : {"focal_plane", "depth"}) {
     const RenderedView image = render(20, method, little);
-    EXPECT_EQ(image.statistics.supersampling, method == "slabs" ? 3 : 6);
+    EXPECT_EQ(image.statistics.supersampling, method == "depth" ? 3 : 6);
     EXPECT_EQ(render(20, method, measured).rgba, image.rgba);
   }
 }

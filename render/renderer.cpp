@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <mutex>
+#include <numeric>
 
 #include "render/depth/depth.h"
 #include "render/fill/push_pull.h"
@@ -105,12 +106,10 @@ int wanted_supersampling(double ratio) {
   return std::max(1, static_cast<int>(std::min(ratio, 64.0) + 0.5));
 }
 
-/// Whether any rows of a view can be rendered by themselves: methods that work in little look at no
-/// pixel's neighbours. Those that follow a file of the view's own are given it for the whole view.
-bool renders_rows_alone(const Method& method, const MethodOptions& options, const Instant& instant,
+bool renders_rows_alone(const Method& method, const MethodOptions& options,
                         const VirtualCamera& view) {
-  if (!method.frames_only || !(view.intrinsics.distortion == Distortion{})) return false;
-  return method.files_read == nullptr || method.files_read(options, *instant.take, {}).empty();
+  return method.rows_alone != nullptr && method.rows_alone(options) &&
+         view.intrinsics.distortion == Distortion{};
 }
 
 /// How a view is sampled: `factor` times along each axis, `rows` of its rows at a time.
@@ -129,7 +128,10 @@ Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSett
   };
   const std::size_t most = settings.supersampling_bytes;
   if (rows_alone && factor > 1) {
-    const std::size_t rows = std::max<std::size_t>(1, most / row_bytes());
+    std::size_t rows = std::max<std::size_t>(1, most / row_bytes());
+    // Weights that are interpolated between rows of samples keep these.
+    const auto tile = static_cast<std::size_t>(kFieldTile / std::gcd(kFieldTile, factor));
+    if (rows > tile) rows -= rows % tile;
     return {factor,
             static_cast<int>(std::min<std::size_t>(rows, static_cast<std::size_t>(view.height)))};
   }
@@ -225,12 +227,12 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   }
 
   const double ratio = filtered_pixels(view, instant, method, reconstruction.focal_plane);
-  const auto [factor, rows] = sampling_of(ratio, view, state_->settings,
-                                          renders_rows_alone(method, options, instant, view));
+  const auto [factor, rows] =
+      sampling_of(ratio, view, state_->settings, renders_rows_alone(method, options, view));
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
   const bool by_reference = state_->settings.reference || distorted;
-  const auto render_rows = [&, factor = factor](const VirtualCamera& part) {
-    const VirtualCamera fine = supersampled(part, factor);
+  const auto render_rows = [&, factor = factor](int first, int end) {
+    const VirtualCamera fine = supersampled(rows_of(view, first, end), factor);
     const ViewRequest request{fine,
                               instant,
                               reconstruction.focal_plane,
@@ -241,17 +243,18 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                               state_->settings.count_needed_pixels,
                               state_->settings.measure_coverage,
                               state_->settings.use_take_folder,
-                              factor};
+                              factor,
+                              first,
+                              view.height};
     RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
     return factor > 1 ? averaged(image, factor) : std::move(image);
   };
   RenderedView image;
   if (rows == view.height) {
-    image = render_rows(view);
+    image = render_rows(0, view.height);
   } else {
     for (int first = 0; first < view.height; first += rows) {
-      put_rows(render_rows(rows_of(view, first, std::min(first + rows, view.height))), first,
-               view.height, image);
+      put_rows(render_rows(first, std::min(first + rows, view.height)), first, view.height, image);
     }
   }
   if (distorted) {
@@ -289,8 +292,8 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const Fram
       instant.present ? filtered_pixels(view, instant, method, reconstruction.focal_plane) : 0;
   const MethodOptions options(method.options, reconstruction.options,
                               "method " + reconstruction.method);
-  const Sampling sampling = sampling_of(ratio, view, state_->settings,
-                                        renders_rows_alone(method, options, instant, view));
+  const Sampling sampling =
+      sampling_of(ratio, view, state_->settings, renders_rows_alone(method, options, view));
   const std::size_t of_pixel = bytes_per_pixel(method, state_->settings);
   const std::size_t bytes = pixels_of(view) * of_pixel;
   if (sampling.factor == 1) return bytes;

@@ -46,9 +46,9 @@ struct RendererSettings {
   /// pixels, as many as make their steps as short as the cameras', and averaged in linear light
   /// (thesis 5.3); at most this many along each axis, 1 to 64; 1: never. The samples held at once
   /// take supersampling_bytes at most: a bound of its own, so that pixels do not depend on the
-  /// memory granted. Methods whose pixels know nothing of each other (Method::frames_only, without
-  /// files of their own) render bands of rows that fit it; of others the view is held whole, and
-  /// there are fewer samples where they would be more.
+  /// memory granted. Methods whose pixels know nothing of each other (Method::rows_alone) render
+  /// bands of rows that fit it; of others the view is held whole, and there are fewer samples where
+  /// they would be more.
   int most_supersampling = 8;
   std::size_t supersampling_bytes = std::size_t{512} << 20;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)

@@ -131,7 +131,7 @@ Method automatic_method() {
           files_read,
           true,
           kPresets,
-          false,
+          nullptr,
           false};
 }
 

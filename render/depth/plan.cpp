@@ -337,7 +337,7 @@ Method depth_method() {
           nullptr,
           true,
           kPresets,
-          false,
+          nullptr,
           false,
           false,
           kCheck,

@@ -78,6 +78,8 @@ std::vector<std::filesystem::path> mattes_read(const MethodOptions&, const Take&
   return mattes_of(take, frames.frame);
 }
 
+bool rows_alone(const MethodOptions&) { return true; }
+
 /// A hull of few silhouettes is wider than what it holds, and nothing in the picture says so.
 void note_missing_mattes(const Instant& instant, RenderedView& view) {
   const auto frames = std::ranges::count_if(instant.frame_of_camera, [](int f) { return f >= 0; });
@@ -142,10 +144,12 @@ Method visual_hull_method() {
           mattes_read,
           true,
           {},
-          false,
+          nullptr,
           false,
           true,
-          check};
+          check,
+          nullptr,
+          rows_alone};
 }
 
 }  // namespace raystage

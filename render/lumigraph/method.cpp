@@ -64,6 +64,9 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
   return {mesh_file(options, take)};
 }
 
+/// Depths that no memory keeps would be solved for every few rows.
+bool rows_alone(const MethodOptions& options) { return options.text("proxy") != "depth"; }
+
 }  // namespace
 
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
@@ -114,10 +117,12 @@ Method lumigraph_method() {
           files_read,
           true,
           kPresets,
-          false,
+          nullptr,
           true,
           false,
-          check};
+          check,
+          nullptr,
+          rows_alone};
 }
 
 }  // namespace raystage

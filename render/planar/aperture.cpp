@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -52,7 +53,7 @@ class ApertureFrame {
         view_(request.view),
         instant_(request.instant),
         lens_(view_, instant_, plane_of(request), request.options),
-        depths_(depth_map_of(request)),
+        depths_(view_depths_of(request)),
         projection_(view_, depths_ ? Eigen::Vector4d(0, 0, 0, 1) : plane_of(request)),
         cells_(view_, *instant_.rig, *instant_.present),
         rows_(view_, cells_),
@@ -75,12 +76,10 @@ class ApertureFrame {
     const auto decoded = Clock::now();
     const auto full_scale = static_cast<float>(instant_.cache->full_scale());
     rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
-      blend_aperture_run(run_of(span, y), instant_.cache->blend_space(), full_scale,
+      std::vector<float> scratch;
+      blend_aperture_run(run_of(span, y, scratch), instant_.cache->blend_space(), full_scale,
                          &image.rgba[at * 4], &image.coverage[at], &image.z[at]);
     });
-    if (depths_ && request_.supersampling > 1) {  // of the view's size: made for it alone
-      image.statistics.working_bytes = depths_->inverse.size() * sizeof(float);
-    }
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
@@ -174,7 +173,8 @@ class ApertureFrame {
     return (place(camera) - disc.middle).squaredNorm() <= within * within;
   }
 
-  ApertureRun run_of(const RayCells::Span& span, int y) const {
+  /// `scratch` has to stay as long as what is returned.
+  ApertureRun run_of(const RayCells::Span& span, int y, std::vector<float>& scratch) const {
     const auto index = static_cast<std::size_t>(span.cell);
     const RayCells::Cell& cell = cells_.cells()[index];
     ApertureRun run;
@@ -193,7 +193,7 @@ class ApertureFrame {
     run.cell.at_infinity = projection_.at_infinity();
     run.cameras = cameras_[index];
     run.shape = {sides_, static_cast<float>(lens_.steepness())};
-    if (depths_) run.inverse_depth = depths_->row(y) + span.begin;
+    if (depths_) run.inverse_depth = depths_->run(span.begin, span.end, y, scratch);
     return run;
   }
 
@@ -204,8 +204,11 @@ class ApertureFrame {
       const int end = std::min(first + kRowsPerBlock, view_.height);
       mark_blocks(first, end);
       if (!request_.count_needed_pixels) return;
+      std::vector<float> scratch;
       for (int y = first; y < end; ++y) {
-        for (const RayCells::Span& span : rows_.spans(y)) mark_pixels_of_aperture(run_of(span, y));
+        for (const RayCells::Span& span : rows_.spans(y)) {
+          mark_pixels_of_aperture(run_of(span, y, scratch));
+        }
       }
     });
   }
@@ -250,7 +253,7 @@ class ApertureFrame {
                     0};
     for (int y = part.y_begin; y < part.y_end; ++y) {
       for (int x = part.x_begin; x < part.x_end; ++x) {
-        const auto inverse = static_cast<double>(depths_->row(y)[x]);
+        const auto inverse = static_cast<double>(depths_->at(x, y));
         if (!(inverse >= 0)) continue;
         block.farthest = std::min(block.farthest, inverse);
         block.nearest = std::max(block.nearest, inverse);
@@ -292,7 +295,7 @@ class ApertureFrame {
   const VirtualCamera& view_;
   const Instant& instant_;
   ApertureLens lens_;
-  std::shared_ptr<const DepthMap> depths_;  // null: on a plane
+  std::optional<ViewDepths> depths_;  // none: on a plane
   PlaneProjection projection_;
   RayCells cells_;
   ViewRows rows_;
@@ -314,6 +317,10 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
 
 void check(const MethodOptions& options, const Take&) { check_lens(options); }
 
+bool without_map(const MethodOptions& options) { return options.text("depth_map").empty(); }
+
+bool rows_alone(const MethodOptions&) { return true; }
+
 }  // namespace
 
 RenderedView render_aperture(const ViewRequest& request) { return ApertureFrame(request).render(); }
@@ -329,10 +336,12 @@ Method aperture_method() {
       files_read,
       true,
       {},
-      true,
+      without_map,
       true,
       false,
-      check};
+      check,
+      nullptr,
+      rows_alone};
 }
 
 }  // namespace raystage

@@ -25,7 +25,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
   const Eigen::Vector4d plane =
       focus_distance > 0 ? plane_across(view, focus_distance) : request.focal_plane;
   const ApertureLens lens(view, instant, plane, request.options);
-  const auto depths = depth_map_of(request);
+  const std::optional<ViewDepths> depths = view_depths_of(request);
 
   const std::size_t count = instant.rig->cameras.size();
   std::vector<std::shared_ptr<const DecodedFrame>> frames(count);
@@ -66,7 +66,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
     if (!crossing) return;
     const Vector3d ray = view.pose.world_from_camera_rotation * *ray_in_view;
     const PlaneHit hit =
-        depths ? PlaneHit(view.pose.position, ray, 1 / static_cast<double>(depths->row(y)[x]))
+        depths ? PlaneHit(view.pose.position, ray, 1 / static_cast<double>(depths->at(x, y)))
                : PlaneHit(view.pose.position, ray, plane);
     if (!hit.ahead()) return;
     const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];

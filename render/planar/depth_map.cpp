@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -31,43 +32,39 @@ DepthMap read_depth_map(const std::filesystem::path& file) {
   return map;
 }
 
-DepthMap repeated(const DepthMap& map, int factor) {
-  DepthMap large;
-  large.width = map.width * factor;
-  large.height = map.height * factor;
-  large.inverse.reserve(static_cast<std::size_t>(large.width) *
-                            static_cast<std::size_t>(large.height) +
-                        DepthMap::kRoom);
-  for (int y = 0; y < large.height; ++y) {
-    for (int x = 0; x < large.width; ++x) large.inverse.push_back(map.row(y / factor)[x / factor]);
-  }
-  large.inverse.resize(large.inverse.size() + DepthMap::kRoom, kNone);
-  return large;
-}
-
 std::filesystem::path depth_map_file(const MethodOptions& options, const Take& take) {
   const std::string& name = options.text("depth_map");
   return name.empty() ? std::filesystem::path() : take.folder() / name;
 }
 
-std::shared_ptr<const DepthMap> depth_map_of(const ViewRequest& request) {
+const float* ViewDepths::run(int begin, int end, int y, std::vector<float>& scratch) const {
+  const float* row = map_->row(first_row_ + y / factor_);
+  if (factor_ == 1) return row + begin;
+  const auto count = static_cast<std::size_t>(end - begin);
+  scratch.resize(count + DepthMap::kRoom);
+  for (int x = begin; x < end; ++x) scratch[static_cast<std::size_t>(x - begin)] = row[x / factor_];
+  std::fill_n(scratch.begin() + (end - begin), DepthMap::kRoom, kNone);
+  return scratch.data();
+}
+
+std::optional<ViewDepths> view_depths_of(const ViewRequest& request) {
   const auto file = depth_map_file(request.options, *request.instant.take);
-  if (file.empty()) return nullptr;
+  if (file.empty()) return std::nullopt;
   const auto read = [&file](std::size_t& bytes) {
     auto map = std::make_shared<const DepthMap>(read_depth_map(file));
     bytes = map->inverse.size() * sizeof(float);
     return map;
   };
   const auto map = request.kept.get<DepthMap>("depth map " + file.string(), read);
-  const VirtualCamera& view = request.view;
   const int factor = request.supersampling;
-  if (view.width != factor * map->width || view.height != factor * map->height) {
-    throw Error::bad_input(
-        fmt::format("the depth map has {} x {} pixels, the view {} x {}", map->width, map->height,
-                    view.width / factor, view.height / factor),
-        file.string(), "Give a depth map of the view's own size");
+  const int width = request.view.width / factor;
+  const int height = request.whole_height > 0 ? request.whole_height : request.view.height / factor;
+  if (width != map->width || height != map->height) {
+    throw Error::bad_input(fmt::format("the depth map has {} x {} pixels, the view {} x {}",
+                                       map->width, map->height, width, height),
+                           file.string(), "Give a depth map of the view's own size");
   }
-  return factor == 1 ? map : std::make_shared<const DepthMap>(repeated(*map, factor));
+  return ViewDepths(map, factor, request.first_row);
 }
 
 }  // namespace raystage

@@ -4,6 +4,8 @@
 #include <filesystem>
 #include <limits>
 #include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "render/view/method.h"
@@ -28,15 +30,30 @@ struct DepthMap {
 /// Throws Error (bad input) where the file is missing, damaged, or without a Z.
 DepthMap read_depth_map(const std::filesystem::path& file);
 
-/// The map with each pixel repeated `factor` times along both axes.
-DepthMap repeated(const DepthMap& map, int factor);
-
 /// The file that the option `depth_map` names, relative to the take's folder; empty: none.
 std::filesystem::path depth_map_file(const MethodOptions& options, const Take& take);
 
-/// What the option `depth_map` names, of the size of the view asked for; null: nothing. The map has
-/// the size of the picture that is wanted, also where that is rendered finer and averaged
-/// (ViewRequest::supersampling). Throws Error (bad input) also where the sizes differ.
-std::shared_ptr<const DepthMap> depth_map_of(const ViewRequest& request);
+/// The depths of a view's pixels. The map is of the picture that is wanted, also where that is
+/// rendered finer and averaged, or in parts (ViewRequest::supersampling, first_row); of a finer
+/// view no more than a run is held.
+class ViewDepths {
+ public:
+  ViewDepths(std::shared_ptr<const DepthMap> map, int supersampling, int first_row)
+      : map_(std::move(map)), factor_(supersampling), first_row_(first_row) {}
+
+  /// As DepthMap::inverse; pixel of the view.
+  float at(int x, int y) const { return map_->row(first_row_ + y / factor_)[x / factor_]; }
+  /// Those of pixels [begin, end) of row y, with DepthMap::kRoom behind them: the map's own, or in
+  /// `scratch`.
+  const float* run(int begin, int end, int y, std::vector<float>& scratch) const;
+
+ private:
+  std::shared_ptr<const DepthMap> map_;
+  int factor_, first_row_;
+};
+
+/// By what the option `depth_map` names; none where it names nothing. Throws Error (bad input) also
+/// where the map has not the size of the picture that is wanted.
+std::optional<ViewDepths> view_depths_of(const ViewRequest& request);
 
 }  // namespace raystage

@@ -264,6 +264,9 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
   return {objects_file(options, take)};
 }
 
+/// Objects are marked in the whole view.
+bool without_objects(const MethodOptions& options) { return options.text("objects").empty(); }
+
 const std::vector<OptionSpec>& plane_options() {
   static const std::vector<OptionSpec> options{text_option(
       "objects", "",
@@ -283,7 +286,12 @@ Method focal_plane_method() {
           files_read,
           true,
           {},
-          true};
+          without_objects,
+          true,
+          false,
+          nullptr,
+          nullptr,
+          without_objects};
 }
 
 Method nearest_method() {
@@ -295,7 +303,12 @@ Method nearest_method() {
           files_read,
           true,
           {},
-          true};
+          without_objects,
+          true,
+          false,
+          nullptr,
+          nullptr,
+          without_objects};
 }
 
 }  // namespace raystage

@@ -50,6 +50,8 @@ RigSlabs make_slabs(const Instant& instant, const SlabSettings& settings) {
   return made;
 }
 
+bool rows_alone(const MethodOptions&) { return true; }
+
 }  // namespace
 
 Eigen::Vector4d focal_plane_of(const Slab& slab, const ViewRequest& request) {
@@ -103,7 +105,13 @@ Method slabs_method() {
           render_slabs_reference,
           nullptr,
           true,
-          kPresets};
+          kPresets,
+          nullptr,
+          true,
+          false,
+          nullptr,
+          nullptr,
+          rows_alone};
 }
 
 }  // namespace raystage

@@ -157,7 +157,7 @@ Method plane_sweep_method() {
           nullptr,
           true,
           kPresets,
-          false,
+          nullptr,
           false,
           false,
           kCheck};

@@ -34,6 +34,9 @@ struct ViewRequest {
   bool measure_coverage = false;     ///< fill RenderedView::cameras and nearest_ray (costs time)
   bool use_take_folder = true;       ///< derived things may be kept in the take and taken from it
   int supersampling = 1;  ///< the view has so many pixels along each axis for one that is wanted
+  /// Where the view is some rows of the picture that is wanted: the first of them, and how high
+  /// that is, in its own pixels; height 0: the view is all of it.
+  int first_row = 0, whole_height = 0;
 };
 
 /// Options worth comparing with the method as it is unless told: cheaper, finer, or with a target.
@@ -56,8 +59,9 @@ struct Method {
                                                    const FrameSelection& frames) = nullptr;
   bool measures_coverage = false;  ///< knows what ViewRequest::measure_coverage asks for
   std::span<const MethodPreset> presets = {};
-  /// Wants memory for decoded frames alone: keeps nothing, and works in little.
-  bool frames_only = false;
+  /// Whether it wants memory for decoded frames alone: keeps nothing, and works in little; null:
+  /// never.
+  bool (*frames_only)(const MethodOptions& options) = nullptr;
   bool on_focal_plane = true;        ///< looks rays up on ViewRequest::focal_plane
   bool tells_nothing_there = false;  ///< may fill RenderedView::nothing_there
   /// Throws Error (bad input) where these options render no view of the take, as far as that can be
@@ -65,6 +69,9 @@ struct Method {
   void (*check)(const MethodOptions& options, const Take& take) = nullptr;
   /// Whether pixels depend on Instant::frames_beside; null: never.
   bool (*looks_beside)(const MethodOptions& options) = nullptr;
+  /// Whether pixels know nothing of those in other rows, so that any rows of a view can be rendered
+  /// by themselves; null: never. What is found for all of them is best kept: it is asked for anew.
+  bool (*rows_alone)(const MethodOptions& options) = nullptr;
 };
 
 }  // namespace raystage

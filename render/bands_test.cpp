@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+// Coarse views whose samples are taken in bands of rows.
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "render/hull/test_matte.h"
+#include "render/methods.h"
+#include "render/renderer.h"
+#include "render/view/synthetic_take.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kWidth = 20, kHeight = 15, kFactor = 6;
+/// Of a band: as many as fit, in whole tiles of 16 samples.
+constexpr int kRowsThatFit = 11, kRows = 8;
+constexpr std::size_t kBytesOfSample = 24;  // RGBA, coverage, depth
+const Eigen::Vector4d kPlane(0, 0, 1, 4);
+
+/// Cameras of 160x120, each with a matte of their middle.
+class Bands : public ::testing::Test {
+ protected:
+  Bands() {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(3, 3, 0.06, 160, 120);
+    settings.jpeg.quality = 98;
+    write_synthetic_take(settings, folder_.path() / "take");
+    std::vector<std::uint8_t> codes(std::size_t{160} * 120, 0);
+    for (int y = 30; y < 90; ++y) std::fill_n(codes.begin() + y * 160 + 40, 80, std::uint8_t{255});
+    for (const CameraGeometry& camera : settings.cameras) {
+      testing::write_matte(folder_.path() / "take", camera.id, 0, 160, 120, codes);
+    }
+    take_.emplace(folder_.path() / "take");
+    in_bands_.measure_coverage = true;
+    in_bands_.supersampling_bytes = kBytesOfSample * kFactor * kFactor * kWidth * kRowsThatFit;
+  }
+
+  /// Behind the array: different rows of it pass between different cameras.
+  static VirtualCamera view() {
+    Pose pose;
+    pose.position = {0.013, 0.01, 0.1};
+    return virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, pose);
+  }
+  FrameSelection frames() const { return select_frames(*take_, 0, 1); }
+  RenderedView render(const RendererSettings& settings, const Reconstruction& how) const {
+    return LightFieldRenderer(*take_, settings).render(view(), frames(), how);
+  }
+
+  TestFolder folder_;
+  std::optional<Take> take_;
+  RendererSettings in_bands_;
+};
+
+Reconstruction by(const std::string& method, const OptionValues& options = {}) {
+  return {method, kPlane, options};
+}
+
+std::vector<Reconstruction> in_rows() {
+  return {by("focal_plane"),
+          by("nearest"),
+          by("aperture"),
+          by("lumigraph"),
+          by("lumigraph", {{"weights", std::string("blending_field")}}),
+          by("slabs"),
+          by("visual_hull")};
+}
+
+TEST_F(Bands, ShowWhatTheWholeShows) {
+  RendererSettings whole = in_bands_;
+  whole.supersampling_bytes = RendererSettings{}.supersampling_bytes;
+  for (const Reconstruction& how : in_rows()) {
+    SCOPED_TRACE(how.method);
+    const RenderedView image = render(in_bands_, how), expected = render(whole, how);
+    EXPECT_EQ(image.statistics.supersampling, kFactor);
+    EXPECT_TRUE(image.notes.empty());
+    EXPECT_EQ(image.height, kHeight);
+    ASSERT_EQ(image.rgba.size(), expected.rgba.size());
+    ASSERT_EQ(image.nothing_there.size(), expected.nothing_there.size());
+    double alpha = 0;
+    for (std::size_t i = 0; i < image.coverage.size(); ++i) {
+      for (std::size_t c = 4 * i; c < 4 * i + 4; ++c) {
+        ASSERT_NEAR(image.rgba[c], expected.rgba[c], 1e-4) << "pixel " << i;
+      }
+      alpha += static_cast<double>(image.rgba[4 * i + 3]);
+      ASSERT_NEAR(image.coverage[i], expected.coverage[i], 1e-4);
+      if (std::isfinite(image.z[i]) || std::isfinite(expected.z[i])) {
+        ASSERT_NEAR(image.z[i] / expected.z[i], 1, 3e-4) << "pixel " << i;
+      }
+      ASSERT_NEAR(image.cameras[i], expected.cameras[i], 1e-3);
+      if (std::isfinite(image.nearest_ray[i]) || std::isfinite(expected.nearest_ray[i])) {
+        ASSERT_NEAR(image.nearest_ray[i], expected.nearest_ray[i], 1e-5);
+      }
+      if (!image.nothing_there.empty()) {
+        ASSERT_NEAR(image.nothing_there[i], expected.nothing_there[i], 1e-4);
+      }
+    }
+    EXPECT_GT(alpha, 0.1 * kWidth * kHeight);
+    EXPECT_LE(image.statistics.working_bytes, expected.statistics.working_bytes);
+  }
+}
+
+/// Bands go by the view alone; what a method works in within one, by its share of memory.
+TEST_F(Bands, SameBytesForAnyMemoryAndThreadsWithinTheShare) {
+  for (const Reconstruction& how : in_rows()) {
+    SCOPED_TRACE(how.method);
+    const RenderedView image = render(in_bands_, how);
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+    RendererSettings little = in_bands_;
+    little.cache_bytes = little.kept_bytes = 0;
+    little.working_bytes = image.statistics.working_bytes * 3 / 4;
+    const RenderedView same = render(little, how);
+    EXPECT_EQ(same.rgba, image.rgba);
+    EXPECT_EQ(same.coverage, image.coverage);
+    EXPECT_EQ(same.z, image.z);
+    EXPECT_EQ(same.cameras, image.cameras);
+    EXPECT_EQ(same.nearest_ray, image.nearest_ray);
+    EXPECT_EQ(same.nothing_there, image.nothing_there);
+    EXPECT_LE(same.statistics.working_bytes, little.working_bytes);
+    EXPECT_EQ(same.statistics.cameras_used, image.statistics.cameras_used);
+    const bool in_little =
+        how.method == "focal_plane" || how.method == "nearest" || how.method == "aperture";
+    EXPECT_EQ(image.statistics.working_bytes == 0, in_little);
+  }
+}
+
+TEST_F(Bands, HoldTheSamplesOfOneAtATime) {
+  for (const Reconstruction& how : in_rows()) {
+    const std::size_t bytes =
+        LightFieldRenderer(*take_, in_bands_).view_bytes(view(), frames(), how);
+    // Cameras and nearest_ray are measured; the hull says where nothing is.
+    const std::size_t of_pixel = how.method == "visual_hull" ? 36 : 32;
+    const std::size_t of_band = std::size_t{kWidth} * kRows * (kFactor * kFactor + 1);
+    EXPECT_EQ(bytes, (std::size_t{kWidth} * kHeight + of_band) * of_pixel) << how.method;
+  }
+}
+
+/// Needed pixels are counted once, however many bands a method works in.
+TEST_F(Bands, OfAMethodCountNothingTwice) {
+  RendererSettings counting;
+  counting.count_needed_pixels = true;
+  const RenderStatistics whole = render(counting, by("lumigraph")).statistics;
+  counting.working_bytes = whole.working_bytes / 3;
+  const RenderStatistics bands = render(counting, by("lumigraph")).statistics;
+  EXPECT_LE(bands.working_bytes, counting.working_bytes);
+  EXPECT_EQ(bands.pixels_needed, whole.pixels_needed);
+  EXPECT_GT(bands.pixels_needed, 0);
+  EXPECT_EQ(bands.cameras_used, whole.cameras_used);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -8,19 +8,13 @@
 #include <tbb/parallel_for.h>
 #include <tbb/parallel_pipeline.h>
 
-#include <Eigen/Geometry>
-#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
 
 #include "render/renderer.h"
-#include "render/view/plane_projection.h"
-#include "render/view/ray_cells.h"
-#include "schemas/transfer_function.h"
-#include "store/jpeg/decode.h"
 #include "tests/bench/bench_take.h"
+#include "tests/bench/opencv_focal_plane.h"
 #include "tests/bench/run_benchmarks.h"
 
 namespace raystage {
@@ -108,154 +102,6 @@ void BM_FocalPlane(benchmark::State& state) {
   state.counters["blend_ms"] = blend / count;
 }
 BENCHMARK(BM_FocalPlane)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime()->MinTime(2);
-
-/// The peer: every camera's image warped onto the view by its homography, times its weight, added.
-class OpenCvFocalPlane {
- public:
-  explicit OpenCvFocalPlane(const Take& take) : take_(take) {
-    JpegDecoder decoder;
-    for (int i = 0; i < take.camera_count(); ++i) {
-      const RgbImage image = decoder.decode(take.archive(i).jpeg(0), "frame");
-      cv::Mat linear(image.height, image.width, CV_32FC3);
-      for (int p = 0; p < image.width * image.height; ++p) {
-        auto& pixel = linear.at<cv::Vec3f>(p / image.width, p % image.width);
-        for (int c = 0; c < 3; ++c) {
-          const auto code = image.pixels[static_cast<std::size_t>(3 * p + c)];
-          pixel[c] = static_cast<float>(linear_from_srgb(code / 255.0));
-        }
-      }
-      images_.push_back(linear);
-    }
-    std::vector<int> all;
-    for (int i = 0; i < take.camera_count(); ++i) all.push_back(i);
-    topology_ = topology_of(take.rig(), all);
-  }
-
-  /// `crop`: warp only the rectangle of the view in which the camera has a weight.
-  cv::Mat render(const VirtualCamera& view, const Eigen::Vector4d& plane, bool crop) const {
-    std::vector<cv::Mat> weights = draw_weights(view);
-    const PlaneProjection projection(view, plane);
-    cv::Mat sum = cv::Mat::zeros(view.height, view.width, CV_32FC3);
-    cv::Mat warped, weight3;
-    for (std::size_t i = 0; i < images_.size(); ++i) {
-      if (weights[i].empty()) continue;
-      cv::Rect region(0, 0, view.width, view.height);
-      if (crop) region = cv::boundingRect(cv::Mat(weights[i] > 0));
-      if (region.empty()) continue;
-      const cv::Mat homography = source_from_view(projection, i, region);
-      cv::warpPerspective(images_[i], warped, homography, region.size(),
-                          cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT);
-      cv::merge(std::vector<cv::Mat>(3, weights[i](region)), weight3);
-      cv::Mat target = sum(region);
-      cv::accumulateProduct(warped, weight3, target);
-    }
-    return sum;
-  }
-
-  /// Every camera that gathers something, times its weight map, added; then by the maps' sum.
-  cv::Mat render_aperture(const VirtualCamera& view, const Eigen::Vector4d& plane,
-                          double radius) const {
-    const PlaneProjection projection(view, plane);
-    const cv::Rect whole(0, 0, view.width, view.height);
-    const auto [right, up] = crossings(view);
-    double left_most = 0, right_most = 0, lowest = 0, highest = 0;
-    cv::minMaxLoc(right, &left_most, &right_most);
-    cv::minMaxLoc(up, &lowest, &highest);
-    cv::Mat sum = cv::Mat::zeros(view.height, view.width, CV_32FC3);
-    cv::Mat weights = cv::Mat::zeros(view.height, view.width, CV_32F);
-    cv::Mat weight(view.height, view.width, CV_32F), warped, weight3;
-    const auto per_square = static_cast<float>(1 / (radius * radius));
-    for (std::size_t i = 0; i < images_.size(); ++i) {
-      const Eigen::Vector3d& at = take_.rig().cameras[i].pose.position;
-      const double beside = at.x() - std::clamp(at.x(), left_most, right_most);
-      const double above = at.y() - std::clamp(at.y(), lowest, highest);
-      if (beside * beside + above * above >= radius * radius) continue;
-      const auto x0 = static_cast<float>(at.x()), y0 = static_cast<float>(at.y());
-      for (int y = 0; y < view.height; ++y) {
-        const auto* x_row = right.ptr<float>(y);
-        const auto* y_row = up.ptr<float>(y);
-        auto* row = weight.ptr<float>(y);
-        for (int x = 0; x < view.width; ++x) {
-          const float dx = x_row[x] - x0, dy = y_row[x] - y0;
-          const float inside = std::max(0.0F, 1 - (dx * dx + dy * dy) * per_square);
-          row[x] = inside * inside * (3 - 2 * inside);
-        }
-      }
-      cv::warpPerspective(images_[i], warped, source_from_view(projection, i, whole), whole.size(),
-                          cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_CONSTANT);
-      cv::merge(std::vector<cv::Mat>(3, weight), weight3);
-      cv::accumulateProduct(warped, weight3, sum);
-      cv::accumulate(weight, weights);
-    }
-    cv::merge(std::vector<cv::Mat>(3, weights), weight3);
-    cv::divide(sum, weight3, sum);
-    return sum;
-  }
-
- private:
-  /// Where each pixel's ray crosses the array, in the plane z = 0: x and y, metres.
-  static std::pair<cv::Mat, cv::Mat> crossings(const VirtualCamera& view) {
-    const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
-    const Eigen::Vector3d& eye = view.pose.position;
-    std::pair<cv::Mat, cv::Mat> at{cv::Mat(view.height, view.width, CV_32F),
-                                   cv::Mat(view.height, view.width, CV_32F)};
-    for (int y = 0; y < view.height; ++y) {
-      for (int x = 0; x < view.width; ++x) {
-        const Eigen::Vector3d ray = ray_from_pixel * Eigen::Vector3d(x + 0.5, y + 0.5, 1);
-        const double t = -eye.z() / ray.z();
-        at.first.at<float>(y, x) = static_cast<float>(eye.x() + t * ray.x());
-        at.second.at<float>(y, x) = static_cast<float>(eye.y() + t * ray.y());
-      }
-    }
-    return at;
-  }
-
-  cv::Mat source_from_view(const PlaneProjection& projection, std::size_t camera,
-                           const cv::Rect& region) const {
-    const Rig::Camera& source = take_.rig().cameras[camera];
-    const Intrinsics& k = source.model.intrinsics();
-    Eigen::Matrix3d calibration;  // pixel centres at integers, as OpenCV counts
-    calibration << k.fx, 0, k.cx - 0.5, 0, k.fy, k.cy - 0.5, 0, 0, 1;
-    Eigen::Matrix3d offset = Eigen::Matrix3d::Identity();
-    offset(0, 2) = region.x + 0.5;
-    offset(1, 2) = region.y + 0.5;
-    const Eigen::Matrix3d h = calibration * projection.ideal_from_pixel(source.pose) * offset;
-    cv::Mat out(3, 3, CV_64F);
-    for (int r = 0; r < 3; ++r) {
-      for (int c = 0; c < 3; ++c) out.at<double>(r, c) = h(r, c);
-    }
-    return out;
-  }
-
-  std::vector<cv::Mat> draw_weights(const VirtualCamera& view) const {
-    std::vector<cv::Mat> weights(images_.size());
-    const RayCells cells(view, take_.rig(), topology_);
-    std::vector<int> scratch;
-    std::vector<RayCells::Span> spans;
-    for (int y = 0; y < view.height; ++y) {
-      cells.spans_of_row(y, view.width, scratch, spans);
-      for (const RayCells::Span& span : spans) {
-        const auto& cell = cells.cells()[static_cast<std::size_t>(span.cell)];
-        for (std::size_t c = 0; c < 3; ++c) {
-          cv::Mat& weight = weights[static_cast<std::size_t>(cell.camera[c])];
-          if (weight.empty()) weight = cv::Mat::zeros(view.height, view.width, CV_32F);
-          auto* row = weight.ptr<float>(y);
-          const double total_y = cell.total.y() * (y + 0.5) + cell.total.z();
-          const double share_y = cell.share[c].y() * (y + 0.5) + cell.share[c].z();
-          for (int x = span.begin; x < span.end; ++x) {
-            row[x] = static_cast<float>((cell.share[c].x() * (x + 0.5) + share_y) /
-                                        (cell.total.x() * (x + 0.5) + total_y));
-          }
-        }
-      }
-    }
-    return weights;
-  }
-
-  const Take& take_;
-  std::vector<cv::Mat> images_;
-  Topology topology_;
-};
 
 /// They must be the same picture, or the comparison says nothing.
 void expect_same_picture(benchmark::State& state, const RenderedView& ours, const cv::Mat& theirs) {

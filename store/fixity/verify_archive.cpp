@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "schemas/error.h"
+#include "store/fixity/header_damage.h"
 #include "store/journal.h"
 #include "store/jpeg/decode.h"
 #include "store/matroska.h"
@@ -16,11 +17,6 @@ namespace raystage {
 namespace {
 
 using Bytes = std::span<const std::byte>;
-
-// Index of the first byte that differs; the shorter length where one is the beginning of the other.
-std::size_t first_difference(Bytes a, Bytes b) {
-  return static_cast<std::size_t>(std::ranges::mismatch(a, b).in1 - a.begin());
-}
 
 class Verifier {
  public:
@@ -359,35 +355,9 @@ void Verifier::check_end() {
 }
 
 void Verifier::check_header(const matroska::Closing& closing) {
-  if (archive_.size() < header_.bytes.size()) {
-    if (!matroska::begins_with(archive_, header_) || claims_closed_) {
-      add(pair_.archive_name, 0, "the archive's header is damaged, and cut");
-    }
-    return;
+  for (Damage& damage : header_damage(archive_, header_, closing, claims_closed_)) {
+    add(pair_.archive_name, damage.offset, std::move(damage.what));
   }
-  const auto compare = [&](std::size_t begin, std::size_t end, Bytes closed_form,
-                           std::string_view part) {
-    const Bytes found = archive_.subspan(begin, end - begin);
-    const Bytes open_form = Bytes(header_.bytes).subspan(begin, end - begin);
-    const bool filled_in = !closed_form.empty();
-    // While a file is being closed its parts are filled in one after the other.
-    if (filled_in && std::ranges::equal(found, closed_form)) return;
-    if (!(filled_in && claims_closed_) && std::ranges::equal(found, open_form)) return;
-    const Bytes wanted = filled_in && claims_closed_ ? closed_form : open_form;
-    add(pair_.archive_name, begin + first_difference(found, wanted),
-        fmt::format("the header's {} differs from what the journal, take.json and rig.json say",
-                    part));
-  };
-  compare(0, header_.segment_size_offset, {}, "beginning");
-  if (claims_closed_) {
-    compare(header_.segment_size_offset, header_.segment_data_offset, closing.segment_size,
-            "size of the whole");
-  }
-  compare(header_.seek_head_offset, header_.info_offset, closing.seek_head, "SeekHead");
-  compare(header_.info_offset, header_.duration_offset, {}, "Info");
-  compare(header_.duration_offset, header_.duration_offset + matroska::kDurationBytes,
-          closing.duration, "Duration");
-  compare(header_.duration_offset + matroska::kDurationBytes, header_.bytes.size(), {}, "Tracks");
 }
 
 }  // namespace

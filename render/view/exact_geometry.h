@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <boost/multiprecision/cpp_bin_float.hpp>
+#include <cmath>
 #include <optional>
 
 #include "render/view/view.h"
@@ -83,8 +84,23 @@ inline std::optional<Real> exact_depth(const Eigen::Vector4d& plane, const Eigen
   return -(dot(normal, exact(eye)) + plane.w()) / along;
 }
 
-/// Where a camera sees the point of `plane` on the ray, in pixels, however far outside of its
-/// image; nullopt where the ray does not meet it ahead, or the camera does not look towards it.
+/// Where a camera sees what lies along a direction of the world (any length), in pixels, however
+/// far outside of its image; nullopt where it does not look that way.
+inline std::optional<std::array<Real, 2>> exact_look(const Intrinsics& k, const Pose& camera,
+                                                     const ExactVector& towards) {
+  const Eigen::Matrix3d& r = camera.world_from_camera_rotation;
+  const Real ahead = -dot(exact(r.col(2)), towards);
+  if (ahead <= 0) return std::nullopt;
+  const Real x = dot(exact(r.col(0)), towards) / ahead, y = -dot(exact(r.col(1)), towards) / ahead;
+  const Distortion& d = k.distortion;
+  const Real rr = x * x + y * y, radial = 1 + rr * (d.k1 + rr * (d.k2 + rr * Real(d.k3)));
+  return std::array<Real, 2>{
+      k.fx * (x * radial + 2 * x * y * d.p1 + (rr + 2 * x * x) * d.p2) + k.cx,
+      k.fy * (y * radial + (rr + 2 * y * y) * d.p1 + 2 * x * y * d.p2) + k.cy};
+}
+
+/// Where a camera sees the point of `plane` on the ray; nullopt where the ray does not meet it
+/// ahead, or the camera does not look towards it.
 inline std::optional<std::array<Real, 2>> exact_pixel(const Intrinsics& k, const Pose& camera,
                                                       const Eigen::Vector4d& plane,
                                                       const Eigen::Vector3d& eye,
@@ -95,15 +111,19 @@ inline std::optional<std::array<Real, 2>> exact_pixel(const Intrinsics& k, const
     if (!depth || *depth <= 0) return std::nullopt;
     towards = (exact(eye) + *depth * ray) - exact(camera.position);
   }
-  const Eigen::Matrix3d& r = camera.world_from_camera_rotation;
-  const Real ahead = -dot(exact(r.col(2)), towards);
-  if (ahead <= 0) return std::nullopt;
-  const Real x = dot(exact(r.col(0)), towards) / ahead, y = -dot(exact(r.col(1)), towards) / ahead;
-  const Distortion& d = k.distortion;
-  const Real rr = x * x + y * y, radial = 1 + rr * (d.k1 + rr * (d.k2 + rr * Real(d.k3)));
-  return std::array<Real, 2>{
-      k.fx * (x * radial + 2 * x * y * d.p1 + (rr + 2 * x * x) * d.p2) + k.cx,
-      k.fy * (y * radial + (rr + 2 * y * y) * d.p1 + 2 * x * y * d.p2) + k.cy};
+  return exact_look(k, camera, towards);
+}
+
+/// How large the terms are that a ray, scaled to 1 along the view's axis, is the sum of: doubles
+/// know it to some roundings of that, and no better.
+inline double ray_terms(const VirtualCamera& view, double x, double y) {
+  const Intrinsics& k = view.intrinsics;
+  return 1 + (std::abs(x) + std::abs(k.cx)) / k.fx + (std::abs(y) + std::abs(k.cy)) / k.fy;
+}
+
+/// How far a number is from the truth.
+inline double off(double value, const Real& truth) {
+  return static_cast<double>(abs(Real(value) - truth));
 }
 
 }  // namespace raystage::testing

@@ -2,12 +2,12 @@
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
+#include "render/view/any_geometry.h"
 #include "render/view/exact_geometry.h"
 #include "render/view/plane_projection.h"
 #include "render/view/ray_cells.h"
@@ -16,39 +16,16 @@
 namespace raystage {
 namespace {
 
+using testing::between;
+using testing::direction;
 using testing::exact_depth;
 using testing::exact_height;
 using testing::exact_pixel;
 using testing::exact_ray;
+using testing::far_off;
 using testing::Real;
-
-double unit() { return *rc::gen::inRange(0, 1 << 20) / static_cast<double>(1 << 20); }
-double between(double low, double high) { return low + (high - low) * unit(); }
-Eigen::Vector3d direction() {
-  const Eigen::Vector3d v(between(-1, 1), between(-1, 1), between(-1, 1));
-  return v.norm() > 0.1 ? v.normalized() : Eigen::Vector3d::UnitZ();
-}
-
-Pose some_pose(const Eigen::Vector3d& around, double reach) {
-  Pose pose;
-  pose.position = around + reach * direction() * unit();
-  pose.world_from_camera_rotation =
-      Eigen::AngleAxisd(between(-3, 3), direction()).toRotationMatrix();
-  return pose;
-}
-
-Eigen::Vector3d far_off() {
-  const double far = *rc::gen::element(0.0, 0.0, 1e7);
-  return {far, -far, 0.3 * far};
-}
-
-/// `distance` ahead of the point, of any scale.
-Eigen::Vector4d some_plane(const Eigen::Vector3d& point, double distance) {
-  const Eigen::Vector3d normal = direction() * *rc::gen::element(1e-3, 1.0, 1e5);
-  Eigen::Vector4d plane;
-  plane << normal, -(normal.dot(point) + distance * normal.norm());
-  return plane;
-}
+using testing::some_plane;
+using testing::some_pose;
 
 TEST(PlaneProjectionExtremes, HeightIsThatOf50Digits) {
   EXPECT_TRUE(rc::check("any plane and point", [] {

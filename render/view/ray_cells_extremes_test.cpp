@@ -10,6 +10,7 @@
 #include <sstream>
 #include <string>
 
+#include "render/view/any_geometry.h"
 #include "render/view/exact_geometry.h"
 #include "render/view/extremes.h"
 #include "render/view/ray_cells.h"
@@ -17,49 +18,16 @@
 namespace raystage {
 namespace {
 
+using testing::all_cameras;
+using testing::between;
+using testing::direction;
 using testing::exact_ray;
 using testing::exact_weights;
 using testing::Real;
+using testing::rotation;
+using testing::some_rig;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
-double unit() { return *rc::gen::inRange(0, 1 << 20) / static_cast<double>(1 << 20); }
-double between(double low, double high) { return low + (high - low) * unit(); }
-Eigen::Vector3d direction() {
-  const Eigen::Vector3d v(between(-1, 1), between(-1, 1), between(-1, 1));
-  return v.norm() > 0.1 ? v.normalized() : Eigen::Vector3d::UnitY();
-}
-Eigen::Matrix3d rotation() {
-  return Eigen::AngleAxisd(between(-3, 3), direction()).toRotationMatrix();
-}
-
-std::vector<int> all_cameras(const Rig& rig) {
-  std::vector<int> cameras(rig.cameras.size());
-  for (std::size_t i = 0; i < cameras.size(); ++i) cameras[i] = static_cast<int>(i);
-  return cameras;
-}
-
-/// A jittered grid or row somewhere in the world, turned any way.
-Rig some_rig() {
-  const int rows = *rc::gen::inRange(1, 4), columns = *rc::gen::inRange(1, 4);
-  const double spacing = *rc::gen::element(0.001, 0.06, 5.0);
-  const double jitter = rows == 1 || columns == 1 ? 0 : *rc::gen::element(0.0, 0.1) * spacing;
-  const double far = *rc::gen::element(0.0, 0.0, 1e7);
-  const Eigen::Matrix3d turn =
-      *rc::gen::arbitrary<bool>() ? rotation() : Eigen::Matrix3d::Identity();
-  RigDocument document;
-  for (const auto& camera : testing::camera_grid(rows, columns, spacing, 64, 48)) {
-    document.cameras.push_back({camera, {}});
-  }
-  Rig rig = rig_from_document(document);
-  for (Rig::Camera& camera : rig.cameras) {
-    camera.pose.position += Eigen::Vector3d(between(-jitter, jitter), between(-jitter, jitter),
-                                            between(-jitter, jitter));
-    camera.pose.position = turn * camera.pose.position + Eigen::Vector3d(far, -far, far / 2);
-    camera.pose.world_from_camera_rotation = turn;
-  }
-  return rig;
-}
 
 std::array<Eigen::Vector3d, 3> centres_of(const Rig& rig, const std::array<int, 3>& cell) {
   std::array<Eigen::Vector3d, 3> centres;

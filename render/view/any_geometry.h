@@ -16,7 +16,13 @@
 /// called from within a property.
 namespace raystage::testing {
 
-inline double unit() { return *rc::gen::inRange(0, 1 << 20) / static_cast<double>(1 << 20); }
+/// From 0 on, below 1; from a property's first case on all over it, where RapidCheck would begin
+/// near 0.
+inline double unit() {
+  constexpr int kParts = 1 << 20;
+  return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(0, kParts)) /
+         static_cast<double>(kParts);
+}
 inline double between(double low, double high) { return low + (high - low) * unit(); }
 
 inline Eigen::Vector3d direction() {
@@ -38,12 +44,16 @@ inline Pose some_pose(const Eigen::Vector3d& around, double reach) {
   return {rotation(), around + reach * direction() * unit()};
 }
 
-/// `distance` ahead of the point, with an equation of any scale.
-inline Eigen::Vector4d some_plane(const Eigen::Vector3d& point, double distance) {
-  const Eigen::Vector3d normal = direction() * *rc::gen::element(1e-3, 1.0, 1e5);
+/// `distance` ahead of the point, towards `ahead`, with an equation of any scale.
+inline Eigen::Vector4d some_plane(const Eigen::Vector3d& point, double distance,
+                                  const Eigen::Vector3d& ahead) {
+  const Eigen::Vector3d normal = ahead * *rc::gen::element(1e-3, 1.0, 1e5);
   Eigen::Vector4d plane;
   plane << normal, -(normal.dot(point) + distance * normal.norm());
   return plane;
+}
+inline Eigen::Vector4d some_plane(const Eigen::Vector3d& point, double distance) {
+  return some_plane(point, distance, direction());
 }
 
 /// Of 1 to 16384 pixels a row, 0.01 to 179 degrees wide.

@@ -12,6 +12,7 @@
 #include <limits>
 #include <vector>
 
+#include "render/view/plane_projection.h"
 #include "schemas/error.h"
 
 namespace raystage {
@@ -67,15 +68,22 @@ RaySurface plane_surface(const Eigen::Vector4d& plane) {
     throw Error::bad_input("the focal plane's equation is 0 or not finite", "focal plane",
                            "Give a, b, c, d of a x + b y + c z + d = 0");
   }
-  return [normal = Vector3d(plane.head<3>()), offset = plane.w()](
-             std::span<const WorldRay> rays, std::span<double> inverse_distance) {
-    const bool at_infinity = normal.isZero(0);
+  const bool at_infinity = plane.head<3>().isZero(0);
+  // Of any scale, and far from the world's origin, where the terms of a plain sum all but cancel.
+  const Vector3d normal = plane.head<3>().stableNormalized();
+  return [plane, normal, at_infinity](std::span<const WorldRay> rays,
+                                      std::span<double> inverse_distance) {
+    double height = 0;
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      const double height = normal.dot(rays[i].origin) + offset;
+      if (at_infinity) {
+        inverse_distance[i] = 0;
+        continue;
+      }
+      if (i == 0 || rays[i].origin != rays[i - 1].origin) {
+        height = height_above_plane(plane, rays[i].origin);
+      }
       const double inverse = -normal.dot(rays[i].direction) / height;
-      inverse_distance[i] = at_infinity                             ? 0
-                            : inverse > 0 && std::isfinite(inverse) ? inverse
-                                                                    : kNothing;
+      inverse_distance[i] = inverse > 0 && std::isfinite(inverse) ? inverse : kNothing;
     }
   };
 }

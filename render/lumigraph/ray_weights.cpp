@@ -81,7 +81,10 @@ std::vector<WeightedCamera> weigh_cameras_reference(const Rig& rig, std::span<co
     const double angular =
         2 * candidate.beside / std::max(towards.norm() + towards.dot(ray.direction), 1e-20);
     const double along = eye_to_camera.dot(ray.direction);
-    const double further = inverse_distance > 0 ? (towards.norm() - 1) / inverse_distance : -along;
+    // (|t| - 1) / q, times (|t| + 1) / (|t| + 1): that difference is all rounding for a point far
+    // away, and there is none for one at infinity.
+    const double further =
+        (inverse_distance * eye_to_camera.squaredNorm() - 2 * along) / (towards.norm() + 1);
     found.push_back(candidate);
     penalties.push_back(weighing.angular * angular + weighing.resolution * std::max(0.0, further) +
                         weighing.field_of_view * spacing * (1 / within - 1) +

@@ -1,0 +1,344 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "render/lumigraph/camera_choice.h"
+#include "render/lumigraph/ray_chunk.h"
+#include "render/lumigraph/ray_weights.h"
+#include "render/sampling/source_view.h"
+#include "render/view/any_geometry.h"
+#include "render/view/exact_geometry.h"
+#include "render/view/worst_error.h"
+#include "schemas/test_targets.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+using testing::all_cameras;
+using testing::between;
+using testing::direction;
+using testing::exact;
+using testing::exact_look;
+using testing::ExactVector;
+using testing::off;
+using testing::Real;
+using testing::WorstError;
+
+/// A rig and a ray that ends before it.
+struct Shot {
+  Rig rig;
+  WorldRay ray;
+  double inverse_distance = 0;
+};
+
+/// The ray comes from the array's plane or next to it, or from up to 1e6 m before or behind it.
+Shot some_shot() {
+  const int width = *rc::gen::element(1, 64, 640, 16384);
+  Shot shot{testing::some_rig(width, std::min(width, 480)), {}, 0};
+  std::vector<Rig::Camera>& cameras = shot.rig.cameras;
+  if (*rc::gen::inRange(0, 6) == 0) {  // all in one place
+    for (Rig::Camera& camera : cameras) camera.pose = cameras[0].pose;
+  }
+  const Pose& aimed_at_by = cameras[*rc::gen::inRange<std::size_t>(0, cameras.size())].pose;
+  const double depth = *rc::gen::element(1e-3, 0.1, 4.0, 1e3, 1e9, 1e15);
+  const Vector3d target =
+      aimed_at_by.world_from_camera(depth * Vector3d(between(-0.7, 0.7), between(-0.5, 0.5), -1));
+  const double height = *rc::gen::element(0.0, 1e-12, -1e-12, 1e-3, 0.1, -0.3, 10.0, 1e6, -1e6);
+  const double aside = *rc::gen::element(0.0, 0.0, 0.01, 1.0);  // 0: in a camera's place
+  shot.ray.origin = aimed_at_by.world_from_camera({0, 0, height}) + aside * direction();
+  const Vector3d way = target - shot.ray.origin;
+  const double distance = way.norm();
+  RC_PRE(distance > 0);
+  shot.ray.direction = way.normalized();
+  shot.inverse_distance = *rc::gen::inRange(0, 6) == 0 ? 0 : 1 / distance;
+  return shot;
+}
+
+/// What rounding does to a camera's part in a ray.
+struct Rounding {
+  double epsilon = 0;
+  double towards = 0;  ///< of the way from the camera to the point, over the point's distance
+  double beside = 0;   ///< of the camera's distance from the ray's line, metres
+  double further = 0;  ///< of how much further away it is from the point than the eye, metres
+};
+
+/// weigh_cameras_reference(): in double, from the eye.
+Rounding rounding_in_double(const Shot& shot, const Rig::Camera& camera) {
+  const double epsilon = std::numeric_limits<double>::epsilon();
+  const double away = (camera.pose.position - shot.ray.origin).norm();
+  const double in_distances = away * shot.inverse_distance;
+  return {epsilon, 4 * epsilon * (1 + in_distances), 4 * epsilon * away, 16 * epsilon * away};
+}
+
+/// The kernels: in float, from the point of the ray's line nearest to the middle of the rig.
+Rounding rounding_in_float(const Shot& shot, const Rig::Camera& camera) {
+  const double epsilon = std::numeric_limits<float>::epsilon();
+  const Vector3d middle = shot.rig.centre();
+  const Vector3d from_middle = shot.ray.origin - middle;
+  const double eye = from_middle.dot(shot.ray.direction);
+  const double base = (from_middle - eye * shot.ray.direction).norm();
+  const double away = base + (camera.pose.position - middle).norm();
+  const double in_distances =
+      std::abs(1 + eye * shot.inverse_distance) + away * shot.inverse_distance;
+  const double to_eye = std::abs(eye) + away;
+  return {epsilon, 4 * epsilon * in_distances, 4 * epsilon * away, 4 * epsilon * to_eye};
+}
+
+/// By how much a camera counts against the ray, and by how much rounding may change that.
+struct Penalty {
+  Real value;
+  double bound = 0;
+  double seen = 0;  ///< how far it sees the point at all, 0 to 1
+  Real u, v;        ///< where, pixels
+  double position_bound = 0;
+};
+enum class Sees { kNot, kYes, kRoundingDecides };
+
+/// As ray_weights.h has it: with the angle at the point, and distances to it.
+Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeighing& weighing,
+                   double spacing, const Rounding& rounding, Penalty& penalty) {
+  const ExactVector eye = exact(shot.ray.origin), centre = exact(camera.pose.position);
+  const ExactVector given = exact(shot.ray.direction), ray = (1 / norm(given)) * given;
+  const bool at_infinity = shot.inverse_distance == 0;
+  const Real distance = at_infinity ? Real(1) : 1 / Real(shot.inverse_distance);
+  const ExactVector eye_from_point = -distance * ray;
+  const ExactVector camera_from_point = centre - (eye + distance * ray);
+  const ExactVector towards = at_infinity ? ray : Real(-1) / distance * camera_from_point;
+
+  const Intrinsics& k = camera.model.intrinsics();
+  const double ahead =
+      static_cast<double>(-dot(exact(camera.pose.world_from_camera_rotation.col(2)), towards));
+  if (std::abs(ahead) <= 4 * rounding.towards) return Sees::kRoundingDecides;
+  const auto pixel = exact_look(k, camera.pose, towards);
+  if (!pixel) return Sees::kNot;
+  penalty.u = (*pixel)[0];
+  penalty.v = (*pixel)[1];
+  const Real to_border = std::min({penalty.u, Real(camera.model.width() - penalty.u), penalty.v,
+                                   Real(camera.model.height() - penalty.v)});
+  const double tangent = static_cast<double>(norm(towards)) / std::abs(ahead);
+  penalty.position_bound = 4 * std::max(k.fx, k.fy) * tangent * rounding.towards / ahead +
+                           4 * rounding.epsilon * (camera.model.width() + camera.model.height());
+  if (abs(to_border) <= penalty.position_bound) return Sees::kRoundingDecides;
+  if (to_border < 0) return Sees::kNot;
+  const double border = std::max(weighing.border * camera.model.width(), 1.0);
+  penalty.seen = std::min(1.0, static_cast<double>(to_border) * double{kBorderFade});
+  const Real within = std::min({Real(1), Real(to_border / border), Real(to_border * kBorderFade)});
+  const double within_bound =
+      penalty.position_bound * double{kBorderFade} / static_cast<double>(within * within);
+
+  // tan(angle / 2) = sin / (1 + cos)
+  const Real sides = norm(eye_from_point) * norm(camera_from_point);
+  const Real facing = sides + dot(eye_from_point, camera_from_point);
+  const Real beside = norm(cross(ray, centre - eye)), along = dot(ray, centre - eye);
+  if (!at_infinity && facing == 0) return Sees::kRoundingDecides;
+  const Real angular =
+      at_infinity ? beside : 2 * distance * norm(cross(eye_from_point, camera_from_point)) / facing;
+  const double facing_over_distances =
+      at_infinity ? 2 : static_cast<double>(facing / (distance * distance));
+  if (facing_over_distances <= 4 * rounding.towards) return Sees::kRoundingDecides;
+  const double angular_bound =
+      (2 * rounding.beside + 4 * rounding.towards * static_cast<double>(angular)) /
+      facing_over_distances;
+  const Real further = at_infinity ? Real(-along) : Real(norm(camera_from_point) - distance);
+  penalty.value = weighing.angular * angular + weighing.resolution * std::max(Real(0), further) +
+                  weighing.field_of_view * spacing * (1 / within - 1) + kLeastPenalty * spacing;
+  penalty.bound = weighing.angular * angular_bound + weighing.resolution * rounding.further +
+                  weighing.field_of_view * spacing * within_bound +
+                  16 * rounding.epsilon * static_cast<double>(penalty.value);
+  return Sees::kYes;
+}
+
+struct ExactWeight {
+  Penalty penalty;
+  bool counts = false;
+  Real weight = 0;  ///< 1 in total
+  double bound = 0;
+};
+
+/// By camera of the rig; nullopt where rounding may decide whether a camera sees the point, or all
+/// about who counts.
+std::optional<std::vector<ExactWeight>> exact_camera_weights(
+    const Shot& shot, const RayWeighing& weighing, double spacing,
+    Rounding (*rounding_of)(const Shot&, const Rig::Camera&)) {
+  std::vector<ExactWeight> weights(shot.rig.cameras.size());
+  std::vector<Real> sorted;
+  double epsilon = 0, next_bound = 0;
+  for (std::size_t i = 0; i < weights.size(); ++i) {
+    const Rig::Camera& camera = shot.rig.cameras[i];
+    const Rounding rounding = rounding_of(shot, camera);
+    const Sees sees = exact_penalty(shot, camera, weighing, spacing, rounding, weights[i].penalty);
+    if (sees == Sees::kRoundingDecides) return std::nullopt;
+    if (sees == Sees::kNot) continue;
+    weights[i].counts = true;
+    sorted.push_back(weights[i].penalty.value);
+    epsilon = rounding.epsilon;
+    next_bound = std::max(next_bound, weights[i].penalty.bound);
+  }
+  std::sort(sorted.begin(), sorted.end());
+  const auto k = static_cast<std::size_t>(weighing.cameras);
+  const bool all = sorted.size() <= k;
+  const Real per_next = all ? Real(0) : 1 / (sorted[k] * (1 + Real(kSoftening)));
+  // The k-th of some numbers changes by no more than the one that changes most.
+  const double per_next_bound = all ? 0
+                                    : static_cast<double>(per_next * per_next) * next_bound +
+                                          4 * epsilon * static_cast<double>(per_next);
+  Real total = 0;
+  double total_bound = 0;
+  for (ExactWeight& camera : weights) {
+    if (!camera.counts) continue;
+    const Real& p = camera.penalty.value;
+    if (static_cast<double>(p) <= 2 * camera.penalty.bound) return std::nullopt;
+    camera.weight = std::max(Real(0), Real(1 / p - per_next));
+    camera.bound = 2 * camera.penalty.bound / static_cast<double>(p * p) + per_next_bound +
+                   4 * epsilon / static_cast<double>(p);
+    total += camera.weight;
+    total_bound += camera.bound;
+  }
+  if (total == 0 || static_cast<double>(total) <= 2 * total_bound) {
+    if (!sorted.empty()) return std::nullopt;
+    return weights;
+  }
+  for (ExactWeight& camera : weights) {
+    camera.weight /= total;
+    camera.bound = 2 * (camera.bound + static_cast<double>(camera.weight) * total_bound) /
+                       static_cast<double>(total) +
+                   4 * epsilon;
+  }
+  return weights;
+}
+
+RayWeighing some_weighing() {
+  RayWeighing weighing;
+  weighing.cameras = *rc::gen::element(1, 2, 4, kMostCameras);
+  weighing.angular = *rc::gen::element(1.0, 1.0, 0.0, 1e3);
+  weighing.resolution = *rc::gen::element(0.05, 0.05, 0.0, 1.0);
+  weighing.field_of_view = *rc::gen::element(1.0, 1.0, 0.0);
+  weighing.border = *rc::gen::element(0.05, 0.0, 0.5);
+  return weighing;
+}
+
+TEST(RayWeightsExtremes, OfTheReferenceAreThoseOf50Digits) {
+  WorstError weight("reference: weight", 1e-6), position("reference: position, px", 1e-3),
+      beside("reference: beside the ray, relative");
+  EXPECT_TRUE(rc::check("any array, ray and penalties", [&] {
+    const Shot shot = some_shot();
+    const RayWeighing weighing = some_weighing();
+    const double spacing = camera_spacing(shot.rig);
+    const auto found = weigh_cameras_reference(shot.rig, all_cameras(shot.rig), shot.ray,
+                                               shot.inverse_distance, weighing, spacing);
+    double sum = 0;
+    for (const WeightedCamera& camera : found) {
+      RC_ASSERT(camera.weight > 0 && camera.weight <= 1 + 1e-15);
+      RC_ASSERT(camera.pixel.allFinite() && std::isfinite(camera.beside));
+      sum += camera.weight;
+    }
+    RC_ASSERT(found.empty() || std::abs(sum - 1) < 1e-12);
+    const auto truth = exact_camera_weights(shot, weighing, spacing, rounding_in_double);
+    if (!truth) return;
+    std::vector<double> weights(truth->size());
+    for (const WeightedCamera& camera : found) {
+      const auto i = static_cast<std::size_t>(camera.camera);
+      const ExactWeight& of_camera = (*truth)[i];
+      RC_ASSERT(of_camera.counts);
+      weights[i] = camera.weight;
+      const Penalty& penalty = of_camera.penalty;
+      position.expect(std::max(off(camera.pixel.x(), penalty.u), off(camera.pixel.y(), penalty.v)),
+                      penalty.position_bound);
+      const Rig::Camera& rig_camera = shot.rig.cameras[i];
+      const ExactVector way = exact(rig_camera.pose.position) - exact(shot.ray.origin);
+      const double away = static_cast<double>(norm(way));
+      const Real across = norm(cross(exact(shot.ray.direction), way));
+      if (away > 0) {
+        beside.expect(off(camera.beside, across) / away,
+                      rounding_in_double(shot, rig_camera).beside / away);
+      }
+    }
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+      weight.expect(off(weights[i], (*truth)[i].weight), (*truth)[i].bound);
+    }
+  }));
+}
+
+TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
+  testing::for_each_target(kernel_target, [] {
+    WorstError weight(std::string(kernel_target()) + ": weight", 1e-3),
+        position(std::string(kernel_target()) + ": position, px", 0.1),
+        sum_of_weights(std::string(kernel_target()) + ": sum of weights");
+    EXPECT_TRUE(rc::check("any array, ray and penalties", [&] {
+      const Shot shot = some_shot();
+      const RayWeighing weighing = some_weighing();
+      const double spacing = camera_spacing(shot.rig);
+      RayChunk chunk;
+      fill_chunk({&shot.ray, 1}, {&shot.inverse_distance, 1}, shot.rig.centre(), chunk);
+      const std::vector<ChunkCamera> cameras = chunk_cameras(shot.rig);
+      std::vector<const ChunkCamera*> pointers;
+      for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
+      std::vector<ChunkWeights> found(cameras.size());
+      weigh_cameras(chunk, pointers, ChunkWeighing(weighing, spacing), found);
+      double sum = 0, most = 0;
+      for (const ChunkWeights& camera : found) {
+        RC_ASSERT(std::isfinite(camera.weight[0]) && camera.weight[0] >= 0);
+        sum += double{camera.weight[0]};
+        if (camera.weight[0] > 0) most = std::max(most, double{camera.seen[0]});
+      }
+      sum_of_weights.expect(sum - most, 1e-6);
+      const auto truth = exact_camera_weights(shot, weighing, spacing, rounding_in_float);
+      if (!truth) return;
+      for (std::size_t i = 0; i < found.size(); ++i) {
+        const ExactWeight& of_camera = (*truth)[i];
+        const double bound = of_camera.bound * most + of_camera.penalty.position_bound;
+        weight.expect(off(double{found[i].weight[0]}, of_camera.weight * most), bound);
+        if (!(found[i].weight[0] > 0)) continue;
+        position.expect(std::max(off(double{found[i].u[0]}, of_camera.penalty.u),
+                                 off(double{found[i].v[0]}, of_camera.penalty.v)),
+                        of_camera.penalty.position_bound);
+      }
+    }));
+  });
+}
+
+TEST(RayWeightsExtremes, WhoIsLeftOutByABundleHasNoWeightIn50Digits) {
+  WorstError weight("chosen for a bundle: weight", 1e-6);
+  std::size_t left_out = 0;
+  EXPECT_TRUE(rc::check("any array and bundle", [&] {
+    Shot shot = some_shot();
+    const RayWeighing weighing = some_weighing();
+    const double spacing = camera_spacing(shot.rig);
+    const double width = *rc::gen::element(1e-6, 1e-3, 0.05);  // radians
+    const Vector3d axis = shot.ray.direction;
+    const Vector3d right = width * axis.unitOrthogonal(), down = axis.cross(right);
+    RayBundle bundle{shot.ray.origin, {}, 0, shot.inverse_distance};
+    for (std::size_t i = 0; i < 4; ++i) {
+      bundle.corners[i] =
+          (axis + (i % 2 == 0 ? -right : right) + (i < 2 ? -down : down)).normalized();
+    }
+    bundle.least_inverse = shot.inverse_distance * *rc::gen::element(1.0, 0.999, 0.5, 0.0);
+    const std::vector<int> chosen =
+        choose_cameras(shot.rig, all_cameras(shot.rig), bundle, weighing, spacing);
+    left_out += shot.rig.cameras.size() - chosen.size();
+
+    shot.ray.direction = (axis + between(-1, 1) * right + between(-1, 1) * down).normalized();
+    shot.inverse_distance = between(bundle.least_inverse, bundle.most_inverse);
+    const auto truth = exact_camera_weights(shot, weighing, spacing, rounding_in_double);
+    if (!truth) return;
+    std::vector<double> weights(truth->size());
+    for (const WeightedCamera& camera : weigh_cameras_reference(
+             shot.rig, chosen, shot.ray, shot.inverse_distance, weighing, spacing)) {
+      weights[static_cast<std::size_t>(camera.camera)] = camera.weight;
+    }
+    for (std::size_t i = 0; i < weights.size(); ++i) {
+      weight.expect(off(weights[i], (*truth)[i].weight), (*truth)[i].bound);
+    }
+  }));
+  EXPECT_GT(left_out, 0U);  // else nothing was tested
+}
+
+}  // namespace
+}  // namespace raystage

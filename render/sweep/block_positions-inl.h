@@ -27,6 +27,10 @@ namespace hn = hwy::HWY_NAMESPACE;
 // nearest_along().
 constexpr int kColumnBits = 8, kRowBits = 12;
 constexpr float kQuickLimit = 1 << 22;
+constexpr float kPart = 1.0F / (1 << kColumnBits);
+// By how much a block's parabola may be off where it is checked. What is of fourth order is off by
+// 4/3 of that elsewhere, and rounding adds half a part: one part in all.
+constexpr float kFitTolerance = 0.375F * kPart;
 
 /// A camera's look at a block: (X, Y, W) = first + x * along + plane * step at the x-th pixel, in
 /// double; from there on in float. Positions are told from the centre of a pixel amid them, so that
@@ -219,8 +223,8 @@ class PositionFit {
     const auto u = parabola_through(first.u, middle.u, last.u);
     const auto v = parabola_through(first.v, middle.v, last.v);
 
-    const auto tolerance = hn::Set(d, 1.0F / (1 << kColumnBits));
-    const auto extent_u = extent_of(u, tolerance), extent_v = extent_of(v, tolerance);
+    const auto part = hn::Set(d, kPart), tolerance = hn::Set(d, kFitTolerance);
+    const auto extent_u = extent_of(u, part), extent_v = extent_of(v, part);
     auto even = hn::And(hn::And(first.seen, middle.seen), hn::And(last.seen, check.seen));
     const auto holds = [&](const auto& curve, auto truth, const auto& extent, float least,
                            float most, int bits) HWY_ATTR {
@@ -241,7 +245,7 @@ class PositionFit {
     hn::StoreU(u_units.c2, d, out.u[2] + plane);
     hn::StoreU(v_units.c1, d, out.v[1] + plane);
     hn::StoreU(v_units.c2, d, out.v[2] + plane);
-    store_parts(d, plane, u_units, v_units, hn::Add(hn::Abs(v.bend), tolerance), out);
+    store_parts(d, plane, u_units, v_units, hn::Add(hn::Abs(v.bend), part), out);
     const auto yes = hn::RebindMask(di, even);
     hn::StoreU(hn::IfThenElseZero(yes, hn::Set(di, 1)), di, out.even + plane);
     const auto beyond =

@@ -10,6 +10,7 @@
 #include "render/slabs/node_image.h"
 #include "render/slabs/slab_coverage.h"
 #include "render/slabs/slab_rays.h"
+#include "render/slabs/slab_runs.h"
 #include "render/view/plane_projection.h"
 #include "schemas/error.h"
 #include "schemas/parallel.h"
@@ -18,13 +19,10 @@ namespace raystage {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using Eigen::Vector3d;
 
 double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
-
-SlabRun::Function as_function(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 /// One slab's part in a view: plans which nodes each row needs, then works in bands of rows whose
 /// nodes fit in memory.
@@ -39,20 +37,10 @@ class SlabFrame {
         needed_(needed),
         interpolation_(interpolation_of(request.options)),
         rays_(request.view, slab),
+        functions_(slab, rays_, projection),
         runs_(static_cast<std::size_t>(request.view.height)),
         held_(nodes.size()),
-        camera_used_(request.instant.rig->cameras.size()) {
-    const Intrinsics& image = slab.image;
-    for (int column = 0; column < slab.columns; ++column) {
-      const Eigen::Matrix3d ideal = ideal_from_pixel(column, 0);
-      u_.push_back(as_function(image.fx * ideal.row(0) + image.cx * ideal.row(2)));
-    }
-    for (int row = 0; row < slab.rows; ++row) {
-      const Eigen::Matrix3d ideal = ideal_from_pixel(0, row);
-      v_.push_back(as_function(image.fy * ideal.row(1) + image.cy * ideal.row(2)));
-    }
-    ahead_ = as_function(ideal_from_pixel(0, 0).row(2));
-  }
+        camera_used_(request.instant.rig->cameras.size()) {}
 
   void render(RenderedView& image) {
     const auto start = Clock::now();
@@ -80,11 +68,6 @@ class SlabFrame {
   }
 
  private:
-  Eigen::Matrix3d ideal_from_pixel(int column, int row) const {
-    return projection_.ideal_from_pixel(
-        {slab_.pose.world_from_camera_rotation, slab_.node_position(column, row)});
-  }
-
   template <class Body>
   void for_each_row(int begin, int end, const Body& body) const {
     constexpr int kRowsPerTask = 16;
@@ -187,30 +170,10 @@ class SlabFrame {
     const auto full_scale = static_cast<float>(request_.instant.cache->full_scale());
     const std::size_t row_start =
         static_cast<std::size_t>(y) * static_cast<std::size_t>(request_.view.width);
-    SlabRun run;
-    run.y = y;
-    run.interpolation = interpolation_;
-    run.width = slab_.width;
-    run.height = slab_.height;
-    run.across = as_function(rays_.across());
-    run.ahead = ahead_;
-    run.slope = as_function(projection_.slope());
-    run.distance = projection_.distance();
-    run.at_infinity = projection_.at_infinity();
     for (const SlabRays::Run& part : runs_[static_cast<std::size_t>(y)]) {
-      run.begin = part.begin;
-      run.end = part.end;
-      run.column = as_function(rays_.column_times() - part.column * rays_.across());
-      run.row = as_function(rays_.row_times() - part.row * rays_.across());
-      // With one node along an axis both sides are the same, and all goes to the first.
-      if (slab_.columns == 1) run.column = {};
-      if (slab_.rows == 1) run.row = {};
-      const auto column = static_cast<std::size_t>(part.column);
-      const auto row = static_cast<std::size_t>(part.row);
-      run.u = {u_[column], u_[std::min(column + 1, u_.size() - 1)]};
-      run.v = {v_[row], v_[std::min(row + 1, v_.size() - 1)]};
+      SlabRun run = functions_.run(part, y);
+      run.interpolation = interpolation_;
       const std::array<int, 4> nodes = nodes_of(part);
-      run.node = {};
       for (std::size_t i = 0; i < 4; ++i) {
         if (nodes[i] < 0) continue;
         const auto& held = held_[static_cast<std::size_t>(nodes[i])];
@@ -259,8 +222,7 @@ class SlabFrame {
   NeededPixels& needed_;
   SlabInterpolation interpolation_;
   SlabRays rays_;
-  std::vector<SlabRun::Function> u_, v_;  // per column, per row of nodes
-  SlabRun::Function ahead_;
+  SlabRuns functions_;
   std::vector<std::vector<SlabRays::Run>> runs_;        // per row of the view
   std::vector<std::shared_ptr<const NodeImage>> held_;  // by node, those of the band
   std::vector<bool> camera_used_;

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "render/slabs/slab.h"
+#include "render/slabs/slab_kernels.h"
+#include "render/slabs/slab_rays.h"
+#include "render/view/plane_projection.h"
+
+namespace raystage {
+
+/// A slab's part in a view as the kernels read it: linear functions of the pixel, which say between
+/// which nodes a ray passes and where they see its point on the focal plane. `slab`, `rays` and
+/// `projection` (both of the view, without its distortion) must live on.
+class SlabRuns {
+ public:
+  SlabRuns(const Slab& slab, const SlabRays& rays, const PlaneProjection& projection);
+
+  /// The part's geometry; the nodes' images and how to interpolate them are left open.
+  SlabRun run(const SlabRays::Run& part, int y) const;
+
+ private:
+  const Slab& slab_;
+  const SlabRays& rays_;
+  const PlaneProjection& projection_;
+  std::vector<SlabRun::Function> u_, v_;  // per column, per row of nodes
+  SlabRun::Function ahead_;
+};
+
+}  // namespace raystage

@@ -2,6 +2,7 @@
 #include "render/hull/carving.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -11,6 +12,9 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
+
+/// What lies less than this ahead of a camera, of its distance from the eye, lies beside it.
+constexpr double kLeastAhead = 1e-12;
 
 /// Part of a ray between two inverse distances, the nearer (larger) first.
 struct Interval {
@@ -37,37 +41,25 @@ Carver carver_of(const Rig::Camera& camera, const Matte& matte) {
 /// inverse distance are related by a projection.
 class RasterLine {
  public:
-  /// Both ends must lie in front of the camera.
-  RasterLine(const Vector3d& at_near, const Vector3d& at_far, const Interval& interval)
-      : w_near_(at_near.z()),
-        w_far_(at_far.z()),
-        from_(at_near.head<2>() / w_near_),
-        way_(at_far.head<2>() / w_far_ - from_),
-        interval_(interval) {}
+  /// Both ends must lie in front of the camera and in the raster.
+  RasterLine(const Vector3d& at_near, const Vector3d& at_far, const Interval& interval,
+             const Matte::Raster& raster)
+      : w_near_(at_near.z()), w_far_(at_far.z()), interval_(interval) {
+    const auto position = [&](const Vector3d& at) {
+      const Vector2d size(raster.width, raster.height);
+      return Vector2d((at.head<2>() / at.z()).cwiseMax(0).cwiseMin(size));
+    };
+    from_ = position(at_near);
+    way_ = position(at_far) - from_;
+  }
 
   Vector2d position(double s) const { return from_ + s * way_; }
   const Vector2d& way() const { return way_; }
+  /// A mean of the ends by weights, without a difference of them: from afar all that cameras see
+  /// lies in the last millionth of the interval.
   double inverse_distance(double s) const {
-    const double along = s * w_near_, t = along / (along + (1 - s) * w_far_);
-    return interval_.near + t * (interval_.far - interval_.near);
-  }
-
-  /// The part of the line, 0 to 1, within [0, width] x [0, height]; false for none.
-  bool clip(double width, double height, double& first, double& last) const {
-    first = 0;
-    last = 1;
-    const Vector2d size(width, height);
-    for (int axis = 0; axis < 2; ++axis) {
-      if (way_(axis) == 0) {
-        if (from_(axis) < 0 || from_(axis) > size(axis)) return false;
-        continue;
-      }
-      const auto [enter, leave] =
-          std::minmax({-from_(axis) / way_(axis), (size(axis) - from_(axis)) / way_(axis)});
-      first = std::max(first, enter);
-      last = std::min(last, leave);
-    }
-    return first < last || (first == last && way_.isZero(0));
+    const double of_near = (1 - s) * w_far_, of_far = s * w_near_;
+    return (of_near * interval_.near + of_far * interval_.far) / (of_near + of_far);
   }
 
  private:
@@ -75,6 +67,32 @@ class RasterLine {
   Vector2d from_, way_;
   Interval interval_;
 };
+
+/// The part of an interval in which the camera sees the ray; far > near where there is none.
+/// (X, Y, W) = `direction` + inverse distance * `per_inverse` lies in the raster where
+/// 0 <= X <= width W and 0 <= Y <= height W: linear in the inverse distance, and without a division
+/// by W, which may be 0 beside the camera.
+Interval seen_part(const Vector3d& direction, const Vector3d& per_inverse,
+                   const Matte::Raster& raster, const Interval& interval) {
+  Interval seen = interval;
+  const auto keep = [&](double at_infinity, double per) {  // where this is not below 0
+    if (per > 0) {
+      seen.far = std::max(seen.far, -at_infinity / per);
+    } else if (per < 0) {
+      seen.near = std::min(seen.near, -at_infinity / per);
+    } else if (at_infinity < 0) {
+      seen.near = -1;
+    }
+  };
+  keep(direction.z() - kLeastAhead, per_inverse.z());
+  const std::array<int, 2> size{raster.width, raster.height};
+  for (int axis = 0; axis < 2; ++axis) {
+    const double most = size[static_cast<std::size_t>(axis)];
+    keep(direction(axis), per_inverse(axis));
+    keep(most * direction.z() - direction(axis), most * per_inverse.z() - per_inverse(axis));
+  }
+  return seen;
+}
 
 /// One thread's work: intervals of one ray.
 class RayCarving {
@@ -108,55 +126,32 @@ class RayCarving {
   /// Walks over the line of an interval: calls visit(near, far, value) for pieces of one value, the
   /// nearest first, until it returns false.
   template <class Visit>
-  static void walk(const WorldRay& ray, const Carver& carver, Interval interval,
+  static void walk(const WorldRay& ray, const Carver& carver, const Interval& interval,
                    const Visit& visit) {
     const Vector3d direction = carver.raster_from_world * ray.direction;
     const Vector3d per_inverse = carver.raster_from_world * (ray.origin - carver.centre);
-    const auto at = [&](double inverse) { return Vector3d(direction + inverse * per_inverse); };
-    const double w_near = at(interval.near).z(), w_far = at(interval.far).z();
-    // What lies behind the camera, or all but beside it, is unseen: beside it lies what is a
-    // million pixels off. Measured where the line comes nearest to passing the camera, as seen from
-    // afar all of what cameras see can lie in the last millionth of the interval.
-    const double beside = std::clamp(per_inverse.z() == 0 ? 0 : -direction.z() / per_inverse.z(),
-                                     interval.far, interval.near);
-    const Vector3d off = at(beside);
-    constexpr double kPixels = 1e6, kRounding = 1e-12;
-    const double least_w = std::max(std::max(std::abs(off.x()), std::abs(off.y())) / kPixels,
-                                    kRounding * std::abs(direction.z()));
-    if (!(w_near > least_w) && !(w_far > least_w)) {
+    const Matte::Raster& raster = *carver.raster;
+    const Interval seen = seen_part(direction, per_inverse, raster, interval);
+    if (seen.far > seen.near) {
       visit(interval.near, interval.far, MatteValue::kUnseen);
       return;
     }
-    const double limit =
-        std::clamp((least_w - direction.z()) / per_inverse.z(), interval.far, interval.near);
-    Interval ahead = interval;
-    if (!(w_near > least_w)) {
-      if (!visit(interval.near, limit, MatteValue::kUnseen)) return;
-      ahead.near = limit;
-    }
-    if (!(w_far > least_w)) ahead.far = limit;
-
-    Vector3d near_end = at(ahead.near), far_end = at(ahead.far);
-    near_end.z() = std::max(near_end.z(), least_w);
-    far_end.z() = std::max(far_end.z(), least_w);
-    const RasterLine line(near_end, far_end, ahead);
-    double first = 0, last = 0;
-    if (!line.clip(carver.raster->width, carver.raster->height, first, last)) {
-      visit(ahead.near, interval.far, MatteValue::kUnseen);
-      return;
-    }
-    double reached = ahead.near;
+    if (seen.near < interval.near && !visit(interval.near, seen.near, MatteValue::kUnseen)) return;
+    const auto end = [&](double inverse) {
+      Vector3d at = direction + inverse * per_inverse;
+      at.z() = std::max(at.z(), kLeastAhead);
+      return at;
+    };
+    const RasterLine line(end(seen.near), end(seen.far), seen, raster);
+    double reached = seen.near;
     const auto step_to = [&](double s, MatteValue value) {
       const double from = reached;
-      reached = s >= 1 ? ahead.far : std::min(reached, line.inverse_distance(s));
+      reached = std::clamp(line.inverse_distance(s), seen.far, reached);
       return visit(from, reached, value);
     };
-    if (first > 0 && !step_to(first, MatteValue::kUnseen)) return;
-    const double length = line.way().cwiseAbs().maxCoeff() * (last - first);
-    const int steps = std::max(1, static_cast<int>(std::ceil(length)));
-    const Matte::Raster& raster = *carver.raster;
+    const int steps = std::max(1, static_cast<int>(std::ceil(line.way().cwiseAbs().maxCoeff())));
     const auto value_at = [&](int step) {
-      const Vector2d position = line.position(first + (last - first) * (step + 0.5) / steps);
+      const Vector2d position = line.position((step + 0.5) / steps);
       const int x = std::clamp(static_cast<int>(position.x()), 0, raster.width - 1);
       const int y = std::clamp(static_cast<int>(position.y()), 0, raster.height - 1);
       return raster.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width) +
@@ -166,11 +161,11 @@ class RayCarving {
     for (int step = 1; step < steps; ++step) {
       const MatteValue next = value_at(step);
       if (next == value) continue;
-      if (!step_to(first + (last - first) * step / steps, value)) return;
+      if (!step_to(static_cast<double>(step) / steps, value)) return;
       value = next;
     }
-    if (!step_to(last, value)) return;
-    if (reached > interval.far) visit(reached, interval.far, MatteValue::kUnseen);
+    if (!visit(reached, seen.far, value)) return;
+    if (seen.far > interval.far) visit(seen.far, interval.far, MatteValue::kUnseen);
   }
 
   void carve(const WorldRay& ray, const Carver& carver, const Interval& interval) {

@@ -5,12 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdint>
 #include <limits>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "render/slabs/slab_kernel_probe.h"
 #include "render/slabs/slab_rays.h"
 #include "render/slabs/slab_runs.h"
 #include "render/view/any_geometry.h"
@@ -54,8 +54,8 @@ Slab some_slab() {
   const double spacing = *rc::gen::element(1e-3, 0.06, 5.0);
   if (slab.columns > 1) slab.column_spacing = spacing;
   if (slab.rows > 1) slab.row_spacing = 0.8 * spacing;
-  slab.width = 640;
-  slab.height = 480;
+  slab.width = testing::kProbedWidth;
+  slab.height = testing::kProbedHeight;
   slab.image = {500, 510, 320.5, 240, {}};
   return slab;
 }
@@ -159,6 +159,11 @@ std::optional<std::array<Real, 2>> exact_uv(const Shot& shot, int column, int ro
   return testing::exact_look(slab.image, slab.pose, towards);
 }
 
+/// Samples from a position in a node's image to its border; negative outside.
+Real to_border(const Slab& slab, const std::array<Real, 2>& uv) {
+  return std::min({uv[0], Real(slab.width - uv[0]), uv[1], Real(slab.height - uv[1])});
+}
+
 double at(const SlabRun::Function& f, double x, double y) { return f[0] * x + (f[1] * y + f[2]); }
 
 /// How well doubles can know where a node sees the point, pixels: the way from the node to it is a
@@ -210,7 +215,7 @@ TEST(SlabExtremes, RaysCrossBothPlanesWhere50DigitsDo) {
       const int column = i % 2, row = i / 2;
       if (column >= slab.columns || row >= slab.rows) continue;
       const auto seen = exact_uv(shot, part.column + column, part.row + row, shot.x, shot.y);
-      if (!seen || abs((*seen)[0] - 320) > 320 || abs((*seen)[1] - 240) > 240) continue;
+      if (!seen || to_border(slab, *seen) < 0) continue;
       RC_ASSERT(ahead > 0);
       const double bound = uv_bound(shot, projection, ahead, shot.x, shot.y);
       uv.expect(
@@ -221,90 +226,6 @@ TEST(SlabExtremes, RaysCrossBothPlanesWhere50DigitsDo) {
     }
   }));
 }
-
-/// Four nodes' images of one size, with the padding that the kernel reads.
-class NodeImages {
- public:
-  NodeImages(int width, int height) : width_(width) {
-    for (auto& image : images_) {
-      image.resize(static_cast<std::size_t>(width * (height + 1) + 1) * 4);
-    }
-  }
-  void set(std::size_t node, int x, int y, std::size_t channel, int code) {
-    images_[node][static_cast<std::size_t>(y * width_ + x) * 4 + channel] =
-        static_cast<std::uint16_t>(code);
-  }
-  const std::uint16_t* of(std::size_t node) const { return images_[node].data(); }
-
- private:
-  int width_;
-  std::array<std::vector<std::uint16_t>, 4> images_;
-};
-
-/// What the kernel makes of a run's pixel, read back from what it renders.
-class Probe {
- public:
-  Probe() {
-    for (std::size_t node = 0; node < 4; ++node) {  // three primary colours and black
-      for (int i = 0; i < 16; ++i) {
-        if (node < 3) primaries_.set(node, i % 4, i / 4, node, 65535);
-        primaries_.set(node, i % 4, i / 4, 3, 65535);
-      }
-    }
-    for (int y = 0; y < 480; ++y) {
-      for (int x = 0; x < 640; ++x) {
-        coordinates_.set(0, x, y, 0, kCodesPerPixel * x);
-        coordinates_.set(0, x, y, 1, kCodesPerPixel * y);
-        coordinates_.set(0, x, y, 3, 65535);
-      }
-    }
-  }
-
-  std::array<double, 4> weights(SlabRun run, int x) const {
-    for (std::size_t node = 0; node < 4; ++node) run.node[node] = primaries_.of(node);
-    run.width = run.height = 4;
-    run.u = run.v = {SlabRun::Function{0, 0, 2}, SlabRun::Function{0, 0, 2}};
-    run.ahead = {0, 0, 1};
-    run.at_infinity = true;
-    const Pixel pixel = render(run, x);
-    return {pixel.rgba[0], pixel.rgba[1], pixel.rgba[2],
-            pixel.rgba[3] - pixel.rgba[0] - pixel.rgba[1] - pixel.rgba[2]};
-  }
-
-  struct Seen {
-    double u = 0, v = 0, alpha = 0, z = 0;
-  };
-  Seen seen(SlabRun run, std::size_t node, int x) const {
-    run.node = {};
-    run.node[node] = coordinates_.of(0);
-    run.across = {0, 0, 1};
-    run.column = {0, 0, static_cast<double>(node % 2)};
-    run.row = {0, 0, static_cast<double>(node / 2)};
-    const Pixel pixel = render(run, x);
-    constexpr double kPixels = 65535.0 / kCodesPerPixel;
-    return {pixel.rgba[0] / pixel.rgba[3] * kPixels + 0.5,
-            pixel.rgba[1] / pixel.rgba[3] * kPixels + 0.5, pixel.rgba[3], pixel.z};
-  }
-
- private:
-  static constexpr int kCodesPerPixel = 64;
-  struct Pixel {
-    std::array<double, 4> rgba{};
-    double z = 0;
-  };
-  static Pixel render(const SlabRun& run, int x) {
-    const auto count = static_cast<std::size_t>(run.end - run.begin);
-    const auto i = static_cast<std::size_t>(x - run.begin);
-    std::vector<float> rgba(4 * count), z(count);
-    sample_slab_run(run, BlendSpace::kLinear, 1, rgba.data(), z.data());
-    Pixel pixel;
-    for (std::size_t c = 0; c < 4; ++c) pixel.rgba[c] = double{rgba[4 * i + c]};
-    pixel.z = double{z[i]};
-    return pixel;
-  }
-
-  NodeImages primaries_{4, 4}, coordinates_{640, 480};
-};
 
 /// The largest of a function along a run.
 double most_along(const SlabRun& run, const SlabRun::Function& f) {
@@ -329,7 +250,7 @@ std::optional<SlabRun> run_around(const Shot& shot, const SlabRays& rays,
 }
 
 TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
-  const Probe probe;
+  const testing::SlabKernelProbe probe;
   testing::for_each_target(slab_kernel_target, [&] {
     const std::string target = slab_kernel_target();
     WorstError weight(target + ": weight of a node", 1e-3), position(target + ": position, px", 1),
@@ -384,14 +305,14 @@ TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
         const int column = left + static_cast<int>(i % 2), row = upper + static_cast<int>(i / 2);
         if (column >= slab.columns || row >= slab.rows) continue;
         const auto seen = exact_uv(shot, column, row, centre_x, centre_y);
-        if (!seen || abs((*seen)[0] - 320) > 318 || abs((*seen)[1] - 240) > 238) continue;
+        if (!seen || to_border(slab, *seen) < 2) continue;  // where it fades
         const double ahead = at(run->ahead, centre_x, centre_y);
         const double steepness = most_along(*run, run->ahead) / ahead;
         const double reach =
             std::max(most_along(*run, run->u[i % 2]), most_along(*run, run->v[i / 2])) / ahead;
-        const double bound = 4 * kFloatEpsilon * (1024 + reach + 640 * steepness) +
+        const double bound = 4 * kFloatEpsilon * (1024 + reach + slab.width * steepness) +
                              uv_bound(shot, projection, ahead, centre_x, centre_y);
-        const Probe::Seen found = probe.seen(*run, i, x);
+        const auto found = probe.seen(*run, i, x);
         if (found.alpha == 0) {
           RC_ASSERT(bound > 1);
           continue;

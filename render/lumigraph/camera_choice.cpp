@@ -27,17 +27,23 @@ Bounds penalty_bounds(const Vector3d& eye_to_camera, const Vector3d& axis, doubl
   const auto ahead = std::minmax(
       {1 - (along - change) * bundle.least_inverse, 1 - (along - change) * bundle.most_inverse,
        1 - (along + change) * bundle.least_inverse, 1 - (along + change) * bundle.most_inverse});
-  const auto per_sum = [](double numerator, double across, double ahead_of) {
-    const double sum = std::hypot(across, ahead_of) + ahead_of;
-    return numerator == 0 ? 0 : sum > 0 ? numerator / sum : kInfinity;
+  // tan(angle / 2) times the point's distance. It falls with the length ahead and with the inverse
+  // distance; with the distance beside the ray it grows for a camera that looks from before the
+  // point, and for one that looks from behind it falls, from infinity on.
+  const auto half_angular = [](double beside_ray, double inverse, double ahead_of) {
+    const double across = beside_ray * inverse, side = std::hypot(across, ahead_of);
+    if (ahead_of < 0) return (side - ahead_of) / (across * inverse);
+    return side > 0 ? beside_ray / (side + ahead_of) : 1 / inverse;
   };
-  const double least_angular =
-      2 * per_sum(least_beside, least_beside * bundle.most_inverse, ahead.second);
-  const double most_angular =
-      2 * per_sum(most_beside, most_beside * bundle.least_inverse, ahead.first);
+  const double least_angular = 2 * half_angular(ahead.second < 0 ? most_beside : least_beside,
+                                                bundle.most_inverse, ahead.second);
+  const double most_angular = 2 * half_angular(ahead.first < 0 ? least_beside : most_beside,
+                                               bundle.least_inverse, ahead.first);
   const double least_further = std::max(0.0, -(along + change));
-  const double most_further =
-      std::max(0.0, change - along + most_beside * bundle.most_inverse * (most_angular / 2));
+  // A triangle's sides differ by no more than the third. Not a number, too, is then that.
+  const double any_further = eye_to_camera.norm();
+  const double longer = change - along + most_beside * bundle.most_inverse * (most_angular / 2);
+  const double most_further = longer < any_further ? std::max(0.0, longer) : any_further;
   Bounds bounds;
   bounds.least = weighing.angular * least_angular + weighing.resolution * least_further;
   // 0 times infinity is no bound.

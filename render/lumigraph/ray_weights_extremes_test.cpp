@@ -218,7 +218,7 @@ RayWeighing some_weighing() {
   RayWeighing weighing;
   weighing.cameras = *rc::gen::element(1, 2, 4, kMostCameras);
   weighing.angular = *rc::gen::element(1.0, 1.0, 0.0, 1e3);
-  weighing.resolution = *rc::gen::element(0.05, 0.05, 0.0, 1.0);
+  weighing.resolution = *rc::gen::element(0.05, 0.05, 0.0, 1.0, 1e3);
   weighing.field_of_view = *rc::gen::element(1.0, 1.0, 0.0);
   weighing.border = *rc::gen::element(0.05, 0.0, 0.5);
   return weighing;

@@ -29,6 +29,10 @@ pkg_check_modules(HWY REQUIRED IMPORTED_TARGET libhwy)                     # Pkg
 pkg_check_modules(FFMPEG REQUIRED IMPORTED_TARGET
                   libavformat libavcodec libavutil libswscale)             # PkgConfig::FFMPEG
 pkg_check_modules(ARAVIS REQUIRED IMPORTED_TARGET aravis-0.8)               # PkgConfig::ARAVIS
+# Its -pthread means nothing to glibc any more, but a macro apart from what other files are compiled with.
+get_target_property(aravis_options PkgConfig::ARAVIS INTERFACE_COMPILE_OPTIONS)
+list(REMOVE_ITEM aravis_options -pthread)
+set_target_properties(PkgConfig::ARAVIS PROPERTIES INTERFACE_COMPILE_OPTIONS "${aravis_options}")
 # Debian keeps OpenCV's CMake and pkg-config files in libopencv-dev, with VTK and Qt behind it: the
 # modules wanted are found without them.
 find_path(OPENCV_INCLUDE opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)

@@ -29,9 +29,9 @@ constexpr std::array kOptions{
     whole_option("p2", 800, 0, 4000, "semi_global: penalty for a larger change, at least p1"),
     whole_option("box_radius", 2, 1, 7, "box: pixels to each side that are summed over"),
     number_option("truncation", 40, 1, 255, "difference of 8-bit codes beyond which all are alike"),
-    whole_option(
-        "left_out", 0, 0, kMostMatched - 2,
-        "cameras that agree least at a point, left out against occlusion; two always count"),
+    whole_option("left_out", 0, 0, kMostMatched - 2,
+                 "cameras that agree least at a point, neither matched nor blended there, against "
+                 "occlusion; two always count"),
     number_option(
         "edge_scale", 0, 0, 255,
         "semi_global: step in luma, 8-bit codes, at which p2 is halved; the picture comes "

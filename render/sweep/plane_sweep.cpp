@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/sweep/plane_sweep.h"
 
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -13,6 +14,7 @@
 #include "render/sweep/cost_kernels.h"
 #include "render/sweep/edge_guide.h"
 #include "render/sweep/field_coverage.h"
+#include "render/sweep/selection.h"
 #include "render/view/working_memory.h"
 #include "schemas/parallel.h"
 
@@ -34,6 +36,7 @@ class Frame {
         view_(request.view),
         plan_(plan),
         planes_(plan.planes.from_farthest()),
+        scratch_([&plan] { return CostScratch(plan.planes.count, plan.settings.cameras); }),
         sources_(request.instant.rig->cameras.size()) {}
 
   RenderedView render(Clock::time_point start) {
@@ -46,6 +49,7 @@ class Frame {
     PlaneMap map = match({}, image.statistics);
     if (plan_.settings.edge_scale > 0 && plan_.planes.count > 1) {
       const std::vector<std::uint8_t> guide = guide_from(map, image.statistics);
+      map = {};
       map = match(guide, image.statistics);
     }
     if (image.statistics.working_bytes > request_.working_bytes) {
@@ -148,7 +152,7 @@ class Frame {
   }
 
   void fill_row(int y, std::uint8_t* costs) {
-    CostScratch scratch(plan_.planes.count, plan_.settings.cameras);
+    CostScratch& scratch = scratch_.local();
     CostRun run;
     run.y = y;
     run.planes = planes_;
@@ -228,7 +232,8 @@ class Frame {
 
   void blend(const PlaneMap& map, RenderedView& image) {
     raystage::parallel_for(0, view_.height, [&](int y) {
-      std::array<float, CameraField::kTile> inverse_depth, share;
+      std::array<float, CameraField::kTile> inverse_depth;
+      std::vector<float> samples;
       for (int column = 0; column < plan_.field.columns(); ++column) {
         const Tile& tile = plan_.field.tile(column, y / CameraField::kTile);
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
@@ -236,18 +241,33 @@ class Frame {
                                static_cast<std::size_t>(tile.left);
         find_depths(map, tile, y, inverse_depth.data());
         const std::span<float> rgba(&image.rgba[at * 4], n * 4);
-        for (const CameraField::TileCamera& camera : tile.cameras) {
-          const Source& from = source(camera.camera);
-          if (!from.frame) continue;
-          for (std::size_t i = 0; i < n; ++i) {
-            share[i] = CameraField::share(tile, camera, tile.left + static_cast<int>(i), y);
+        if (plan_.settings.left_out == 0) {
+          for (const auto& camera : tile.cameras) {
+            add_samples(tile, camera, y, {inverse_depth.data(), n}, rgba);
           }
-          add_samples_at_depth(from.look_up, tile.left, y, {inverse_depth.data(), n},
-                               {share.data(), n}, plan_.settings.look_up, rgba);
+        } else {
+          samples.assign(rgba.size() * tile.cameras.size(), 0);
+          for (std::size_t i = 0; i < tile.cameras.size(); ++i) {
+            add_samples(tile, tile.cameras[i], y, {inverse_depth.data(), n},
+                        std::span(samples).subspan(i * rgba.size(), rgba.size()));
+          }
+          add_selected_samples(samples, plan_.settings.left_out, rgba);
         }
         finish(rgba, {inverse_depth.data(), n}, tile.left, y, at, image);
       }
     });
+  }
+
+  void add_samples(const Tile& tile, const CameraField::TileCamera& camera, int y,
+                   std::span<const float> inverse_depth, std::span<float> sums) {
+    const Source& from = source(camera.camera);
+    if (!from.frame) return;
+    std::array<float, CameraField::kTile> share;
+    for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
+      share[i] = CameraField::share(tile, camera, tile.left + static_cast<int>(i), y);
+    }
+    add_samples_at_depth(from.look_up, tile.left, y, inverse_depth,
+                         {share.data(), inverse_depth.size()}, plan_.settings.look_up, sums);
   }
 
   void finish(std::span<float> rgba, std::span<const float> inverse_depth, int x, int y,
@@ -308,7 +328,8 @@ class Frame {
   const ViewRequest& request_;
   const VirtualCamera& view_;
   const Plan& plan_;
-  const SweepPlanes planes_;     // as sources are told
+  const SweepPlanes planes_;  // as sources are told
+  tbb::enumerable_thread_specific<CostScratch> scratch_;
   std::vector<Source> sources_;  // per camera of the rig
 };
 

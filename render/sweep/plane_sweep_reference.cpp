@@ -16,6 +16,29 @@ namespace {
 
 using Eigen::Vector3d;
 
+/// What a camera that counts shows of a pixel's point.
+struct Sample {
+  std::array<double, 3> code{};
+  double share = 0;
+};
+
+/// So many times the one farthest from the mean of those left, as long as there are more than two.
+void leave_out(int cameras, std::vector<Sample>& samples) {
+  for (int i = 0; i < cameras && samples.size() > 2; ++i) {
+    std::array<double, 3> mean{};
+    for (const Sample& sample : samples) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        mean[c] += sample.code[c] / static_cast<double>(samples.size());
+      }
+    }
+    samples.erase(std::ranges::max_element(samples, {}, [&](const Sample& sample) {
+      double off = 0;
+      for (std::size_t c = 0; c < 3; ++c) off += std::abs(sample.code[c] - mean[c]);
+      return off;
+    }));
+  }
+}
+
 /// Everything pixel by pixel, in double.
 class Reference {
  public:
@@ -110,8 +133,7 @@ class Reference {
     if (!ray) return;
     const CameraField::Tile& tile =
         plan_.field.tile(x / CameraField::kTile, y / CameraField::kTile);
-    std::array<double, 3> sum{};
-    double weight = 0;
+    std::vector<Sample> samples;
     for (const CameraField::TileCamera& camera : tile.cameras) {
       const auto i = static_cast<std::size_t>(camera.camera);
       const DepthSample sample =
@@ -119,8 +141,14 @@ class Reference {
                                     *frames_[i], plan_.settings.look_up);
       const double share =
           sample.seen * static_cast<double>(CameraField::share(tile, camera, x, y));
-      for (std::size_t c = 0; c < 3; ++c) sum[c] += share * sample.code[c];
-      weight += share;
+      if (share > 0) samples.push_back({sample.code, share});
+    }
+    leave_out(plan_.settings.left_out, samples);
+    std::array<double, 3> sum{};
+    double weight = 0;
+    for (const Sample& sample : samples) {
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += sample.share * sample.code[c];
+      weight += sample.share;
     }
     if (weight <= 0) return;
     const double alpha = std::min(1.0, weight / static_cast<double>(kEnoughShares));

@@ -19,6 +19,7 @@
 #include "render/hull/test_matte.h"
 #include "render/methods.h"
 #include "render/renderer.h"
+#include "render/sampling/depth_sampling.h"
 #include "render/view/ray_cells.h"
 #include "rig/sampling_limits.h"
 #include "tests/bench/bench_take.h"
@@ -133,6 +134,14 @@ void BM_Threads(benchmark::State& state, const Take& take, const TradeSetting& s
   state.counters["MB"] = (static_cast<double>(counts.pixels_needed) * kSourceBytes +
                           view.width * view.height * kViewBytes) /
                          1e6;
+  // How many samples are blended at a pixel.
+  RendererSettings measuring = settings;
+  measuring.measure_coverage = true;
+  const RenderedView measured =
+      LightFieldRenderer(take, measuring).render(view, frames, reconstruction);
+  state.counters["cameras_per_px"] =
+      std::accumulate(measured.cameras.begin(), measured.cameras.end(), 0.0) /
+      static_cast<double>(std::max<std::size_t>(1, measured.cameras.size()));
   state.counters["plan_ms"] = statistics.plan_ms;
   state.counters["cameras"] = statistics.cameras_used;
 }
@@ -223,6 +232,48 @@ void BM_MemoryWrite(benchmark::State& state) {
 }
 BENCHMARK(BM_MemoryRead)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
 BENCHMARK(BM_MemoryWrite)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+/// What the sampling kernel itself can deliver: one camera's frame that stays in the cache, looked
+/// at along its rows at its own scale, a quarter of a pixel off.
+void BM_SampleRate(benchmark::State& state) {
+  const auto threads = static_cast<std::size_t>(state.range(0));
+  const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+  const LookUp look_up = state.range(1) != 0 ? LookUp::kCubic : LookUp::kLinear;
+  constexpr int kSide = 128, kPictures = 64;
+  Pose pose;
+  const VirtualCamera view = virtual_camera_with_fov(kSide, kSide, 1, pose);
+  CameraGeometry geometry;
+  geometry.id = "probe";
+  geometry.width = geometry.height = kSide;
+  geometry.intrinsics = view.intrinsics;
+  geometry.intrinsics.cx += 0.25;
+  geometry.intrinsics.cy += 0.25;
+  const Rig::Camera camera{"probe", CameraModel(geometry), pose, {}, {}, {}};
+  DecodedFrame frame;
+  frame.width = frame.height = kSide;
+  frame.rgbx = std::make_unique<std::uint16_t[]>(4 * (kSide * (kSide + 1) + 1));
+  DepthSource source = depth_source(view, camera);
+  source.camera.rgbx = frame.rgbx.get();
+  const std::vector<float> inverse_depth(kSide, 0.2F), weight(kSide, 1.0F);
+  double least_ms = std::numeric_limits<double>::infinity();
+  for (auto _ : state) {
+    const auto start = Clock::now();
+    tbb::parallel_for(0, kPictures, [&](int) {
+      std::vector<float> sums(4 * kSide);
+      for (int y = 0; y < kSide; ++y) {
+        add_samples_at_depth(source, 0, y, inverse_depth, weight, look_up, sums);
+      }
+      benchmark::DoNotOptimize(sums.data());
+    });
+    least_ms = std::min(least_ms, ms_since(start));
+  }
+  state.counters["M_samples_per_s"] = kPictures * kSide * kSide / 1e3 / least_ms;
+}
+BENCHMARK(BM_SampleRate)
+    ->ArgsProduct({{1, 2}, {0, 1}})
+    ->ArgNames({"threads", "cubic"})
+    ->Unit(benchmark::kMillisecond)
+    ->UseRealTime();
 
 }  // namespace
 }  // namespace raystage

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <gtest/gtest.h>
+
+#include "render/test_sweep.h"
+
+namespace raystage::testing {
+namespace {
+
+/// Of a view of step_edge(): the share of pixels, `beside` pixels off the edge and more, whose
+/// depth is not that of their side.
+double wrong_side(const RenderedView& image, const VirtualCamera& view, int beside) {
+  const ViewRays rays(view);
+  int wrong = 0, count = 0;
+  for (int y = 4; y < view.height - 4; ++y) {
+    for (int x = 4; x < view.width - 4; ++x) {
+      const auto side = [&](double at) {
+        return hits_wall(view.pose.position, *rays.through(at, y + 0.5));
+      };
+      if (side(x + 0.5 - beside) != side(x + 0.5 + beside)) continue;
+      const Plane& plane = side(x + 0.5) ? kFront : kBack;
+      const double depth = plane.distance(view.pose.position, *rays.through(x + 0.5, y + 0.5));
+      const auto found = static_cast<double>(image.z[static_cast<std::size_t>(y * view.width + x)]);
+      wrong += std::abs(found / depth - 1) > 0.05;
+      ++count;
+    }
+  }
+  return static_cast<double>(wrong) / count;
+}
+
+TEST_F(PlaneSweep, KeepsTheTwoSidesOfAStepApart) {
+  const Take take = write(step_edge());
+  EXPECT_LT(wrong_side(render(take, a_view()), a_view(), 4), 0.02);
+}
+
+/// A dark wall before a bright one, of little texture: what it costs to jump between them is more
+/// than what costs there can tell.
+TEST_F(PlaneSweep, LetsDepthJumpWhereLightDoes) {
+  SyntheticTake settings = step_edge();
+  settings.painting = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+    const bool wall = hits_wall(from, direction);
+    const Plane& plane = wall ? kFront : kBack;
+    const Eigen::Vector3d hit = from + plane.distance(from, direction) * direction;
+    auto rgb = texture(hit.x(), hit.y() + plane.c);
+    for (double& c : rgb) c = (wall ? 0.02 : 0.5) + 0.3 * c;
+    return rgb;
+  };
+  const Take take = write(settings);
+  const auto wrong = [&](double edge_scale) {
+    return wrong_side(render(take, a_view(), {{"edge_scale", edge_scale}}), a_view(), 1);
+  };
+  EXPECT_LT(wrong(2), 0.02);
+  EXPECT_GT(wrong(0), 0.05);
+}
+
+/// Something that a single camera of nine looks at, as if it stood right before its lens.
+TEST_F(PlaneSweep, LeavesOutTheCameraThatSeesSomethingElse) {
+  SyntheticTake settings = slanted(3, 3);
+  const auto scene = settings.painting;
+  settings.painting = [scene](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+    return from.norm() < 1e-9 ? std::array<double, 3>{1, 1, 1} : scene(from, direction);
+  };
+  const Take take = write(settings);
+  const VirtualCamera view = a_view();
+  const auto errors = [&](double left_out) {
+    return errors_on_slanted(
+        render(take, view,
+               {{"left_out", left_out}, {"cameras", 6.0}, {"aggregation", std::string("box")}}),
+        view);
+  };
+  const SlantedErrors all = errors(0), selected = errors(1);
+  EXPECT_LT(selected.disparity, 0.75 * all.disparity);
+  EXPECT_LT(selected.disparity, 0.2);
+  EXPECT_LT(selected.colour, 0.2 * all.colour);  // nor is what it sees blended
+}
+
+}  // namespace
+}  // namespace raystage::testing

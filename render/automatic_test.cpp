@@ -21,11 +21,13 @@
 #include "render/renderer.h"
 #include "render/view/ray_cells.h"
 #include "render/view/synthetic_take.h"
+#include "schemas/atomic_file.h"
 #include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {
 
+using ::testing::Each;
 using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
@@ -412,6 +414,21 @@ TEST_F(Automatic, MeasuresTheFramesThatTheTimelineSelects) {
   EXPECT_EQ(instants.at(0).frame_of_camera[4], 0);
   EXPECT_EQ(instants.at(3).frame_of_camera[4], 3);
   EXPECT_EQ(instants.at(0).frame_of_camera[7], -1);
+}
+
+TEST_F(Automatic, WithoutATimelineOrARateItTakesTheNearestFrames) {
+  write(0.2, DepthRange{2.5, 10}, 4);
+  const std::filesystem::path document = folder_.path() / "take" / "take.json";
+  std::string text = read_file(document);
+  const std::string rate = "\"nominal_fps\": 15";
+  const std::size_t at = text.find(rate);
+  ASSERT_NE(at, std::string::npos) << text;
+  write_file_atomically(document, text.replace(at, rate.size(), "\"nominal_fps\": 0"));
+  const Take unrated(folder_.path() / "take");
+  instant_.take = &unrated;
+  const TakeInstants instants(instant_);
+  ASSERT_EQ(instants.count(), 4);
+  EXPECT_THAT(instants.at(2).frame_of_camera, Each(2));
 }
 
 TEST_F(Automatic, SaysWhereAViewLiesOffTheArray) {

@@ -146,6 +146,14 @@ FrameSelection select_frames(const Take& take, Nanoseconds time, Nanoseconds tol
   return selection;
 }
 
+Nanoseconds tolerance_of_stamps(double nominal_fps) {
+  constexpr Nanoseconds kFarthest = std::numeric_limits<Nanoseconds>::max();
+  if (!(nominal_fps > 0)) return kFarthest;
+  const double half_a_period = static_cast<double>(kNanosecondsPerSecond) / nominal_fps / 2;
+  return half_a_period < static_cast<double>(kFarthest) ? static_cast<Nanoseconds>(half_a_period)
+                                                        : kFarthest;
+}
+
 std::optional<std::size_t> nearest_tick(std::span<const FrameSelection> ticks, Nanoseconds time) {
   if (ticks.empty()) return std::nullopt;
   if (ticks.size() == 1) return 0;

@@ -28,6 +28,10 @@ struct FrameSelection {
 /// Nearest frame of each camera within `tolerance` of `time`, else absent.
 FrameSelection select_frames(const Take& take, Nanoseconds time, Nanoseconds tolerance);
 
+/// How far a frame of a take at `nominal_fps` may be stamped from an instant to be of it, as
+/// select_frames() takes it: half a period; as far as may be where the rate is not known (0).
+Nanoseconds tolerance_of_stamps(double nominal_fps);
+
 /// The tick that shows `time`: the nearest, the earlier at a tie, if it lies within half a tick;
 /// that of a still whenever it is. `ticks`: a timeline's, at a constant rate.
 std::optional<std::size_t> nearest_tick(std::span<const FrameSelection> ticks, Nanoseconds time);

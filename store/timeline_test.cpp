@@ -222,6 +222,13 @@ TEST(SelectFrames, WithinTolerance) {
   EXPECT_EQ(select_frames(take, 160, -1).present(), 0);
 }
 
+TEST(SelectFrames, WithinHalfAPeriodOrHoweverFarWhereTheRateIsUnknown) {
+  EXPECT_EQ(tolerance_of_stamps(10), 50 * kMs);
+  constexpr Nanoseconds kFarthest = std::numeric_limits<Nanoseconds>::max();
+  for (const double fps : {0.0, 1e-11, 1e-300}) EXPECT_EQ(tolerance_of_stamps(fps), kFarthest);
+  EXPECT_EQ(tolerance_of_stamps(1), kNanosecondsPerSecond / 2);
+}
+
 TEST(NearestTick, WithinHalfATickTheEarlierAtATie) {
   std::vector<FrameSelection> ticks(3);
   for (std::size_t i = 0; i < ticks.size(); ++i) ticks[i].time_ns = 100 + 10 * static_cast<int>(i);

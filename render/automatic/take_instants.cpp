@@ -20,10 +20,8 @@ Instant TakeInstants::at(int index) const {
   FrameSelection selection;
   if (ticks_.empty()) {
     const Take& take = *now_.take;
-    const auto half_a_frame =
-        static_cast<Nanoseconds>(kNanosecondsPerSecond / take.document().nominal_fps / 2);
-    selection =
-        select_frames(take, take.archive(now_.members.front()).frames()[i].time_ns, half_a_frame);
+    selection = select_frames(take, take.archive(now_.members.front()).frames()[i].time_ns,
+                              tolerance_of_stamps(take.document().nominal_fps));
   } else {
     selection = ticks_[i];
   }

@@ -11,7 +11,7 @@ namespace raystage {
 
 /// The instants of a take: the ticks of its timeline, with the frames that these select (clocks
 /// corrected, frames that are not to be trusted left out); where it has none, the frames of the
-/// first member and what the other cameras stamped within half a frame time of them.
+/// first member and what the other cameras stamped within tolerance_of_stamps() of them.
 class TakeInstants {
  public:
   /// Of the take and members of `now`, which has to stay. Throws Error (bad input) where the

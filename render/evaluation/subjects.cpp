@@ -14,9 +14,7 @@ FrameSelection nothing_at(Nanoseconds time, const Take& take) {
 }
 
 FrameSelection by_stamps(Nanoseconds time, const Take& take) {
-  const auto half_a_frame =
-      static_cast<Nanoseconds>(kNanosecondsPerSecond / take.document().nominal_fps / 2);
-  return select_frames(take, time, half_a_frame);
+  return select_frames(take, time, tolerance_of_stamps(take.document().nominal_fps));
 }
 
 FrameSelection instant_at(Nanoseconds time, const Take& take, const Timeline* timeline) {

@@ -29,8 +29,8 @@ int camera_named(const Take& take, const std::string& id);
 /// Instants are chosen as a shot chooses them: a view shows the timeline's tick nearest to its
 /// time, and nothing where that is more than half a tick outside; a camera left out has a view for
 /// each tick that takes a frame of it, ID_TICK, or ID in a still. Where there is no timeline
-/// (null), stamps choose: a view shows each camera's frame nearest to its time within half a
-/// nominal frame time, and a camera left out has a view for each of its frames, ID_FRAME.
+/// (null), stamps choose: a view shows each camera's frame nearest to its time within
+/// tolerance_of_stamps(), and a camera left out has a view for each of its frames, ID_FRAME.
 ///
 /// The take must outlive them. Throws Error (bad input): unknown camera, no view at all.
 std::vector<EvaluationSubject> evaluation_subjects(const Take& take, const Timeline* timeline,

@@ -4,10 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
 #include <limits>
 #include <optional>
 
 #include "render/view/synthetic_take.h"
+#include "schemas/atomic_file.h"
 #include "schemas/error.h"
 #include "schemas/test_folder.h"
 #include "store/jpeg/encode.h"
@@ -124,6 +126,19 @@ TEST_F(Subjects, WithoutATimelineStampsChoose) {
   EXPECT_THAT(ids_of(views),
               ElementsAre(fourth + "_0", fourth + "_1", fourth + "_2", fourth + "_3"));
   EXPECT_THAT(views[2].frames.frame, ElementsAre(3, 2, 3, 2));
+}
+
+TEST_F(Subjects, WithoutATimelineOrARateTheNearestStampIsTaken) {
+  const std::filesystem::path document = folder_.path() / "take" / "take.json";
+  std::string text = read_file(document);
+  const std::string rate = "\"nominal_fps\": 10";
+  const std::size_t at = text.find(rate);
+  ASSERT_NE(at, std::string::npos) << text;
+  write_file_atomically(document, text.replace(at, rate.size(), "\"nominal_fps\": 0"));
+  take_.emplace(folder_.path() / "take");
+  EXPECT_THAT(frames_of_view_at(kInterval * 9, nullptr).frame, ElementsAre(4, 4, 4, 3));
+  // Of the third instant, of which camera 3 has lost its frame: the earlier of two as near.
+  EXPECT_THAT(frames_of_view_at(kInterval * 3, nullptr).frame, ElementsAre(2, 1, 2, 1));
 }
 
 /// What a camera saw at a tick, rendered from what the others saw then: not from what they stamped.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/evaluation/evaluation.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -68,6 +70,20 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
   mean.quality.ssim /= covering;
   mean.decoded_per_needed /= counted;
   return mean;
+}
+
+/// Says how many of the views show nothing as the take has no frames then; empty: none. Throws
+/// Error (bad input) where none shows anything.
+std::string outside_note(const std::vector<EvaluationSubject>& subjects, const Take& take) {
+  const auto outside = static_cast<std::size_t>(std::ranges::count_if(
+      subjects, [](const EvaluationSubject& subject) { return subject.frames.present() == 0; }));
+  if (outside == 0) return {};
+  if (outside == subjects.size()) {
+    throw Error::bad_input("no view lies within the take's time", take.folder().string(),
+                           "See raystage info for the take's time, and time_ns of the views");
+  }
+  return fmt::format("{} of {} views lie outside the take's time and show nothing", outside,
+                     subjects.size());
 }
 
 /// Mean of what preparing an instant took.
@@ -233,6 +249,9 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   const std::optional<Timeline> timeline = read_timeline_if_any(take);
   const std::vector<EvaluationSubject> subjects =
       evaluation_subjects(take, timeline ? &*timeline : nullptr, views, views_folder, settings);
+  if (auto note = outside_note(subjects, take); !note.empty()) {
+    evaluation.notes.push_back(std::move(note));
+  }
   const Reconstruction reconstruction{settings.method,
                                       plane_in_front_of(take.rig(), evaluation.focal_depth),
                                       settings.options, settings.fill};

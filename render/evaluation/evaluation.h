@@ -87,7 +87,8 @@ struct Evaluation {
   Steadiness steadiness;
   std::vector<ShotSteadiness> shots;  ///< of two views and more
   double prepare_ms = 0;  ///< mean over the views that had anything to prepare: once an instant
-  std::vector<std::string> notes;  ///< of the views (RenderedView::notes), each once
+  /// How many views lie outside the take's time, and of the views (RenderedView::notes), each once.
+  std::vector<std::string> notes;
 };
 
 Steadiness steadiness_of(std::span<const ViewEvaluation> views);
@@ -100,7 +101,7 @@ std::vector<int> cameras_left_out(const Take& take, const std::vector<std::strin
 /// Renders every view at its instant (see evaluation_subjects()) and compares it with its truth
 /// image. `views` may be empty if cameras are left out. Throws Error (bad input): unknown camera,
 /// no depth range for the best plane, unreadable truth, a truth image of another size, a timeline
-/// that is damaged or not of this take.
+/// that is damaged or not of this take, no view within the take's time.
 Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationSettings& settings,

@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 
+#include "images/image_file.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
@@ -19,6 +20,8 @@ namespace raystage {
 namespace {
 
 using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 constexpr int kCameras = 4, kTicks = 5, kWidth = 64, kHeight = 48;
 constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 10;
@@ -139,6 +142,38 @@ TEST_F(Subjects, WithoutATimelineOrARateTheNearestStampIsTaken) {
   EXPECT_THAT(frames_of_view_at(kInterval * 9, nullptr).frame, ElementsAre(4, 4, 4, 3));
   // Of the third instant, of which camera 3 has lost its frame: the earlier of two as near.
   EXPECT_THAT(frames_of_view_at(kInterval * 3, nullptr).frame, ElementsAre(2, 1, 2, 1));
+}
+
+TEST_F(Subjects, EvaluationsSayHowManyViewsLieOutsideTheTakesTime) {
+  const RgbImage grey{kWidth, kHeight,
+                      std::vector<std::uint8_t>(std::size_t{3} * kWidth * kHeight,
+                                                static_cast<std::uint8_t>(grey_at(2)))};
+  write_image(grey, folder_.path() / "truth.png");
+  const auto evaluate = [&](std::initializer_list<Nanoseconds> times) {
+    ViewsDocument views;
+    views.color_space = "srgb_texture";
+    for (const Nanoseconds time : times) {
+      views.views.push_back(
+          {testing::camera_grid(1, 1, 1, kWidth, kHeight).front(), "truth.png", time});
+    }
+    EvaluationSettings settings;
+    settings.focal_depth = 4;
+    return evaluate_views(*take_, views, folder_.path(), settings, [](double) {}, {});
+  };
+  const Nanoseconds within = timeline_.ticks[2].time_ns, outside = within + 100 * kInterval;
+  EXPECT_THAT(evaluate({within, within}).notes, IsEmpty());
+  const Evaluation partly = evaluate({outside, within, outside});
+  EXPECT_THAT(partly.notes,
+              ElementsAre("2 of 3 views lie outside the take's time and show nothing"));
+  EXPECT_EQ(partly.views[0].quality.covered, 0);
+  EXPECT_GT(partly.views[1].quality.covered, 0);
+  try {
+    evaluate({outside, -outside});
+    ADD_FAILURE() << "measured nothing";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
+    EXPECT_THAT(error.what(), HasSubstr("no view lies within the take's time"));
+  }
 }
 
 /// What a camera saw at a tick, rendered from what the others saw then: not from what they stamped.

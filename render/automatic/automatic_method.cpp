@@ -27,15 +27,18 @@ constexpr std::array kOptions{
                   "docs/benchmarks.md, to be rendered alone from decoded frames, one sample a "
                   "pixel; 0: however long it takes")};
 
-/// From the least to the most accurate. Costs are the processor's time per pixel of one thread, ns,
-/// with frames decoded: cpu_ns_per_px of methods_bench (960x640) on
+/// From the least to the most accurate; docs/decisions.md says why no others. Costs are the
+/// processor's time per pixel of one thread, ns, with frames decoded: cpu_ns_per_px of
+/// methods_bench (960x640) on the machine of docs/benchmarks.md, in a run before that of
+/// docs/performance.md,
 ///   disparity between neighbours   15 px (shop)  8 px (knights)  7 px (chess)  3 px (a test's)
 ///   focal_plane                               8              10             9               8
 ///   plane_sweep with few planes             122             107           125              83
 ///   plane_sweep                             348             195           195             148
 ///   depth                                   391                           406             250
-/// and straight lines through these. What an instant costs depth: 38.4 s of the processor for
-/// shop's 64 cameras of 960x640, all told; chess takes less (660 ns).
+/// and straight lines through these. The later run has, for shop, 8, 133, 257 and 332: what chooses
+/// is their proportion, and no candidate passes another. What an instant costs depth: 38.4 s of the
+/// processor for shop's 64 cameras of 960x640, all told; chess takes less (660 ns).
 std::vector<Candidate> candidates() {
   return {
       {.label = "focal_plane", .method = focal_plane_method(), .pixel_ns = 10},
@@ -93,7 +96,9 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                           request.count_needed_pixels,
                           request.measure_coverage,
                           request.use_take_folder,
-                          request.supersampling};
+                          request.supersampling,
+                          request.first_row,
+                          request.whole_height};
   RenderedView view =
       reference ? chosen.method.render_reference(inner) : chosen.method.render(inner);
   std::string note = "auto: " + choice->why;
@@ -110,7 +115,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
   return view;
 }
 
-/// The instant that is measured is the timeline's middle.
+/// The instants that are measured are the timeline's ticks.
 std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
                                               const FrameSelection& /*frames*/) {
   const std::filesystem::path timeline = take.folder() / "timeline.zst";
@@ -124,7 +129,7 @@ Method automatic_method() {
   static constexpr MethodPreset kPresets[]{{"30 dB", "target_error=30"},
                                            {"50 ms", "target_time=0.05"}};
   return {"auto",
-          "chooses among the others the cheapest that meets a target",
+          "chooses among focal_plane, plane_sweep and depth the cheapest that meets a target",
           kOptions,
           [](const ViewRequest& request) { return render_with(request, false); },
           [](const ViewRequest& request) { return render_with(request, true); },

@@ -21,7 +21,7 @@ struct Options {
   std::vector<std::string> views, settings;
   std::vector<int> threads;
   bool count_pixels = false, quiet = false;
-  double memory_gb = 1;
+  double memory_gb = 4;
   TradePlan plan;
 };
 
@@ -85,7 +85,9 @@ void declare(CLI::App& app, Options& options) {
       {{"perceptual", BlendSpace::kPerceptual}, {"linear", BlendSpace::kLinear}},
       "Scale on which the cameras' samples are averaged: perceptual (sRGB's curve) or linear "
       "(default: perceptual)");
-  app.add_option("--memory", options.memory_gb, "Memory for decoded source frames, GB = 10^9 bytes")
+  app.add_option("--memory", options.memory_gb,
+                 "Memory for decoded source frames, what the method keeps and what it works with, "
+                 "GB = 10^9 bytes")
       ->capture_default_str()
       ->check(CLI::Range(0.001, 1e5));
   app.add_flag("-q,--quiet", options.quiet, "No progress");
@@ -137,7 +139,7 @@ ExitCode bench(const Options& options, std::stop_token stop) {
   TradePlan plan = options.plan;
   const bool asked_for = choose_settings(options, plan);
   plan.common.focal_depth = focal_depth_from(options.focal_depth);
-  plan.common.cache_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
+  plan.common.memory_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   plan.common.count_needed_pixels = options.count_pixels;
   plan.threads.clear();
   for (const int threads : options.threads) plan.threads.push_back(thread_count(threads));

@@ -26,7 +26,7 @@ struct Options {
   std::vector<std::string> method_options;
   EvaluationSettings settings;
   int threads = 0;
-  double memory_gb = 1;
+  double memory_gb = 4;
   bool quiet = false;
 };
 
@@ -46,7 +46,7 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
     settings.options[name] = value;
   }
   settings.focal_depth = focal_depth_from(options.focal_depth);
-  settings.cache_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
+  settings.memory_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   const Take take(options.take);
   ViewsDocument views;
   if (!options.views.empty()) views = read_views(options.views);
@@ -109,7 +109,9 @@ int main(int argc, char** argv) {
                  "Append the mean as a row to this Markdown table (made if missing)");
   app.add_option("--label", options.label, "First column of that row (default: the method)");
   add_threads_option(app, options.threads);
-  app.add_option("--memory", options.memory_gb, "Memory for decoded source frames, GB = 10^9 bytes")
+  app.add_option("--memory", options.memory_gb,
+                 "Memory for decoded source frames, what the method keeps and what it works with, "
+                 "GB = 10^9 bytes")
       ->capture_default_str()
       ->check(CLI::Range(0.001, 1e5));
   app.add_flag("-q,--quiet", options.quiet, "No progress on stderr");

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <set>
 
-#include "render/methods.h"
+#include "render/memory_shares.h"
 #include "schemas/error.h"
 #include "schemas/resources.h"
 
@@ -59,12 +59,6 @@ std::size_t instant_bytes(const ShotPlan& plan) {
 
 }  // namespace
 
-bool wants_frames_only(const Reconstruction& reconstruction) {
-  const Method& method = method_named(reconstruction.method);
-  return method.frames_only != nullptr &&
-         method.frames_only(MethodOptions(method.options, reconstruction.options, method.name));
-}
-
 std::string size_text(double bytes) {
   return bytes < 1e9 ? fmt::format("{:.1f} MB", bytes * 1e-6)
                      : fmt::format("{:.2f} GB", bytes * 1e-9);
@@ -104,16 +98,15 @@ MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frame
     --result.in_flight;
   }
   const auto in_flight = static_cast<std::size_t>(result.in_flight);
-  result.cache = budget - in_flight * per_frame;
-  if (!wants_frames_only(plan.reconstruction())) {
-    result.kept = result.cache / 4;
-    result.working = result.cache / 4 / in_flight;
-    if (request.bytes == 0) {
-      result.kept = std::min(result.kept, kDefaultKept);
-      result.working = std::min(result.working, kDefaultKept / in_flight);
-    }
-    result.cache -= result.kept + result.working * in_flight;
+  const std::size_t beside_frames = budget - in_flight * per_frame;
+  MemoryShares shares = share_memory(beside_frames, plan.reconstruction());
+  if (request.bytes == 0) {
+    shares.kept = std::min(shares.kept, kDefaultKept);
+    shares.working = std::min(shares.working, kDefaultKept);
   }
+  result.kept = shares.kept;
+  result.working = shares.working / in_flight;
+  result.cache = beside_frames - result.kept - result.working * in_flight;
   if (request.bytes == 0) result.cache = std::min(result.cache, kDefaultCache);
   if (result.cache < instant) {
     result.note = fmt::format(

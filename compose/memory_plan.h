@@ -29,12 +29,9 @@ struct MemoryPlan {
   std::string note;
 };
 
-/// Whether the method wants no memory but for decoded frames; see Method::frames_only.
-bool wants_frames_only(const Reconstruction& reconstruction);
-
 /// So many frames in flight as there is room for, with the decoded frames that a view may look
-/// through at once. A method that needs more than decoded frames gets a quarter of the memory for
-/// what it keeps, and a quarter to work with. Throws Error (bad input) where not one frame fits.
+/// through at once; what is left by share_memory(). Throws Error (bad input) where not one frame
+/// fits.
 MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                        const MemoryRequest& request);
 

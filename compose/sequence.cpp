@@ -18,6 +18,7 @@
 #include "compose/frame_range.h"
 #include "compose/memory_plan.h"
 #include "compose/sequence_name.h"
+#include "render/memory_shares.h"
 #include "render/methods.h"
 #include "schemas/atomic_file.h"
 #include "schemas/parallel.h"

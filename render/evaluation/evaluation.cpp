@@ -12,6 +12,7 @@
 
 #include "images/image_file.h"
 #include "render/evaluation/subjects.h"
+#include "render/memory_shares.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "schemas/atomic_file.h"
@@ -256,7 +257,10 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                                       plane_in_front_of(take.rig(), evaluation.focal_depth),
                                       settings.options, settings.fill};
   RendererSettings renderer_settings;
-  renderer_settings.cache_bytes = settings.cache_bytes;
+  const MemoryShares memory = share_memory(settings.memory_bytes, reconstruction);
+  renderer_settings.cache_bytes = memory.cache;
+  renderer_settings.kept_bytes = memory.kept;
+  renderer_settings.working_bytes = memory.working;
   renderer_settings.blend_space = settings.blend_space;
   renderer_settings.left_out = cameras_left_out(take, settings.leave_out, settings.camera_step);
   // What is derived from fewer cameras nobody will want again.

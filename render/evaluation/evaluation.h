@@ -50,8 +50,8 @@ struct EvaluationSettings {
   BlendSpace blend_space = BlendSpace::kPerceptual;
   /// As RendererSettings: false measures what is derived anew. Not used with cameras left out.
   bool use_take_folder = true;
-  std::filesystem::path image_folder;  ///< rendered views as PNG go here; empty: nowhere
-  std::size_t cache_bytes = std::size_t{1} << 30;
+  std::filesystem::path image_folder;        ///< rendered views as PNG go here; empty: nowhere
+  std::size_t memory_bytes = 4'000'000'000;  ///< shared out by share_memory()
   std::function<void(const EvaluatedPicture&)> on_picture;  ///< sees every view; may be empty
 };
 

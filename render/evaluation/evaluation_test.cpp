@@ -177,6 +177,16 @@ TEST_F(EvaluatedTake, WhatFewerCamerasTellIsNotKeptInTheTake) {
   EXPECT_EQ(files(), before);
 }
 
+TEST_F(EvaluatedTake, TheMemoryGrantedBoundsWhatTheMethodWorksInToo) {
+  const Take take(folder_.path() / "take");
+  settings_.method = "depth";
+  const double most_mb = evaluate(take).mean.working_mb;
+  settings_.memory_bytes = static_cast<std::size_t>(most_mb * 1e6 * 4 * 0.8);
+  const double least_mb = evaluate(take).mean.working_mb;
+  EXPECT_GT(least_mb, 0);
+  EXPECT_LE(least_mb, most_mb * 0.8);
+}
+
 TEST_F(EvaluatedTake, ReportsAllOptionsAndWhatTheMethodHasToSay) {
   const Take take(folder_.path() / "take");
   settings_.method = "plane_sweep";

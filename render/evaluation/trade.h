@@ -32,7 +32,7 @@ struct TradePlan {
   std::vector<int> threads{1};
   int pictures = 1;  ///< views of which pictures are kept, spread evenly
   /// What all have in common: focal_depth (where a setting has none), leave_out, view_step, repeat,
-  /// blend_space, cache_bytes, count_needed_pixels.
+  /// blend_space, memory_bytes, count_needed_pixels.
   EvaluationSettings common;
 };
 

@@ -137,6 +137,47 @@ TEST_F(Bands, HoldTheSamplesOfOneAtATime) {
   }
 }
 
+/// Whether bands are of the view or of a method: what one has of a frame the next one need not
+/// decode again, nor what none wants.
+TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
+  testing::SyntheticTake settings;
+  settings.cameras = testing::camera_grid(2, 2, 0.06, 640, 480);
+  settings.jpeg.chroma = JpegEncodeSettings::Chroma::k420;  // reaches across the bands' borders
+  write_synthetic_take(settings, folder_.path() / "fine");
+  const Take take(folder_.path() / "fine");
+  constexpr int kWide = 80, kHigh = 60, kTimes = 6, kRowsOfBand = 24;
+  Pose pose;
+  pose.position = {0.013, 0.01, 0};
+  const VirtualCamera view =
+      virtual_camera_with_fov(kWide, kHigh, 50 * std::numbers::pi / 180, pose);
+  const auto rendered = [&](const RendererSettings& with, const Reconstruction& how) {
+    RenderedView image =
+        LightFieldRenderer(take, with).render(view, select_frames(take, 0, 1), how);
+    EXPECT_EQ(image.statistics.supersampling, kTimes);
+    return image;
+  };
+  const auto expect_alike = [](const RenderedView& image, const RenderedView& expected) {
+    ASSERT_EQ(image.rgba.size(), expected.rgba.size());
+    for (std::size_t i = 0; i < image.rgba.size(); ++i) {
+      ASSERT_NEAR(image.rgba[i], expected.rgba[i], 1e-4) << "value " << i;
+    }
+    const auto decoded = static_cast<double>(image.statistics.pixels_decoded);
+    EXPECT_LE(decoded, 1.2 * static_cast<double>(expected.statistics.pixels_decoded));
+  };
+  RendererSettings in_bands;
+  in_bands.supersampling_bytes = kBytesOfSample * kTimes * kTimes * kWide * kRowsOfBand;
+  for (const Reconstruction& how : {by("focal_plane"), by("aperture"), by("lumigraph")}) {
+    SCOPED_TRACE(how.method);
+    const RenderedView whole = rendered({}, how);
+    EXPECT_LT(whole.statistics.pixels_decoded, 4 * 640 * 480 * 0.8);  // there is room for more
+    expect_alike(rendered(in_bands, how), whole);
+    if (whole.statistics.working_bytes == 0) continue;
+    RendererSettings little;
+    little.working_bytes = whole.statistics.working_bytes / 3;
+    expect_alike(rendered(little, how), whole);
+  }
+}
+
 /// Needed pixels are counted once, however many bands a method works in.
 TEST_F(Bands, OfAMethodCountNothingTwice) {
   RendererSettings counting;

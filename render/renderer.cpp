@@ -74,6 +74,7 @@ struct LightFieldRenderer::State {
     instant.time_ns = frames.time_ns;
     instant.rig = &take.rig();
     instant.cache = &cache;
+    instant.look = cache.new_look();
     instant.frame_of_camera = frames_of_members(frames);
     instant.frames_beside = frames_beside(frames.time_ns);
     instant.members = members;

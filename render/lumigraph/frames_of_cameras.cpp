@@ -58,8 +58,8 @@ void FramesOfCameras::decode(RenderStatistics& statistics) {
     const bool none = !mcus.empty() && std::find(mcus.begin(), mcus.end(), 1) == mcus.end();
     if (!used_[i] || none) return;
     std::int64_t pixels = 0;
-    frames_[i] =
-        instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i], mcus, pixels);
+    frames_[i] = instant_.cache->fetch(static_cast<int>(i), instant_.frame_of_camera[i], mcus,
+                                       pixels, instant_.look);
     decoded += pixels;
     looked_through_[i] = 1;
   });

@@ -61,8 +61,9 @@ void SourceFrames::decode(RenderStatistics& statistics) {
     Source& source = sources_[static_cast<std::size_t>(index)];
     if (!source.wanted.empty() && std::ranges::count(source.wanted, 1) == 0) return;
     std::int64_t decoded = 0;
-    source.frame = instant_.cache->fetch(
-        index, instant_.frame_of_camera[static_cast<std::size_t>(index)], source.wanted, decoded);
+    source.frame =
+        instant_.cache->fetch(index, instant_.frame_of_camera[static_cast<std::size_t>(index)],
+                              source.wanted, decoded, instant_.look);
     source.view.rgbx = source.frame->rgbx.get();
     pixels += decoded;
     needed += std::ranges::count(source.read_pixels, 1);

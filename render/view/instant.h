@@ -16,7 +16,8 @@ struct Instant {
   const Take* take = nullptr;  ///< that the frames are of
   const Rig* rig = nullptr;    ///< the take's
   FrameCache* cache = nullptr;
-  Nanoseconds time_ns = 0;  ///< since the take's epoch
+  FrameCache::Look look = FrameCache::kByItself;  ///< of the view, whatever parts it is made in
+  Nanoseconds time_ns = 0;                        ///< since the take's epoch
   /// Per camera of the rig: its frame, or -1 where it has none at this instant or is left out.
   std::vector<int> frame_of_camera;
   /// The same of the timeline's ticks before and after, where there are any: see

@@ -4,14 +4,17 @@
 #include <tbb/enumerable_thread_specific.h>
 
 #include <algorithm>
+#include <atomic>
 #include <list>
 #include <map>
 #include <mutex>
 #include <set>
+#include <span>
 #include <utility>
 
 #include "schemas/error.h"
 #include "schemas/transfer_function.h"
+#include "store/frames/added_mcus.h"
 
 namespace raystage {
 namespace {
@@ -22,7 +25,8 @@ struct Entry {
   std::mutex decoding;
   std::shared_ptr<const JpegLayout> layout;
   std::shared_ptr<const DecodedFrame> frame;
-  std::list<Key>::iterator place;  // in the order of use
+  FrameCache::Look look = FrameCache::kByItself;  // that asked for it, where it is held in part
+  std::list<Key>::iterator place;                 // in the order of use
 };
 
 double linear_of_code(const TakeDocument& take, int code) {
@@ -76,6 +80,7 @@ struct FrameCache::State {
   BlendSpace space;
   std::vector<LinearTable> tables;
   tbb::enumerable_thread_specific<JpegDecoder> decoders;
+  std::atomic<Look> looks = kByItself;
 
   std::mutex mutex;  // guards what follows
   std::map<Key, std::shared_ptr<Entry>> entries;
@@ -151,20 +156,47 @@ struct FrameCache::State {
     spare.emplace(frame.bytes, std::move(frame.rgbx));
   }
 
-  DecodedFrame decode(const Key& key, const JpegLayout& layout, const McuMask& wanted,
-                      std::int64_t& pixels_decoded) {
+  std::span<std::uint16_t> pixels_of(const DecodedFrame& frame) const {
+    return {frame.rgbx.get(), static_cast<std::size_t>(frame.width) * frame.height * 4};
+  }
+
+  DecodedFrame unset_frame(const JpegLayout& layout) {
     DecodedFrame frame;
     frame.width = layout.width;
     frame.height = layout.height;
     const std::size_t pixels = static_cast<std::size_t>(layout.width) * (layout.height + 1) + 1;
     frame.bytes = pixels * 4 * sizeof(std::uint16_t);
     frame.rgbx = allocate(frame.bytes);
-    const std::size_t used = static_cast<std::size_t>(layout.width) * layout.height * 4;
+    const std::size_t used = pixels_of(frame).size();
     std::fill_n(frame.rgbx.get() + used, pixels * 4 - used, std::uint16_t{0});
-    if (std::find(wanted.begin(), wanted.end(), 0) != wanted.end()) frame.decoded = wanted;
-    pixels_decoded += decoders.local().decode_region(
-        take.archive(key.first).jpeg(key.second), layout, wanted,
-        tables[static_cast<std::size_t>(key.first)], {frame.rgbx.get(), used}, name_of(key));
+    return frame;
+  }
+
+  std::int64_t decode_into(const DecodedFrame& frame, const Key& key, const JpegLayout& layout,
+                           const McuMask& mcus) {
+    return decoders.local().decode_region(take.archive(key.first).jpeg(key.second), layout, mcus,
+                                          tables[static_cast<std::size_t>(key.first)],
+                                          pixels_of(frame), name_of(key));
+  }
+
+  DecodedFrame decode(const Key& key, const JpegLayout& layout, const McuMask& wanted,
+                      std::int64_t& pixels_decoded) {
+    DecodedFrame frame = unset_frame(layout);
+    if (std::ranges::find(wanted, 0) != wanted.end()) frame.decoded = wanted;
+    pixels_decoded += decode_into(frame, key, layout, wanted);
+    return frame;
+  }
+
+  /// What is held, which others may be looking at, with the `wanted` MCUs added.
+  DecodedFrame decode_more(const Key& key, const JpegLayout& layout, const DecodedFrame& held,
+                           const McuMask& wanted, std::int64_t& pixels_decoded) {
+    const AddedMcus added(layout, held.decoded, wanted);
+    DecodedFrame frame = unset_frame(layout);
+    if (std::ranges::find(added.together(), 0) != added.together().end()) {
+      frame.decoded = added.together();
+    }
+    pixels_decoded += decode_into(frame, key, layout, added.to_decode());
+    added.copy_held(pixels_of(held), pixels_of(frame));
     return frame;
   }
 
@@ -203,8 +235,10 @@ std::shared_ptr<const JpegLayout> FrameCache::layout(int camera, int frame) {
   return entry->layout;
 }
 
+FrameCache::Look FrameCache::new_look() { return ++state_->looks; }
+
 std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, const McuMask& wanted,
-                                                      std::int64_t& pixels_decoded) {
+                                                      std::int64_t& pixels_decoded, Look look) {
   const Key key{camera, frame};
   const auto entry = state_->entry(key);
   const std::scoped_lock decoding(entry->decoding);
@@ -217,10 +251,14 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   if (held && holds(*held, wanted)) return held;
 
   const JpegLayout& layout = state_->layout_of(key, *entry);
-  const bool whole = held || wanted.empty();
+  const bool adds = held && look != kByItself && look == entry->look && layout.regions_decodable();
+  const bool whole = wanted.empty() || (held && !adds);
   const McuMask all(whole ? static_cast<std::size_t>(layout.mcu_count()) : 0, 1);
-  auto fresh =
-      state_->share(state_->decode(key, layout, whole ? all : wanted, pixels_decoded), state_);
+  auto fresh = state_->share(
+      adds && !whole ? state_->decode_more(key, layout, *held, wanted, pixels_decoded)
+                     : state_->decode(key, layout, whole ? all : wanted, pixels_decoded),
+      state_);
+  entry->look = look;
   {
     const std::scoped_lock lock(state_->mutex);
     const auto kept = state_->entries.find(key);

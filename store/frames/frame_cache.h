@@ -25,22 +25,30 @@ struct DecodedFrame {
 };
 
 /// Decoded frames of a take within a bound of memory, an eighth of it for memory that waits to be
-/// used again, least recently used out first. A frame asked
-/// for again with more than it holds is decoded whole: the second look says that it will be looked
-/// at often. Thread-safe; a frame is decoded once however many threads ask.
+/// used again, least recently used out first. A frame asked for again with more than it holds is
+/// decoded whole: the second look says that it will be looked at often. Parts of one look add up.
+/// Thread-safe; a frame is decoded once however many threads ask.
 class FrameCache {
  public:
+  /// What fetches belong to: bands of a view, say, are parts of one look.
+  using Look = std::uint64_t;
+  static constexpr Look kByItself = 0;  ///< each fetch is a look of its own
+
   FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space);
   ~FrameCache();
 
   /// Throws Error (bad input) for a damaged frame or one whose size is not the camera's.
   std::shared_ptr<const JpegLayout> layout(int camera, int frame);
 
+  /// One that no other is equal to.
+  Look new_look();
+
   /// The frame with at least the `wanted` MCUs, all of it where `wanted` is empty (see
-  /// JpegDecoder::decode_region for what that promises at their borders). Adds the pixels
-  /// entropy-decoded for it to `pixels_decoded`.
+  /// JpegDecoder::decode_region for what that promises at their borders). What is decoded for parts
+  /// of one look alone gains the MCUs that it lacks; without restart markers, where that costs as
+  /// much, it is decoded whole too. Adds the pixels entropy-decoded for it to `pixels_decoded`.
   std::shared_ptr<const DecodedFrame> fetch(int camera, int frame, const McuMask& wanted,
-                                            std::int64_t& pixels_decoded);
+                                            std::int64_t& pixels_decoded, Look look = kByItself);
 
   /// Whether all of a frame is in memory, so that any part of it costs nothing.
   bool holds_whole(int camera, int frame);

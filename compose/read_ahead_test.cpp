@@ -18,6 +18,11 @@ class ReadAhead : public testing::SequenceTest {
     shot_.layers.front().options = {{"radius", 1.0}};
     options_.existing = ExistingFiles::kOverwrite;
   }
+  void look_through_the_first() {
+    shot_.layers.front().method = "nearest";
+    shot_.layers.front().options = {};
+    shot_.camera = {{101, {0.01, -0.01, 0}, {1, 0, 0, 0}, 20}};
+  }
   SequenceReport run_with(int in_flight) {
     options_.frames_in_flight = in_flight;
     return run();
@@ -41,20 +46,46 @@ TEST_F(ReadAhead, LooksAsFarAheadAsFramesAreInFlight) {
   EXPECT_EQ(run_with(kTicks).frames_read_ahead, 0);
 }
 
-TEST_F(ReadAhead, AsksForAnInstantOnce) {
+TEST_F(ReadAhead, AsksForNothingMoreOfAnInstantThatIsLookedAt) {
   shot_.layers.front().speed = 0;
-  // The second frame's, before the first has been decoded: the same.
-  EXPECT_EQ(run_with(1).frames_read_ahead, kCameras);
+  for (const int in_flight : {1, 3}) EXPECT_EQ(run_with(in_flight).frames_read_ahead, 0);
+}
+
+TEST_F(ReadAhead, AsksForAnInstantOnce) {
+  shot_.layers.front().speed = 0.33;  // three frames see the same
+  shot_.last_frame = 101 + 3 * kTicks - 2;
+  for (const int in_flight : {1, 3, 4}) {
+    const SequenceReport report = run_with(in_flight);
+    EXPECT_EQ(report.rendered, 3 * kTicks - 1);
+    EXPECT_GE(report.frames_read_ahead, 1);
+    EXPECT_LE(report.frames_read_ahead, kFramesOfTake - kCameras);
+  }
+}
+
+TEST_F(ReadAhead, LeavesOutFramesThatAreThereAlready) {
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run_with(1).frames_read_ahead, kFramesOfTake - kCameras);
+  const SequenceReport again = run_with(1);
+  EXPECT_EQ(again.skipped, kTicks);
+  EXPECT_EQ(again.frames_read_ahead, 0);
+}
+
+/// A shot that is taken up again knows no more of its cameras than one that begins.
+TEST_F(ReadAhead, OfAShotTakenUpAgainAsksForCamerasThatItLooksThrough) {
+  look_through_the_first();
+  options_.existing = ExistingFiles::kSkip;
+  run_with(1);
+  for (const int frame : {103, 104, 105, 106}) std::filesystem::remove(file(frame));
+  const SequenceReport report = run_with(1);
+  EXPECT_EQ(report.skipped, kTicks - 4);
+  EXPECT_EQ(report.frames_read_ahead, 3);  // 103 comes before anything was looked through
 }
 
 TEST_F(ReadAhead, LeavesOutCamerasThatAShotDoesNotLookThrough) {
-  shot_.layers.front().method = "nearest";
-  shot_.layers.front().options = {};
-  shot_.camera = {{101, {0.01, -0.01, 0}, {1, 0, 0, 0}, 20}};  // the first is
+  look_through_the_first();
   const SequenceReport report = run_with(1);
   EXPECT_EQ(report.rendered, kTicks);
-  // Before the first view nobody knows who will be looked through.
-  EXPECT_EQ(report.frames_read_ahead, kCameras + (kTicks - 2));
+  EXPECT_EQ(report.frames_read_ahead, kTicks - 1);
 }
 
 TEST_F(ReadAhead, LeavesMemoryWithinWhatIsGranted) {

@@ -158,9 +158,15 @@ class SequenceRun {
   // Reading, sampling and writing in tenths of a frame, so that a heavy frame shows progress.
   static constexpr int kPartsOfFrame = 10, kPartsOfRender = 8;
 
-  /// The frames in flight keep the processors busy; the disk works for the one that comes next.
+  /// The frames in flight keep the processors busy; the disk works for the one that comes next. To
+  /// know whether a file that is there will be kept takes reading it all; most are.
   void read_ahead(std::size_t index) {
     if (index >= frames_.size() || !frames_[index].tick) return;
+    std::error_code ignored;
+    if (options_.existing == ExistingFiles::kSkip &&
+        std::filesystem::exists(name_.path(frames_[index].frame), ignored)) {
+      return;
+    }
     renderer_.read_ahead(plan_.timeline().ticks[static_cast<std::size_t>(*frames_[index].tick)]);
   }
 

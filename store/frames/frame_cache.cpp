@@ -5,10 +5,10 @@
 
 #include <algorithm>
 #include <atomic>
+#include <deque>
 #include <list>
 #include <map>
 #include <mutex>
-#include <set>
 #include <span>
 #include <utility>
 
@@ -27,6 +27,13 @@ struct Entry {
   std::shared_ptr<const DecodedFrame> frame;
   FrameCache::Look look = FrameCache::kByItself;  // that asked for it, where it is held in part
   std::list<Key>::iterator place;                 // in the order of use
+};
+
+/// What was asked for of a camera before it was fetched.
+struct ReadAhead {
+  static constexpr std::size_t kMost = 16;  // as many frames as are in flight at most
+  bool is_in_use = false;                   // a frame was fetched
+  std::deque<int> asked;                    // not held since then, the newest last; few
 };
 
 double linear_of_code(const TakeDocument& take, int code) {
@@ -86,7 +93,7 @@ struct FrameCache::State {
   std::map<Key, std::shared_ptr<Entry>> entries;
   std::list<Key> by_use;  // most recent first
   std::size_t bytes = 0;
-  std::set<int> fetched;  // cameras of which some frame has been
+  std::vector<ReadAhead> ahead;  // per camera
   int read_ahead = 0;
   /// Memory of frames thrown out, by size: fresh pages cost more than decoding into old ones.
   std::multimap<std::size_t, std::unique_ptr<std::uint16_t[]>> spare;
@@ -200,6 +207,20 @@ struct FrameCache::State {
     return frame;
   }
 
+  /// A camera is in use from the first frame on that is fetched of it.
+  void read_what_waits_for(int camera, int fetched) {
+    std::deque<int> waiting;
+    {
+      const std::scoped_lock lock(mutex);
+      ReadAhead& of_camera = ahead[static_cast<std::size_t>(camera)];
+      if (std::exchange(of_camera.is_in_use, true)) return;
+      waiting = of_camera.asked;
+      std::erase(waiting, fetched);
+      read_ahead += static_cast<int>(waiting.size());
+    }
+    for (const int frame : waiting) take.archive(camera).read_ahead(frame);
+  }
+
   std::size_t most_spare() const { return budget / 8; }
 
   /// Lets go of the least recently used frames; those still in use keep their memory until done.
@@ -223,6 +244,7 @@ FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace sp
   for (const Rig::Camera& camera : take.rig().cameras) {
     state_->tables.push_back(table_of(take, camera.photometric, state_->full_scale, space));
   }
+  state_->ahead.resize(take.rig().cameras.size());
 }
 
 FrameCache::~FrameCache() = default;
@@ -242,10 +264,10 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
   const Key key{camera, frame};
   const auto entry = state_->entry(key);
   const std::scoped_lock decoding(entry->decoding);
+  state_->read_what_waits_for(camera, frame);
   std::shared_ptr<const DecodedFrame> held;
   {
     const std::scoped_lock lock(state_->mutex);
-    state_->fetched.insert(camera);
     held = entry->frame;
   }
   if (held && holds(*held, wanted)) return held;
@@ -266,6 +288,7 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
       state_->bytes += fresh->bytes;
       if (entry->frame) state_->bytes -= entry->frame->bytes;
       entry->frame = fresh;
+      std::erase(state_->ahead[static_cast<std::size_t>(camera)].asked, frame);
     }
   }
   held.reset();
@@ -276,9 +299,13 @@ std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, con
 void FrameCache::read_ahead(int camera, int frame) {
   {
     const std::scoped_lock lock(state_->mutex);
-    if (!state_->fetched.empty() && state_->fetched.count(camera) == 0) return;
     const auto found = state_->entries.find({camera, frame});
     if (found != state_->entries.end() && found->second->frame) return;
+    ReadAhead& ahead = state_->ahead[static_cast<std::size_t>(camera)];
+    if (std::ranges::find(ahead.asked, frame) != ahead.asked.end()) return;
+    ahead.asked.push_back(frame);
+    if (ahead.asked.size() > ReadAhead::kMost) ahead.asked.pop_front();
+    if (!ahead.is_in_use) return;
     ++state_->read_ahead;
   }
   state_->take.archive(camera).read_ahead(frame);

@@ -54,8 +54,8 @@ class FrameCache {
   bool holds_whole(int camera, int frame);
 
   /// Asks for a frame's bytes to be read from the disk while the caller goes on, unless the frame
-  /// is held or no frame of its camera has been fetched yet although some of others have: cameras
-  /// that a shot does not need cost it nothing.
+  /// is held or was among the last that were asked for of its camera. Cameras of which nothing has
+  /// been fetched wait until something is: those that a shot does not need cost it nothing.
   void read_ahead(int camera, int frame);
 
   BlendSpace blend_space() const;

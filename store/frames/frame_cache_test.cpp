@@ -139,12 +139,30 @@ TEST_F(Cache, DecodesAFrameOnceHoweverManyAsk) {
 
 TEST_F(Cache, ReadsAheadFramesOfCamerasInUseThatItDoesNotHold) {
   FrameCache cache(*take_, 16 * kFrameBytes, BlendSpace::kPerceptual);
-  cache.read_ahead(1, 0);  // nobody knows yet who will be in use
-  EXPECT_EQ(cache.frames_read_ahead(), 1);
+  cache.read_ahead(0, 0);  // nobody knows yet who will be in use
+  cache.read_ahead(0, 2);
+  cache.read_ahead(1, 0);
+  EXPECT_EQ(cache.frames_read_ahead(), 0);
   decoded(cache, 0, 0);
-  cache.read_ahead(0, 0);  // held
-  cache.read_ahead(1, 1);  // not in use
+  EXPECT_EQ(cache.frames_read_ahead(), 1);  // what waited, but for the frame itself
+  cache.read_ahead(0, 0);                   // held
+  cache.read_ahead(1, 1);                   // not in use
   EXPECT_EQ(cache.frames_read_ahead(), 1);
+  cache.read_ahead(0, 1);
+  EXPECT_EQ(cache.frames_read_ahead(), 2);
+  decoded(cache, 1, 5);
+  EXPECT_EQ(cache.frames_read_ahead(), 4);
+}
+
+TEST_F(Cache, ReadsAFrameAheadOnceUntilItIsForgotten) {
+  FrameCache cache(*take_, 2 * kFrameBytes, BlendSpace::kPerceptual);  // holds one
+  decoded(cache, 0, 0);
+  for (int times = 0; times < 3; ++times) cache.read_ahead(0, 1);
+  EXPECT_EQ(cache.frames_read_ahead(), 1);
+  decoded(cache, 0, 1);
+  cache.read_ahead(0, 1);
+  EXPECT_EQ(cache.frames_read_ahead(), 1);
+  decoded(cache, 0, 2);
   cache.read_ahead(0, 1);
   EXPECT_EQ(cache.frames_read_ahead(), 2);
 }

@@ -7,9 +7,12 @@
 #include <numbers>
 
 #include "render/hull/test_matte.h"
+#include "render/matching/large_buffer.h"
 #include "render/methods.h"
 #include "render/renderer.h"
+#include "render/view/footprint.h"
 #include "render/view/synthetic_take.h"
+#include "render/view/working_memory.h"
 
 namespace raystage {
 namespace {
@@ -176,6 +179,55 @@ TEST_F(Bands, DecodeLittleMoreThanTheWhole) {
     little.working_bytes = whole.statistics.working_bytes / 3;
     expect_alike(rendered(little, how), whole);
   }
+}
+
+/// Where no memory is granted to keep images of nodes, bands make again those that they share.
+TEST_F(Bands, OfSlabsMakeImagesOfSharedNodesAlone) {
+  const auto decoded = [&](std::size_t supersampling_bytes) {
+    RendererSettings keeps_nothing = in_bands_;
+    keeps_nothing.supersampling_bytes = supersampling_bytes;
+    keeps_nothing.kept_bytes = keeps_nothing.cache_bytes = 0;
+    return render(keeps_nothing, by("slabs")).statistics.pixels_decoded;
+  };
+  constexpr std::int64_t kFrame = 160 * 120;  // of which each node's image takes one, decoded anew
+  EXPECT_EQ(decoded(RendererSettings{}.supersampling_bytes), 9 * kFrame);
+  // The upper band looks between all three rows of nodes, the lower one between the last two.
+  EXPECT_EQ(decoded(in_bands_.supersampling_bytes), (9 + 6) * kFrame);
+}
+
+/// Of the view they know nothing of each other: what several need counts in each.
+TEST_F(Bands, OfTheViewCountPixelsAtTheirBordersInEach) {
+  RendererSettings counting;
+  counting.count_needed_pixels = true;
+  RendererSettings in_bands = counting;
+  in_bands.supersampling_bytes = in_bands_.supersampling_bytes;
+  for (const Reconstruction& how : {by("focal_plane"), by("lumigraph"), by("slabs")}) {
+    SCOPED_TRACE(how.method);
+    const auto whole = static_cast<double>(render(counting, how).statistics.pixels_needed);
+    const auto bands = static_cast<double>(render(in_bands, how).statistics.pixels_needed);
+    EXPECT_GT(bands, whole);
+    EXPECT_LT(bands, 1.05 * whole);
+  }
+}
+
+/// Or else each would have a note of its own.
+TEST_F(Bands, SpeakOfTheWholeWhereMemoryIsShort) {
+  const auto note = [&](const VirtualCamera& whole, int first, int end, int whole_height) {
+    const VirtualCamera fine = supersampled(rows_of(whole, first, end), kFactor);
+    const Instant instant;
+    const MethodOptions options({}, {}, "no method");
+    KeptResults kept(0);
+    BufferPool buffers;
+    ViewRequest request{fine, instant, kPlane, options, kept, 5'000'000, buffers};
+    request.supersampling = kFactor;
+    request.first_row = first;
+    request.whole_height = whole_height;
+    return more_than_its_share("x", request);
+  };
+  const std::string of_whole = note(view(), 0, kHeight, 0);
+  EXPECT_NE(of_whole.find("a view of 20x15 takes more memory"), std::string::npos) << of_whole;
+  EXPECT_EQ(note(view(), 0, kRows, kHeight), of_whole);
+  EXPECT_EQ(note(view(), kRows, kHeight, kHeight), of_whole);
 }
 
 /// Needed pixels are counted once, however many bands a method works in.

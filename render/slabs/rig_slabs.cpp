@@ -50,6 +50,8 @@ RigSlabs make_slabs(const Instant& instant, const SlabSettings& settings) {
   return made;
 }
 
+/// Even where memory is too short to keep images of nodes: then bands make those anew that they
+/// share, and what is granted has no say in the pixels.
 bool rows_alone(const MethodOptions&) { return true; }
 
 }  // namespace

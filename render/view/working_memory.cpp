@@ -6,12 +6,13 @@
 namespace raystage {
 
 std::string more_than_its_share(std::string_view method, const ViewRequest& request) {
-  // The same for all of a shot: nothing of the view but its size.
+  // The same for all of a shot: nothing of the view but its size, which a band's is not.
+  const int height =
+      request.whole_height > 0 ? request.whole_height : request.view.height / request.supersampling;
   return fmt::format(
       "{}: a view of {}x{} takes more memory to work with than its share, {:.0f} MB: the least "
       "that it can do with",
-      method, request.view.width / request.supersampling,
-      request.view.height / request.supersampling,
+      method, request.view.width / request.supersampling, height,
       static_cast<double>(request.working_bytes) / 1e6);
 }
 

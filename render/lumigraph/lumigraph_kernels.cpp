@@ -135,10 +135,15 @@ void weigh(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
       const auto ahead = hn::NegMulAdd(b.along, inverse, hn::Load(d, chunk.point.data() + i));
       const auto across = hn::Mul(b.distance, inverse);
       const auto long_side = hn::Sqrt(hn::MulAdd(across, across, hn::Mul(ahead, ahead)));
-      const auto per_sum = hn::Div(b.distance, hn::Max(hn::Add(long_side, ahead), set(kTiny)));
-      const auto further =
-          hn::MulAdd(across, per_sum, hn::Sub(hn::Load(d, chunk.eye.data() + i), b.along));
-      auto penalty = hn::MulAdd(set(2 * weighing.angular), per_sum, set(weighing.least));
+      // Behind the point `ahead` is negative, and their sum cancels: there from their difference.
+      const auto behind = hn::Lt(ahead, zero);
+      const auto sum = hn::Add(long_side, hn::Abs(ahead));
+      const auto half = hn::IfThenElse(behind, hn::Div(sum, hn::Mul(across, inverse)),
+                                       hn::Div(b.distance, hn::Max(sum, set(kTiny))));
+      const auto longer = hn::IfThenElse(behind, hn::Div(sum, inverse), hn::Mul(across, half));
+      const auto further = hn::Add(longer, hn::Sub(hn::Load(d, chunk.eye.data() + i), b.along));
+      const auto angular = hn::Min(hn::Mul(set(2), half), set(static_cast<float>(kMostAngular)));
+      auto penalty = hn::MulAdd(set(weighing.angular), angular, set(weighing.least));
       penalty = hn::MulAdd(set(weighing.resolution), hn::Max(further, zero), penalty);
       const auto sees = hn::Gt(within, zero);
       const auto missed =

@@ -22,6 +22,18 @@ double within_image(const CameraModel& model, const Vector2d& pixel, double bord
   return std::clamp(to_border / std::max(border * model.width(), 1.0), 0.0, 1.0);
 }
 
+/// 2 D tan(angle / 2), as ray_weights.h has it. `towards`: from the camera to the point, over D.
+double angular_penalty(const Vector3d& towards, const WorldRay& ray, double inverse_distance,
+                       double beside) {
+  const double ahead = towards.dot(ray.direction);
+  // tan(angle / 2) = sin / (1 + cos) = |t x d| / (|t| + t.d), and |t x d| = beside / D; for one
+  // behind the point (1 - cos) / sin: the other sum cancels there, to nothing on the ray's line.
+  const double half =
+      ahead < 0 ? (towards.norm() - ahead) / (beside * inverse_distance * inverse_distance)
+                : beside / (towards.norm() + ahead);
+  return std::min(2 * half, kMostAngular);
+}
+
 }  // namespace
 
 RayWeighing ray_weighing(const MethodOptions& options) {
@@ -77,9 +89,7 @@ std::vector<WeightedCamera> weigh_cameras_reference(const Rig& rig, std::span<co
     const double within =
         std::min(candidate.seen, within_image(camera.model, candidate.pixel, weighing.border));
     if (!(within > 0)) continue;
-    // tan(angle / 2) = sin / (1 + cos) = |t x d| / (|t| + t.d), and |t x d| = beside / distance.
-    const double angular =
-        2 * candidate.beside / std::max(towards.norm() + towards.dot(ray.direction), 1e-20);
+    const double angular = angular_penalty(towards, ray, inverse_distance, candidate.beside);
     const double along = eye_to_camera.dot(ray.direction);
     // (|t| - 1) / q, times (|t| + 1) / (|t| + 1): that difference is all rounding for a point far
     // away, and there is none for one at infinity.

@@ -15,8 +15,8 @@ namespace raystage {
 /// The ray from the eye E meets the proxy at P, D metres away. A camera at C has the penalty
 ///   p = angular * a + resolution * r + field_of_view * spacing * (1 / v - 1), metres:
 ///   a = 2 D tan(angle / 2), of the angle at P between E and C: for small angles how far the camera
-///       lies beside the ray; for P at infinity exactly that; infinite for one that looks from
-///       behind P.
+///       lies beside the ray; for P at infinity exactly that; for one that looks from behind P it
+///       grows the nearer that lies to the ray's line: on it to kMostAngular, instead of infinity.
 ///   r = max(0, |C - P| - D): how much further away the camera saw P, thus coarser.
 ///   v in (0, 1]: how well within its image the camera sees P, 1 but for the image's border.
 /// (Eq. 2.3; Buehler, Bosse, McMillan, Gortler and Cohen, "Unstructured Lumigraph Rendering",
@@ -36,6 +36,9 @@ inline constexpr int kMostCameras = 16;
 inline constexpr double kSoftening = 1e-4;
 /// Least penalty, in camera spacings: a ray straight through a camera has a finite weight.
 inline constexpr double kLeastPenalty = 1e-6;
+/// Largest a, metres: next to any other camera as good as infinite, yet who alone sees the point
+/// counts, wherever it is.
+inline constexpr double kMostAngular = 1e20;
 
 /// From a method's options of the same names.
 RayWeighing ray_weighing(const MethodOptions& options);

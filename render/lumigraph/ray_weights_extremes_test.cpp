@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <optional>
 #include <vector>
 
@@ -137,15 +138,22 @@ Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeighin
   const Real sides = norm(eye_from_point) * norm(camera_from_point);
   const Real facing = sides + dot(eye_from_point, camera_from_point);
   const Real beside = norm(cross(ray, centre - eye)), along = dot(ray, centre - eye);
-  if (!at_infinity && facing == 0) return Sees::kRoundingDecides;
+  const double from_line = static_cast<double>(beside);
+  const bool behind = !at_infinity && dot(eye_from_point, camera_from_point) < 0;
+  // Next to the line behind the point, where it is rounding by how much.
+  if (behind && from_line <= 4 * rounding.beside) return Sees::kRoundingDecides;
+  const Real half_tangent =
+      at_infinity ? Real(0) : Real(norm(cross(eye_from_point, camera_from_point)) / facing);
   const Real angular =
-      at_infinity ? beside : 2 * distance * norm(cross(eye_from_point, camera_from_point)) / facing;
+      at_infinity ? beside : std::min(Real(2 * distance * half_tangent), Real(kMostAngular));
   const double facing_over_distances =
       at_infinity ? 2 : static_cast<double>(facing / (distance * distance));
-  if (facing_over_distances <= 4 * rounding.towards) return Sees::kRoundingDecides;
   const double angular_bound =
-      (2 * rounding.beside + 4 * rounding.towards * static_cast<double>(angular)) /
-      facing_over_distances;
+      behind ? static_cast<double>(angular) *
+                   (2 * rounding.beside / from_line +
+                    4 * rounding.towards / static_cast<double>(norm(towards)))
+             : (2 * rounding.beside + 4 * rounding.towards * static_cast<double>(angular)) /
+                   facing_over_distances;
   const Real further = at_infinity ? Real(-along) : Real(norm(camera_from_point) - distance);
   penalty.value = weighing.angular * angular + weighing.resolution * std::max(Real(0), further) +
                   weighing.field_of_view * spacing * (1 / within - 1) + kLeastPenalty * spacing;
@@ -301,6 +309,73 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
                         of_camera.penalty.position_bound);
       }
     }));
+  });
+}
+
+/// Shares of the cameras in a ray that meets the scene 1 m ahead of the origin, along -z: by the
+/// reference, and by the kernels on the target that is chosen.
+struct Shares {
+  std::vector<double> reference, kernels;
+};
+Shares shares_of(const Rig& rig, const RayWeighing& weighing) {
+  const WorldRay ray{Vector3d::Zero(), -Vector3d::UnitZ()};
+  const double inverse_distance = 1;
+  Shares shares{std::vector<double>(rig.cameras.size()), {}};
+  for (const WeightedCamera& camera :
+       weigh_cameras_reference(rig, all_cameras(rig), ray, inverse_distance, weighing, 0.1)) {
+    shares.reference[static_cast<std::size_t>(camera.camera)] = camera.weight;
+  }
+  RayChunk chunk;
+  fill_chunk({&ray, 1}, {&inverse_distance, 1}, rig.centre(), chunk);
+  const std::vector<ChunkCamera> cameras = chunk_cameras(rig);
+  std::vector<const ChunkCamera*> pointers;
+  for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
+  std::vector<ChunkWeights> found(cameras.size());
+  weigh_cameras(chunk, pointers, ChunkWeighing(weighing, 0.1), found);
+  for (const ChunkWeights& camera : found) shares.kernels.push_back(double{camera.weight[0]});
+  return shares;
+}
+
+TEST(RayWeightsExtremes, WhoLooksFromBehindThePointOnTheRaysLineGivesWayToAnyOther) {
+  CameraGeometry geometry;
+  geometry.id = "c";
+  geometry.width = geometry.height = 100;
+  geometry.intrinsics = {100, 100, 50, 50, {}};
+  const CameraModel model(geometry);
+  const Pose beside{Eigen::Matrix3d::Identity(), {0.3, 0, 0}};
+  const Eigen::Matrix3d backwards =
+      Eigen::AngleAxisd(std::numbers::pi, Vector3d::UnitY()).toRotationMatrix();
+  testing::for_each_target(kernel_target, [&] {
+    SCOPED_TRACE(kernel_target());
+    for (const double from_line : {0.0, 1e-30, 1e-12, 1e-5, 1e-3}) {
+      SCOPED_TRACE(from_line);
+      // 1.5 m behind the point.
+      const Pose behind{backwards, {from_line, 0, -2.5}};
+      Rig rig;
+      rig.cameras = {{"behind", model, behind, {}, {}, {}}, {"beside", model, beside, {}, {}, {}}};
+      RayWeighing weighing;
+      const Shares both = shares_of(rig, weighing);
+      // 0.3 m and a little for the one beside, against 2 tan(angle / 2) for the one behind.
+      const double most = 0.4 * from_line / 6 + 1 / kMostAngular;
+      EXPECT_LE(both.reference[0], most);
+      EXPECT_LE(both.kernels[0], most + 1e-8);  // a float knows the line to 1e-8 m
+      EXPECT_NEAR(both.reference[1], 1, 1e-3);
+      EXPECT_NEAR(both.kernels[1], 1, 1e-3);
+
+      // By resolution alone: half a metre further away than the eye, the other but 44 mm.
+      weighing.angular = 0;
+      const double least = kLeastPenalty * 0.1;
+      const double far = 1 / (weighing.resolution * 0.5 + least);
+      const double near = 1 / (weighing.resolution * (std::hypot(1, 0.3) - 1) + least);
+      const Shares by_distance = shares_of(rig, weighing);
+      EXPECT_NEAR(by_distance.reference[0], far / (far + near), 1e-4);
+      EXPECT_NEAR(by_distance.kernels[0], far / (far + near), 1e-4);
+
+      rig.cameras.pop_back();
+      const Shares alone = shares_of(rig, {});
+      EXPECT_EQ(alone.reference[0], 1);
+      EXPECT_NEAR(alone.kernels[0], 1, 1e-6);
+    }
   });
 }
 

@@ -13,6 +13,7 @@
 #include "render/view/footprint.h"
 #include "render/view/synthetic_take.h"
 #include "render/view/working_memory.h"
+#include "schemas/atomic_file.h"
 
 namespace raystage {
 namespace {
@@ -36,6 +37,8 @@ class Bands : public ::testing::Test {
     for (const CameraGeometry& camera : settings.cameras) {
       testing::write_matte(folder_.path() / "take", camera.id, 0, 160, 120, codes);
     }
+    write_file_atomically(folder_.path() / "take" / "wall.obj",
+                          "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
     take_.emplace(folder_.path() / "take");
     in_bands_.measure_coverage = true;
     in_bands_.supersampling_bytes = kBytesOfSample * kFactor * kFactor * kWidth * kRowsThatFit;
@@ -65,9 +68,12 @@ std::vector<Reconstruction> in_rows() {
   return {by("focal_plane"),
           by("nearest"),
           by("aperture"),
+          by("aperture", {{"f_number", 0.2}, {"focus_distance", 3.0}}),
           by("lumigraph"),
           by("lumigraph", {{"weights", std::string("blending_field")}}),
+          by("lumigraph", {{"proxy", std::string("mesh")}, {"mesh", std::string("wall.obj")}}),
           by("slabs"),
+          by("slabs", {{"layout", std::string("box")}}),
           by("visual_hull")};
 }
 

@@ -9,6 +9,7 @@
 
 #include "render/depth/blend_kernels.h"
 #include "render/sampling/depth_planning.h"
+#include "render/sweep/field_coverage.h"
 #include "schemas/parallel.h"
 
 namespace raystage::depth {
@@ -257,7 +258,7 @@ class Frame {
 RenderedView render(const ViewRequest& request) {
   const auto start = Clock::now();
   const std::optional<Plan> made = plan(request);
-  if (!made) return empty_view(request.view);
+  if (!made) return view_of_nothing(request);
   return Frame(request, *made).render(start);
 }
 

@@ -170,7 +170,7 @@ void measure_coverage(const ViewRequest& request, const Plan& plan, RenderedView
 
 RenderedView render_reference(const ViewRequest& request) {
   const std::optional<Plan> made = plan(request);
-  if (!made) return empty_view(request.view);
+  if (!made) return view_of_nothing(request);
   return Reference(request, *made).render();
 }
 

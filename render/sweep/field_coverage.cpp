@@ -69,4 +69,12 @@ void measure_field_coverage(const ViewRequest& request, const CameraField& field
   });
 }
 
+RenderedView view_of_nothing(const ViewRequest& request) {
+  RenderedView image = empty_view(request.view);
+  if (!request.measure_coverage) return image;
+  image.cameras.assign(image.coverage.size(), 0);
+  image.nearest_ray.assign(image.coverage.size(), std::numeric_limits<float>::infinity());
+  return image;
+}
+
 }  // namespace raystage

@@ -22,4 +22,7 @@ using PointVisibility =
 void measure_field_coverage(const ViewRequest& request, const CameraField& field,
                             const PointVisibility& visible, RenderedView& image);
 
+/// The view of a scene that lies nowhere in it: transparent, of no camera, where that is asked for.
+RenderedView view_of_nothing(const ViewRequest& request);
+
 }  // namespace raystage

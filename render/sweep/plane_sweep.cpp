@@ -338,7 +338,7 @@ class Frame {
 RenderedView render(const ViewRequest& request) {
   const auto start = Clock::now();
   const std::optional<Plan> made = plan(request);
-  if (!made) return empty_view(request.view);
+  if (!made) return view_of_nothing(request);
   return Frame(request, *made).render(start);
 }
 

@@ -174,7 +174,7 @@ class Reference {
 
 RenderedView render_reference(const ViewRequest& request) {
   const std::optional<Plan> made = plan(request);
-  if (!made) return empty_view(request.view);
+  if (!made) return view_of_nothing(request);
   return Reference(request, *made).render();
 }
 

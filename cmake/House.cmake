@@ -9,24 +9,28 @@ if(RAYSTAGE_SANITIZE)
 endif()
 include(PrecompiledHeaders)
 
-# raystage_library(NAME SOURCES ... LINKS ...)
+# raystage_library(NAME SOURCES ... [ALONE ...] LINKS ...)
 #   Static library raystage_NAME of the folder it is called in. LINKS are public: what a header
-#   shows, its users may use.
+#   shows, its users may use. Where CMAKE_UNITY_BUILD is on, sources are compiled several at a time, half
+#   of the work; those after ALONE are not: file-local names of theirs are others' names, too, or commands
+#   want some of them without the libraries (OpenImageIO, Embree) that others load.
 function(raystage_library NAME)
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINKS" ${ARGN})
-  add_library(raystage_${NAME} STATIC ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "" "" "SOURCES;ALONE;LINKS" ${ARGN})
+  set_source_files_properties(${ARG_ALONE} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+  add_library(raystage_${NAME} STATIC ${ARG_SOURCES} ${ARG_ALONE})
   target_link_libraries(raystage_${NAME} PUBLIC raystage_compiler ${ARG_LINKS})
   raystage_precompiled(raystage_${NAME} raystage_library_headers)
 endfunction()
 
-# raystage_test(NAME SOURCES ... LINKS ... [LABELS ...])
-#   One GoogleTest executable for a folder's tests; every TEST becomes a ctest of its own.
+# raystage_test(NAME SOURCES ... [ALONE ...] LINKS ... [LABELS ...])
+#   One GoogleTest executable for a folder's tests; every TEST becomes a ctest of its own. ALONE as above.
 function(raystage_test NAME)
   if(NOT RAYSTAGE_TESTS)
     return()
   endif()
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINKS;LABELS" ${ARGN})
-  add_executable(raystage_${NAME}_test ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "" "" "SOURCES;ALONE;LINKS;LABELS" ${ARGN})
+  set_source_files_properties(${ARG_ALONE} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+  add_executable(raystage_${NAME}_test ${ARG_SOURCES} ${ARG_ALONE})
   target_link_libraries(raystage_${NAME}_test PRIVATE raystage_compiler ${ARG_LINKS}
                         GTest::gtest_main GTest::gmock)
   target_compile_options(raystage_${NAME}_test PRIVATE ${RAYSTAGE_TEST_OPTIMISATION})
@@ -59,5 +63,6 @@ function(raystage_kernels)
     list(APPEND options -msse4.2 -mpclmul -maes)
   endif()
   set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "${options}"
-                              SKIP_PRECOMPILE_HEADERS ON)  # compiled for another machine
+                              SKIP_PRECOMPILE_HEADERS ON  # compiled for another machine
+                              SKIP_UNITY_BUILD_INCLUSION ON)
 endfunction()

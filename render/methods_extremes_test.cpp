@@ -30,9 +30,9 @@ using testing::Extreme;
 using testing::extremes;
 using testing::SyntheticTake;
 
-/// The painted plane, in a range of depths of a thousandth of its own; the same in one from half to
-/// ten times its depth; all white.
-enum class Scene { kFlat, kDeep, kWhite };
+/// The painted plane, in a range of depths of a thousandth of its own; the same at its depth and no
+/// other (zmin = zmax); the same in one from half to ten times its depth; all white.
+enum class Scene { kFlat, kOneDepth, kDeep, kWhite };
 
 /// A method, with options that take another way through it.
 struct Setting {
@@ -76,6 +76,8 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
       SyntheticTake take = testing::extreme_array(array);
       if (scene == Scene::kWhite) {
         take.painting = [](const auto&, const auto&) { return std::array<double, 3>{1, 1, 1}; };
+      } else if (scene == Scene::kOneDepth) {
+        take.depth_range = DepthRange{take.plane_depth, take.plane_depth};
       } else if (scene == Scene::kDeep) {
         take.depth_range = DepthRange{take.plane_depth / 2, take.plane_depth * 10};
       }
@@ -220,8 +222,10 @@ TEST_P(MethodExtremes, ImagesAreSoundSeeWhatCanBeSeenAndTheFastOneIsTheReference
   const double pixel_metres = cameras[0].intrinsics.fx *
                               (cameras[1].world_from_camera[3] - cameras[0].world_from_camera[3]);
   for (const Extreme& extreme : rows()) {
-    for (const Scene scene : {Scene::kFlat, Scene::kDeep}) {
-      SCOPED_TRACE(extreme.name + (scene == Scene::kFlat ? ", flat" : ", deep"));
+    for (const Scene scene : {Scene::kFlat, Scene::kOneDepth, Scene::kDeep}) {
+      SCOPED_TRACE(extreme.name + (scene == Scene::kFlat       ? ", flat"
+                                   : scene == Scene::kOneDepth ? ", one depth"
+                                                               : ", deep"));
       const auto fast = render(extreme, scene, false);
       const auto reference = has_quick_reference() ? render(extreme, scene, true) : fast;
       ASSERT_TRUE(fast && reference);

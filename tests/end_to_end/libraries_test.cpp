@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What commands load: a start of OpenImageIO or OpenCV takes 0.2 s and 100 MB.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage {
+namespace {
+
+using testing::CommandResult;
+using ::testing::HasSubstr;
+using ::testing::Not;
+using testing::run;
+
+class LibrariesLoadedBy : public ::testing::TestWithParam<const char*> {};
+
+TEST_P(LibrariesLoadedBy, NoneOfAnImageStack) {
+  const CommandResult loaded =
+      run(std::string("ldd '" RAYSTAGE_BIN_DIR "/raystage-") + GetParam() + "'");
+  ASSERT_EQ(loaded.exit_code, 0) << loaded.err;
+  EXPECT_THAT(loaded.out, HasSubstr("libstdc++"));
+  for (const char* library : {"libOpenImageIO", "libopencv", "libassimp", "libOpenEXR"}) {
+    EXPECT_THAT(loaded.out, Not(HasSubstr(library)));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Commands, LibrariesLoadedBy,
+                         ::testing::Values("record", "join", "info", "verify", "repair"));
+
+}  // namespace
+}  // namespace raystage

@@ -7,6 +7,7 @@ set(RAYSTAGE_TEST_OPTIMISATION -O1)
 if(RAYSTAGE_SANITIZE)
   set(RAYSTAGE_TEST_OPTIMISATION -O0)
 endif()
+set(RAYSTAGE_COMMAND_OPTIMISATION -O0)  # they parse a command line, each with all of CLI11
 include(PrecompiledHeaders)
 
 # raystage_library(NAME SOURCES ... [ALONE ...] LINKS ...)
@@ -48,7 +49,8 @@ function(raystage_command NAME)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINKS" ${ARGN})
   add_executable(raystage-${NAME} ${ARG_SOURCES})
   target_link_libraries(raystage-${NAME} PRIVATE raystage_compiler ${ARG_LINKS})
-  target_compile_options(raystage-${NAME} PRIVATE -O1)  # parses a command line
+  target_compile_options(raystage-${NAME} PRIVATE ${RAYSTAGE_COMMAND_OPTIMISATION})
+  raystage_precompiled(raystage-${NAME} raystage_command_headers)
 endfunction()
 
 # raystage_kernels(FILES...)

@@ -12,8 +12,8 @@ include(PrecompiledHeaders)
 
 # raystage_library(NAME SOURCES ... [ALONE ...] LINKS ...)
 #   Static library raystage_NAME of the folder it is called in. LINKS are public: what a header
-#   shows, its users may use. Where CMAKE_UNITY_BUILD is on, sources are compiled several at a time, half
-#   of the work; those after ALONE are not: file-local names of theirs are others' names, too, or commands
+#   shows, its users may use. Where CMAKE_UNITY_BUILD is on, sources are compiled several at a time, which
+#   saves much of the work; those after ALONE are not: file-local names of theirs are others' names, too, or commands
 #   want some of them without the libraries (OpenImageIO, Embree) that others load.
 function(raystage_library NAME)
   cmake_parse_arguments(ARG "" "" "SOURCES;ALONE;LINKS" ${ARGN})

@@ -7,14 +7,14 @@ set(RAYSTAGE_TEST_OPTIMISATION -O1)
 if(RAYSTAGE_SANITIZE)
   set(RAYSTAGE_TEST_OPTIMISATION -O0)
 endif()
-set(RAYSTAGE_COMMAND_OPTIMISATION -O0)  # they parse a command line, each with all of CLI11
+set(RAYSTAGE_COMMAND_OPTIMISATION -O1)  # they parse a command line, each with all of CLI11
 include(PrecompiledHeaders)
 
 # raystage_library(NAME SOURCES ... [ALONE ...] LINKS ...)
 #   Static library raystage_NAME of the folder it is called in. LINKS are public: what a header
-#   shows, its users may use. Where CMAKE_UNITY_BUILD is on, sources are compiled several at a time, which
-#   saves much of the work; those after ALONE are not: file-local names of theirs are others' names, too, or commands
-#   want some of them without the libraries (OpenImageIO, Embree) that others load.
+#   shows, its users may use. Where CMAKE_UNITY_BUILD is on, sources are compiled several at
+#   a time, which saves much of the work; those after ALONE are not: file-local names of theirs are others'
+#   names, too, or commands want some of them without the libraries (OpenImageIO) that others load.
 function(raystage_library NAME)
   cmake_parse_arguments(ARG "" "" "SOURCES;ALONE;LINKS" ${ARGN})
   set_source_files_properties(${ARG_ALONE} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/hull/carving.h"
 
+#include <tbb/enumerable_thread_specific.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
+#include <memory>
 
 namespace raystage {
 namespace {
@@ -94,27 +97,122 @@ Interval seen_part(const Vector3d& direction, const Vector3d& per_inverse,
   return seen;
 }
 
-/// One thread's work: intervals of one ray.
-class RayCarving {
+/// Walks over the line of an interval in one camera's raster: calls visit(near, far, value) for
+/// pieces of one value, the nearest first, until it returns false.
+template <class Visit>
+void walk(const WorldRay& ray, const Carver& carver, const Interval& interval, const Visit& visit) {
+  const Vector3d direction = carver.raster_from_world * ray.direction;
+  const Vector3d per_inverse = carver.raster_from_world * (ray.origin - carver.centre);
+  const Matte::Raster& raster = *carver.raster;
+  const Interval seen = seen_part(direction, per_inverse, raster, interval);
+  if (seen.far > seen.near) {
+    visit(interval.near, interval.far, MatteValue::kUnseen);
+    return;
+  }
+  if (seen.near < interval.near && !visit(interval.near, seen.near, MatteValue::kUnseen)) return;
+  const auto end = [&](double inverse) {
+    Vector3d at = direction + inverse * per_inverse;
+    at.z() = std::max(at.z(), kLeastAhead);
+    return at;
+  };
+  const RasterLine line(end(seen.near), end(seen.far), seen, raster);
+  double reached = seen.near;
+  const auto step_to = [&](double s, MatteValue value) {
+    const double from = reached;
+    reached = std::clamp(line.inverse_distance(s), seen.far, reached);
+    return visit(from, reached, value);
+  };
+  const int steps = std::max(1, static_cast<int>(std::ceil(line.way().cwiseAbs().maxCoeff())));
+  MatteValue value = MatteValue::kUnseen;
+  for (int step = 0; step < steps; ++step) {
+    const Vector2d position = line.position((step + 0.5) / steps);
+    const int x = std::clamp(static_cast<int>(position.x()), 0, raster.width - 1);
+    const int y = std::clamp(static_cast<int>(position.y()), 0, raster.height - 1);
+    const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width) +
+                           static_cast<std::size_t>(x);
+    const MatteValue next = raster.values[at];
+    if (step > 0 && next != value && !step_to(static_cast<double>(step) / steps, value)) return;
+    value = next;
+    // A step is a pixel at most; one less for what rounding makes of it.
+    step += std::clamp(raster.alike[at] - 1, 0, steps - 1 - step);
+  }
+  if (!visit(reached, seen.far, value)) return;
+  if (seen.far > interval.far) visit(seen.far, interval.far, MatteValue::kUnseen);
+}
+
+/// By how many more cameras see a ray from there on.
+struct Change {
+  double inverse_distance = 0;
+  int by = 0;
+};
+
+/// The nearest inverse distance that enough cameras see; -1 for none.
+double first_seen(std::vector<Change>& changes, int least_seeing) {
+  // From near to far; where one camera gives way to another, both see the point.
+  std::sort(changes.begin(), changes.end(), [](const Change& a, const Change& b) {
+    return a.inverse_distance > b.inverse_distance ||
+           (a.inverse_distance == b.inverse_distance && a.by > b.by);
+  });
+  int seeing = 0;
+  for (const Change& change : changes) {
+    seeing += change.by;
+    if (seeing >= least_seeing) return change.inverse_distance;
+  }
+  return -1;
+}
+
+/// A few rays at a time, through one camera after the other: their lines lie side by side in its
+/// raster, and what one has read is there for the next.
+class Carving {
  public:
-  /// 1 / distance of the first surface, or not-a-number.
-  double meet(const WorldRay& ray, std::span<const Carver> carvers, int least_seeing,
-              double nearest) {
-    kept_.assign(1, {1 / nearest, 0});
+  static constexpr std::size_t kRays = 64;
+
+  /// Writes 1 / distance of the first surface, or not-a-number. `rays`: kRays at most.
+  void meet(std::span<const WorldRay> rays, std::span<const Carver> carvers, int least_seeing,
+            double nearest, std::span<double> inverse_distance) {
+    rays_.resize(std::max(rays_.size(), rays.size()));
+    alive_.clear();
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      inverse_distance[i] = std::numeric_limits<double>::quiet_NaN();
+      rays_[i].kept.assign(1, {1 / nearest, 0});
+      alive_.push_back(i);
+    }
     for (const Carver& carver : carvers) {
-      next_.clear();
-      for (const Interval& interval : kept_) carve(ray, carver, interval);
-      kept_.swap(next_);
-      if (kept_.empty()) return std::numeric_limits<double>::quiet_NaN();
+      for (const std::size_t i : alive_) carve(rays[i], carver, rays_[i]);
+      std::erase_if(alive_, [&](std::size_t i) { return rays_[i].kept.empty(); });
+      if (alive_.empty()) return;
     }
-    for (const Interval& interval : kept_) {
-      const double first = first_seen(ray, carvers, interval, least_seeing);
-      if (first >= 0) return first;
+    // Of what is left of each ray the nearest piece first.
+    for (std::size_t piece = 0; !alive_.empty(); ++piece) {
+      for (const std::size_t i : alive_) rays_[i].changes.clear();
+      for (const Carver& carver : carvers) {
+        for (const std::size_t i : alive_) count_seeing(rays[i], carver, rays_[i], piece);
+      }
+      std::erase_if(alive_, [&](std::size_t i) {
+        const double first = first_seen(rays_[i].changes, least_seeing);
+        if (first >= 0) inverse_distance[i] = first;
+        return first >= 0 || piece + 1 >= rays_[i].kept.size();
+      });
     }
-    return std::numeric_limits<double>::quiet_NaN();
   }
 
  private:
+  struct Ray {
+    std::vector<Interval> kept;
+    std::vector<Change> changes;
+  };
+
+  void carve(const WorldRay& line, const Carver& carver, Ray& ray) {
+    next_.clear();
+    for (const Interval& interval : ray.kept) {
+      walk(line, carver, interval, [&](double near, double far, MatteValue value) {
+        if (value != MatteValue::kBackground) keep(near, far);
+        return true;
+      });
+    }
+    ray.kept.swap(next_);
+  }
+
   void keep(double near, double far) {
     if (!next_.empty() && next_.back().far <= near) {
       next_.back().far = std::min(next_.back().far, far);
@@ -123,92 +221,20 @@ class RayCarving {
     }
   }
 
-  /// Walks over the line of an interval: calls visit(near, far, value) for pieces of one value, the
-  /// nearest first, until it returns false.
-  template <class Visit>
-  static void walk(const WorldRay& ray, const Carver& carver, const Interval& interval,
-                   const Visit& visit) {
-    const Vector3d direction = carver.raster_from_world * ray.direction;
-    const Vector3d per_inverse = carver.raster_from_world * (ray.origin - carver.centre);
-    const Matte::Raster& raster = *carver.raster;
-    const Interval seen = seen_part(direction, per_inverse, raster, interval);
-    if (seen.far > seen.near) {
-      visit(interval.near, interval.far, MatteValue::kUnseen);
-      return;
-    }
-    if (seen.near < interval.near && !visit(interval.near, seen.near, MatteValue::kUnseen)) return;
-    const auto end = [&](double inverse) {
-      Vector3d at = direction + inverse * per_inverse;
-      at.z() = std::max(at.z(), kLeastAhead);
-      return at;
-    };
-    const RasterLine line(end(seen.near), end(seen.far), seen, raster);
-    double reached = seen.near;
-    const auto step_to = [&](double s, MatteValue value) {
-      const double from = reached;
-      reached = std::clamp(line.inverse_distance(s), seen.far, reached);
-      return visit(from, reached, value);
-    };
-    const int steps = std::max(1, static_cast<int>(std::ceil(line.way().cwiseAbs().maxCoeff())));
-    const auto value_at = [&](int step) {
-      const Vector2d position = line.position((step + 0.5) / steps);
-      const int x = std::clamp(static_cast<int>(position.x()), 0, raster.width - 1);
-      const int y = std::clamp(static_cast<int>(position.y()), 0, raster.height - 1);
-      return raster.values[static_cast<std::size_t>(y) * static_cast<std::size_t>(raster.width) +
-                           static_cast<std::size_t>(x)];
-    };
-    MatteValue value = value_at(0);
-    for (int step = 1; step < steps; ++step) {
-      const MatteValue next = value_at(step);
-      if (next == value) continue;
-      if (!step_to(static_cast<double>(step) / steps, value)) return;
-      value = next;
-    }
-    if (!visit(reached, seen.far, value)) return;
-    if (seen.far > interval.far) visit(seen.far, interval.far, MatteValue::kUnseen);
-  }
-
-  void carve(const WorldRay& ray, const Carver& carver, const Interval& interval) {
-    walk(ray, carver, interval, [&](double near, double far, MatteValue value) {
-      if (value != MatteValue::kBackground) keep(near, far);
+  static void count_seeing(const WorldRay& line, const Carver& carver, Ray& ray,
+                           std::size_t piece) {
+    walk(line, carver, ray.kept[piece], [&](double near, double far, MatteValue value) {
+      if (value == MatteValue::kForeground) {
+        ray.changes.push_back({near, 1});
+        ray.changes.push_back({far, -1});
+      }
       return true;
     });
   }
 
-  /// The nearest inverse distance of an interval that enough cameras see; -1 for none.
-  double first_seen(const WorldRay& ray, std::span<const Carver> carvers, const Interval& interval,
-                    int least_seeing) {
-    changes_.clear();
-    for (const Carver& carver : carvers) {
-      walk(ray, carver, interval, [&](double near, double far, MatteValue value) {
-        if (value == MatteValue::kForeground) {
-          changes_.push_back({near, 1});
-          changes_.push_back({far, -1});
-        }
-        return true;
-      });
-    }
-    // From near to far; where one camera gives way to another, both see the point.
-    std::sort(changes_.begin(), changes_.end(), [](const Change& a, const Change& b) {
-      return a.inverse_distance > b.inverse_distance ||
-             (a.inverse_distance == b.inverse_distance && a.by > b.by);
-    });
-    int seeing = 0;
-    for (const Change& change : changes_) {
-      seeing += change.by;
-      if (seeing >= least_seeing) return change.inverse_distance;
-    }
-    return -1;
-  }
-
-  /// By how many more cameras see a ray from there on.
-  struct Change {
-    double inverse_distance = 0;
-    int by = 0;
-  };
-
-  std::vector<Change> changes_;
-  std::vector<Interval> kept_, next_;
+  std::vector<Ray> rays_;
+  std::vector<std::size_t> alive_;  ///< of rays_: of which something is left, and not yet found
+  std::vector<Interval> next_;
 };
 
 }  // namespace
@@ -220,20 +246,28 @@ RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int
     carvers.push_back(
         carver_of(rig.cameras[static_cast<std::size_t>(silhouette.camera)], *silhouette.matte));
   }
-  return [carvers = std::move(carvers), held = std::move(silhouettes), least_seeing, nearest](
-             std::span<const WorldRay> rays, std::span<double> inverse_distance) {
+  // Of each thread's own: what it worked in for one call serves the next.
+  struct Scratch {
+    std::vector<Carver> in_order;
+    Carving carving;
+  };
+  const auto scratches = std::make_shared<tbb::enumerable_thread_specific<Scratch>>();
+  return [carvers = std::move(carvers), held = std::move(silhouettes), scratches, least_seeing,
+          nearest](std::span<const WorldRay> rays, std::span<double> inverse_distance) {
+    auto& [in_order, carving] = scratches->local();
     // The nearest cameras first: their lines are short, and say of most rays that they miss. Rays
     // that come together come from about the same place.
-    std::vector<Carver> in_order = carvers;
+    in_order = carvers;
     if (!rays.empty()) {
       const Vector3d& eye = rays.front().origin;
       std::sort(in_order.begin(), in_order.end(), [&](const Carver& a, const Carver& b) {
         return (a.centre - eye).squaredNorm() < (b.centre - eye).squaredNorm();
       });
     }
-    RayCarving carving;
-    for (std::size_t i = 0; i < rays.size(); ++i) {
-      inverse_distance[i] = carving.meet(rays[i], in_order, least_seeing, nearest);
+    for (std::size_t i = 0; i < rays.size(); i += Carving::kRays) {
+      const std::size_t count = std::min(Carving::kRays, rays.size() - i);
+      carving.meet(rays.subspan(i, count), in_order, least_seeing, nearest,
+                   inverse_distance.subspan(i, count));
     }
   };
 }

@@ -39,6 +39,22 @@ Bounds ideal_bounds(const CameraModel& model) {
   return bounds;
 }
 
+constexpr std::uint8_t kMostAlike = 254;  // one more must fit into a byte
+
+/// Of each value and those to its left and right; null: there are none to fear.
+void least_of_three(const std::uint8_t* row, std::vector<std::uint8_t>& least) {
+  if (row == nullptr) {
+    std::ranges::fill(least, kMostAlike);
+    return;
+  }
+  const std::size_t last = least.size() - 1;
+  for (std::size_t x = 1; x < last; ++x) {
+    least[x] = std::min(std::min(row[x - 1], row[x]), row[x + 1]);
+  }
+  least[0] = std::min(row[0], row[std::min<std::size_t>(1, last)]);
+  least[last] = std::min(row[last], row[last - std::min<std::size_t>(1, last)]);
+}
+
 }  // namespace
 
 std::filesystem::path matte_file(const Take& take, int camera, int frame) {
@@ -52,7 +68,12 @@ Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double t
       least_(static_cast<std::uint8_t>(std::clamp(std::ceil(threshold * 255), 1.0, 255.0))),
       codes_(std::move(codes)) {
   const Intrinsics& k = model.intrinsics();
-  raster_ = {width_, height_, k.fx, k.fy, k.cx, k.cy, {}};
+  raster_.width = width_;
+  raster_.height = height_;
+  raster_.fx = k.fx;
+  raster_.fy = k.fy;
+  raster_.cx = k.cx;
+  raster_.cy = k.cy;
   if (model.has_distortion()) {
     const Bounds bounds = ideal_bounds(model);
     const Vector2d scale(k.fx, k.fy);
@@ -74,6 +95,47 @@ Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double t
       const auto pixel = model.pixel_from_ideal(
           {(x + 0.5 - raster_.cx) / raster_.fx, (y + 0.5 - raster_.cy) / raster_.fy});
       raster_.values.push_back(pixel ? at_pixel(*pixel) : MatteValue::kUnseen);
+    }
+  }
+  raster_.find_alike();
+}
+
+/// Chessboard distances (Rosenfeld and Pfaltz, "Distance functions on digital pictures", 1968) to
+/// the pixels beside which another value stands.
+void Matte::Raster::find_alike() {
+  const auto columns = static_cast<std::size_t>(width);
+  alike.resize(values.size());
+  for (int y = 0; y < height; ++y) {
+    const auto row_at = [&](int v) {
+      return values.data() + static_cast<std::size_t>(std::clamp(v, 0, height - 1)) * columns;
+    };
+    const MatteValue *above = row_at(y - 1), *row = row_at(y), *below = row_at(y + 1);
+    std::uint8_t* out = alike.data() + static_cast<std::size_t>(y) * columns;
+    const auto all_are = [&](std::size_t x, MatteValue value) {
+      return above[x] == value && row[x] == value && below[x] == value;
+    };
+    for (std::size_t x = 0; x < columns; ++x) {
+      const bool same = all_are(x > 0 ? x - 1 : x, row[x]) && all_are(x, row[x]) &&
+                        all_are(x + 1 < columns ? x + 1 : x, row[x]);
+      out[x] = same ? kMostAlike : 0;
+    }
+  }
+  // Down and to the right, then up and to the left.
+  std::vector<std::uint8_t> least(columns);
+  for (int y = 0; y < height; ++y) {
+    std::uint8_t* row = alike.data() + static_cast<std::size_t>(y) * columns;
+    least_of_three(y > 0 ? row - columns : nullptr, least);
+    for (std::size_t x = 0; x < columns; ++x) {
+      const int beside = x > 0 ? std::min(least[x], row[x - 1]) : least[x];
+      row[x] = static_cast<std::uint8_t>(std::min<int>(row[x], beside + 1));
+    }
+  }
+  for (int y = height - 1; y >= 0; --y) {
+    std::uint8_t* row = alike.data() + static_cast<std::size_t>(y) * columns;
+    least_of_three(y + 1 < height ? row + columns : nullptr, least);
+    for (std::size_t x = columns; x-- > 0;) {
+      const int beside = x + 1 < columns ? std::min(least[x], row[x + 1]) : least[x];
+      row[x] = static_cast<std::uint8_t>(std::min<int>(row[x], beside + 1));
     }
   }
 }

@@ -31,13 +31,18 @@ class Matte {
     int width = 0, height = 0;
     double fx = 1, fy = 1, cx = 0, cy = 0;  ///< position = (fx x + cx, fy y + cy), ideal x, y
     std::vector<MatteValue> values;
+
+    /// How far, in pixels along either axis or both, all pixels have the same value as this one:
+    /// 254 at most. A walk may leave out what it knows already.
+    std::vector<std::uint8_t> alike;
+    void find_alike();
   };
   const Raster& raster() const { return raster_; }
 
   /// The reference: through the lens, at the pixel that holds the point.
   MatteValue at(const CameraModel& model, const Eigen::Vector3d& direction_in_camera) const;
 
-  std::size_t bytes() const { return codes_.size() + raster_.values.size(); }
+  std::size_t bytes() const { return codes_.size() + raster_.values.size() + raster_.alike.size(); }
 
  private:
   MatteValue at_pixel(const Eigen::Vector2d& pixel) const;

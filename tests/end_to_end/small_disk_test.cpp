@@ -15,6 +15,14 @@ using ::testing::HasSubstr;
 const std::string kRecord = "raystage record ../record.json -o take --status none --duration ";
 const std::string kSay = "; echo \"exit $?\"; ";
 
+/// Until frames were written, and then none for so long that those which wait fill the memory: how
+/// soon that is depends on the machine.
+const std::string kUntilStalled =
+    "kb=0; until [ ${kb:-0} -ge 1000 ]; do sleep 0.05; "
+    "kb=$(du -ks take/archive 2>/dev/null | cut -f1); done; "
+    "free=; until [ \"$free\" = \"$(stat -f -c %a .)\" ]; do "
+    "free=$(stat -f -c %a .); sleep 1.2; done; ";
+
 class SmallDisk : public testing::DiskRecording {
  protected:
   void SetUp() override {
@@ -66,14 +74,11 @@ TEST_F(SmallDisk, FullToTheEndEveryLossIsRecordedAndARoomierOneGoesOn) {
 }
 
 TEST_F(SmallDisk, RoomThatIsMadeMeanwhileIsUsed) {
-  const CommandResult result =
-      on_disk("3m", "{ " + kRecord +
-                        "5 & }; while [ ! -e take/take.json ]; do sleep 0.05; done; "
-                        "sleep 2.7; " +
-                        now("size=16m") + "wait $!" + kSay);
+  const CommandResult result = on_disk(
+      "3m", "{ " + kRecord + "8 & }; " + kUntilStalled + now("size=16m") + "wait $!" + kSay);
   EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\n")) << result.err;
   const auto account = session(kept() / "take");
-  expect_account(account, 5);
+  expect_account(account, 8);
   for (int camera = 0; camera < kCameras; ++camera) {
     EXPECT_FALSE(
         account.at("cameras")[camera].at("dropped").contains("dropped, could not be written"));

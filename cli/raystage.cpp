@@ -29,6 +29,7 @@ constexpr Command kCommands[] = {
     {"verify", "is a take still what was recorded? exit code 1 if not"},
     {"repair", "close what a crash left open, save what can be saved of a damaged take"},
     {"render", "render a shot as an EXR sequence"},
+    {"camera", "write a shot's virtual camera for other programs: .chan, .gltf"},
     {"evaluate", "render views whose truth is known; measure error and time"},
     {"bench", "measure every method against truth: error against time, as a page"},
     {"preview", "turn an EXR sequence into a movie and a contact sheet"},

@@ -27,6 +27,7 @@ struct Options {
   int threads = 0, frames_in_flight = 0;
   double memory_gb = 0;
   bool chromaticities = false, coverage = false;
+  std::string layout;
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
   std::optional<HoleFill> fill;
@@ -85,6 +86,13 @@ void declare(CLI::App& app, Options& options) {
                  "frames)")
       ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))
       ->type_name("GB");
+  app.add_option(
+         "--layout", options.layout,
+         "how layers and views are spread over an EXR file: standard = a part for each; "
+         "single = all\nin one part, for old readers; nuke = the same with depth as depth.Z "
+         "(default: what the shot\nsays, else standard)")
+      ->check(CLI::IsMember({"standard", "single", "nuke"}))
+      ->type_name("LAYOUT");
   app.add_flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");
   app.add_flag(
@@ -139,6 +147,7 @@ ExitCode render(const Options& options, std::stop_token stop) {
   if (options.target_time > 0) sequence.target["target_time"] = options.target_time;
   sequence.frames_in_flight = options.frames_in_flight;
   sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
+  sequence.layout = options.layout;
   sequence.chromaticities = options.chromaticities;
   sequence.coverage_measures = options.coverage;
   sequence.program_version = RAYSTAGE_VERSION;

@@ -24,37 +24,97 @@ constexpr std::size_t kViewBytesPerPixel = 24, kBytesPerPixelBesideView = 72;
 /// The coverage measures on top: for the file, in it.
 constexpr std::size_t kMeasuresBytesPerPixelBesideView = 16;
 
-const FrameSelection& tick_of(const ShotPlan& plan, const PlannedFrame& frame) {
-  return plan.timeline().ticks[static_cast<std::size_t>(*frame.tick)];
+/// A layer's picture that waits to be merged, and what merging writes.
+constexpr std::size_t kLayerBytesPerPixel = 28;
+
+std::size_t pixels_of(const ShotDocument& shot) {
+  return static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height);
 }
 
 /// What the views of the frames take at most. Every one is looked at: of a zoom a single frame may
 /// be the one that is supersampled most.
 std::size_t most_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                             bool coverage_measures) {
-  RendererSettings settings;
-  settings.cache_bytes = settings.kept_bytes = 0;
-  settings.measure_coverage = coverage_measures;
-  const LightFieldRenderer renderer(plan.take(), settings);
-  std::size_t most = static_cast<std::size_t>(plan.shot().width) *
-                     static_cast<std::size_t>(plan.shot().height) * kViewBytesPerPixel;
-  for (const PlannedFrame& frame : frames) {
-    if (!frame.tick) continue;
-    most = std::max(most, renderer.view_bytes(plan.camera(frame.frame), tick_of(plan, frame),
-                                              plan.reconstruction()));
+  std::size_t most = pixels_of(plan.shot()) * kViewBytesPerPixel;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    const LightFieldLayer* light_field = plan.light_field(i);
+    if (light_field == nullptr) continue;
+    RendererSettings settings;
+    settings.cache_bytes = settings.kept_bytes = 0;
+    settings.measure_coverage = coverage_measures;
+    const LightFieldRenderer renderer(light_field->take(), settings);
+    for (const PlannedFrame& frame : frames) {
+      if (!frame.shown[i].tick) continue;
+      for (const Eye eye : plan.eyes()) {
+        most = std::max(most, renderer.view_bytes(plan.camera(frame.frame, eye),
+                                                  light_field->tick(frame.shown[i]),
+                                                  light_field->reconstruction()));
+      }
+    }
   }
   return most;
 }
 
+/// What a frame takes beside what is shared: its views, both eyes of which make one file.
+std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                        bool coverage_measures) {
+  const std::size_t beside = kBytesPerPixelBesideView +
+                             (coverage_measures ? kMeasuresBytesPerPixelBesideView : 0) +
+                             (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0);
+  return plan.eyes().size() *
+         (pixels_of(plan.shot()) * beside + most_view_bytes(plan, frames, coverage_measures));
+}
+
 /// Of all cameras, decoded: what a view may hold while it is rendered. Most look through fewer.
-std::size_t instant_bytes(const ShotPlan& plan) {
+std::size_t instant_bytes(const LightFieldLayer& light_field) {
   constexpr std::size_t kBytesPerPixel = 8;  // R, G, B and one more, 16 bits each
   std::size_t bytes = 0;
-  for (const Rig::Camera& camera : plan.take().rig().cameras) {
+  for (const Rig::Camera& camera : light_field.take().rig().cameras) {
     bytes += static_cast<std::size_t>(camera.model.width()) *
              static_cast<std::size_t>(camera.model.height()) * kBytesPerPixel;
   }
   return bytes;
+}
+
+/// Frames of one instant share what is decoded of it.
+std::size_t decoded_at_once(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                            std::size_t in_flight) {
+  std::size_t bytes = 0;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.light_field(i) == nullptr) continue;
+    std::set<int> ticks;
+    for (const PlannedFrame& frame : frames) {
+      if (frame.shown[i].tick) ticks.insert(*frame.shown[i].tick);
+    }
+    bytes += std::min(in_flight, ticks.size()) * instant_bytes(*plan.light_field(i));
+  }
+  return bytes;
+}
+
+/// Of one light field's part of what is left beside the frames.
+LightFieldMemory share_out(const LightFieldLayer& light_field, std::size_t bytes,
+                           std::size_t in_flight, bool by_default) {
+  MemoryShares shares = share_memory(bytes, light_field.reconstruction());
+  if (by_default) {
+    shares.kept = std::min(shares.kept, kDefaultKept);
+    shares.working = std::min(shares.working, kDefaultKept);
+  }
+  LightFieldMemory memory;
+  memory.kept = shares.kept;
+  memory.working = shares.working / in_flight;
+  memory.cache = bytes - memory.kept - memory.working * in_flight;
+  if (by_default) memory.cache = std::min(memory.cache, kDefaultCache);
+  return memory;
+}
+
+std::string short_of_cache(const LightFieldLayer& light_field, std::size_t cache) {
+  const std::size_t instant = instant_bytes(light_field);
+  if (cache >= instant) return "";
+  return fmt::format(
+      "a view that looks through all {} cameras holds {} of decoded frames, and {} are left for "
+      "them: it takes what it needs all the same",
+      light_field.take().camera_count(), size_text(static_cast<double>(instant)),
+      size_text(static_cast<double>(cache)));
 }
 
 }  // namespace
@@ -66,12 +126,7 @@ std::string size_text(double bytes) {
 
 MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                        const MemoryRequest& request) {
-  const ShotDocument& shot = plan.shot();
-  const std::size_t per_frame =
-      static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height) *
-          (kBytesPerPixelBesideView +
-           (request.coverage_measures ? kMeasuresBytesPerPixelBesideView : 0)) +
-      most_view_bytes(plan, frames, request.coverage_measures);
+  const std::size_t per_frame = frame_bytes(plan, frames, request.coverage_measures);
   const std::size_t budget = request.bytes > 0 ? request.bytes : available_memory() / 2;
   if (budget < per_frame + kMinCache) {
     throw Error::bad_input(fmt::format("one frame needs {} of memory and {} are granted",
@@ -79,17 +134,10 @@ MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frame
                                        size_text(static_cast<double>(budget))),
                            "", "Raise --memory");
   }
-  const std::size_t instant = instant_bytes(plan);
-  std::set<int> ticks;
-  for (const PlannedFrame& frame : frames) {
-    if (frame.tick) ticks.insert(*frame.tick);
-  }
   const auto fits = [&](std::size_t in_flight) {
-    // Frames of one instant share what is decoded of it.
-    const std::size_t decoded = std::min(in_flight, ticks.size()) * instant;
-    return in_flight * per_frame + std::max(kMinCache, decoded) <= budget;
+    return in_flight * per_frame + std::max(kMinCache, decoded_at_once(plan, frames, in_flight)) <=
+           budget;
   };
-
   MemoryPlan result;
   result.in_flight = request.frames_in_flight > 0
                          ? request.frames_in_flight
@@ -98,22 +146,18 @@ MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frame
     --result.in_flight;
   }
   const auto in_flight = static_cast<std::size_t>(result.in_flight);
-  const std::size_t beside_frames = budget - in_flight * per_frame;
-  MemoryShares shares = share_memory(beside_frames, plan.reconstruction());
-  if (request.bytes == 0) {
-    shares.kept = std::min(shares.kept, kDefaultKept);
-    shares.working = std::min(shares.working, kDefaultKept);
-  }
-  result.kept = shares.kept;
-  result.working = shares.working / in_flight;
-  result.cache = beside_frames - result.kept - result.working * in_flight;
-  if (request.bytes == 0) result.cache = std::min(result.cache, kDefaultCache);
-  if (result.cache < instant) {
-    result.note = fmt::format(
-        "a view that looks through all {} cameras holds {} of decoded frames, and {} are left for "
-        "them: it takes what it needs all the same",
-        plan.take().camera_count(), size_text(static_cast<double>(instant)),
-        size_text(static_cast<double>(result.cache)));
+  result.of_layer.resize(plan.layers());
+  std::size_t light_fields = 0;
+  for (std::size_t i = 0; i < plan.layers(); ++i) light_fields += plan.light_field(i) != nullptr;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.light_field(i) == nullptr) continue;
+    LightFieldMemory& share = result.of_layer[i];
+    share = share_out(*plan.light_field(i), (budget - in_flight * per_frame) / light_fields,
+                      in_flight, request.bytes == 0);
+    result.kept += share.kept;
+    result.working += share.working;
+    result.cache += share.cache;
+    if (result.note.empty()) result.note = short_of_cache(*plan.light_field(i), share.cache);
   }
   return result;
 }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "compose/shot_plan.h"
 
@@ -19,19 +20,24 @@ struct MemoryRequest {
   bool coverage_measures = false;
 };
 
-/// How a sequence shares its memory out, bytes.
-struct MemoryPlan {
-  int in_flight = 1;
+/// What a light field may use, bytes.
+struct LightFieldMemory {
   std::size_t cache = 0;    ///< decoded source frames
   std::size_t kept = 0;     ///< what the method works out once
   std::size_t working = 0;  ///< what it works with, for each frame in flight
+};
+
+/// How a sequence shares its memory out, bytes.
+struct MemoryPlan : LightFieldMemory {  ///< of all light fields together
+  int in_flight = 1;
+  std::vector<LightFieldMemory> of_layer;  ///< 0 where a layer is no light field, or shows nothing
   /// For people: where a view may need more than is there; empty: nowhere.
   std::string note;
 };
 
 /// So many frames in flight as there is room for, with the decoded frames that a view may look
-/// through at once; what is left by share_memory(). Throws Error (bad input) where not one frame
-/// fits.
+/// through at once; what is left in equal parts for the light fields, each by share_memory().
+/// Throws Error (bad input) where not one frame fits.
 MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                        const MemoryRequest& request);
 

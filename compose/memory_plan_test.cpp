@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "compose/test_camera_key.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/error.h"
 #include "schemas/shot_document.h"
@@ -28,7 +29,7 @@ class Memory : public ::testing::Test {
     shot_.fps = shot_.fps_numerator = 15;
     shot_.first_frame = 1;
     shot_.last_frame = kFrames;
-    shot_.camera.push_back({1, {0, 0, 0}, {1, 0, 0, 0}, 60});
+    shot_.camera.keys.push_back(testing::camera_key(1, {0, 0, 0}, 60));
     ShotDocument::Layer layer;
     layer.take = "take";
     shot_.layers.push_back(layer);

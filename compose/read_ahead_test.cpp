@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "compose/sequence_test_data.h"
+#include "compose/test_camera_key.h"
 
 namespace raystage {
 namespace {
@@ -21,7 +22,7 @@ class ReadAhead : public testing::SequenceTest {
   void look_through_the_first() {
     shot_.layers.front().method = "nearest";
     shot_.layers.front().options = {};
-    shot_.camera = {{101, {0.01, -0.01, 0}, {1, 0, 0, 0}, 20}};
+    shot_.camera.keys = {testing::camera_key(101, {0.01, -0.01, 0}, 20)};
   }
   SequenceReport run_with(int in_flight) {
     options_.frames_in_flight = in_flight;

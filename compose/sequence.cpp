@@ -14,11 +14,11 @@
 #include <new>
 #include <set>
 
-#include "compose/exr_file.h"
+#include "compose/exr/file.h"
+#include "compose/frame_painter.h"
 #include "compose/frame_range.h"
 #include "compose/memory_plan.h"
 #include "compose/sequence_name.h"
-#include "render/memory_shares.h"
 #include "render/methods.h"
 #include "schemas/atomic_file.h"
 #include "schemas/parallel.h"
@@ -109,27 +109,64 @@ SequenceName checked_name(const SequenceOptions& options, std::size_t frames) {
   return name;
 }
 
-RenderedView black_view(int width, int height) {
-  const std::size_t pixels = static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  RenderedView view;
-  view.width = width;
-  view.height = height;
-  view.rgba.assign(pixels * 4, 0.0F);
-  view.coverage.assign(pixels, 0.0F);
-  view.z.assign(pixels, std::numeric_limits<float>::infinity());
-  return view;
+const char* view_name(Eye eye) {
+  return eye == Eye::kLeft ? "left" : eye == Eye::kRight ? "right" : "";
+}
+
+void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file) {
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.light_field(i) == nullptr) continue;
+    const Method& method = method_named(plan.light_field(i)->reconstruction().method);
+    if (method.measures_coverage) continue;
+    throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
+                           shot_file.string(), "Leave --coverage out, or choose another method");
+  }
+}
+
+/// Of the light fields, "depth" or "depth and focal_plane".
+std::string methods_text(const ShotPlan& plan) {
+  std::set<std::string> names;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.light_field(i) != nullptr) names.insert(plan.light_field(i)->reconstruction().method);
+  }
+  return fmt::format("{}", fmt::join(names, " and "));
+}
+
+void say_what_is_missing(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                         const SequenceOptions& options) {
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    const LightFieldLayer* light_field = plan.light_field(i);
+    if (light_field == nullptr) continue;
+    const std::string of_layer = plan.layers() == 1 ? "" : fmt::format("layer {}: ", i);
+    if (!is_calibrated(read_rig(light_field->take().folder() / "rig.json"))) {
+      options.say("warning: " + of_layer +
+                  "the rig is not calibrated: places and lenses of the cameras are guessed, and "
+                  "the frames are as wrong as that");
+    }
+    const auto held = std::ranges::count_if(
+        frames, [&](const PlannedFrame& frame) { return frame.shown[i].held; });
+    const auto black = std::ranges::count_if(frames, [&](const PlannedFrame& frame) {
+      return plan.is_visible(i, frame.frame) && !frame.shown[i].tick;
+    });
+    if (held > 0) {
+      options.say(fmt::format("{}{} frames hold another instant of the take", of_layer, held));
+    }
+    if (black > 0) {
+      options.say(
+          fmt::format("{}{} frames are empty: the take has nothing there", of_layer, black));
+    }
+  }
 }
 
 /// One run over the frames; its members are what the frames in flight share.
 class SequenceRun {
  public:
   SequenceRun(const ShotPlan& plan, const SequenceName& name, std::span<const PlannedFrame> frames,
-              const LightFieldRenderer& renderer, const SequenceOptions& options,
-              std::stop_token stop)
+              const FramePainter& painter, const SequenceOptions& options, std::stop_token stop)
       : plan_(plan),
         name_(name),
         frames_(frames),
-        renderer_(renderer),
+        painter_(painter),
         options_(options),
         stop_(std::move(stop)) {}
 
@@ -145,7 +182,7 @@ class SequenceRun {
     report_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     report_.asked = static_cast<int>(frames_.size());
-    report_.frames_read_ahead = renderer_.frames_read_ahead();
+    report_.frames_read_ahead = painter_.frames_read_ahead();
     const std::size_t done =
         static_cast<std::size_t>(report_.rendered + report_.skipped) + report_.failures.size();
     report_.stopped = done < frames_.size();
@@ -161,13 +198,13 @@ class SequenceRun {
   /// The frames in flight keep the processors busy; the disk works for the one that comes next. To
   /// know whether a file that is there will be kept takes reading it all; most are.
   void read_ahead(std::size_t index) {
-    if (index >= frames_.size() || !frames_[index].tick) return;
+    if (index >= frames_.size()) return;
     std::error_code ignored;
     if (options_.existing == ExistingFiles::kSkip &&
         std::filesystem::exists(name_.path(frames_[index].frame), ignored)) {
       return;
     }
-    renderer_.read_ahead(plan_.timeline().ticks[static_cast<std::size_t>(*frames_[index].tick)]);
+    painter_.read_ahead(frames_[index]);
   }
 
   void process(const PlannedFrame& frame) {
@@ -199,37 +236,44 @@ class SequenceRun {
     metadata.fingerprint = fingerprint;
     metadata.program_version = options_.program_version;
     metadata.chromaticities = options_.chromaticities;
-    metadata.coverage_measures = options_.coverage_measures;
 
-    RenderedView view;
-    if (frame.tick) {
-      // Isolated: while this thread waits for its frame's tiles it must not begin another frame,
-      // which would keep this one waiting.
-      tbb::this_task_arena::isolate([&] {
-        view = renderer_.render(metadata.camera,
-                                plan_.timeline().ticks[static_cast<std::size_t>(*frame.tick)],
-                                plan_.reconstruction());
-      });
-    } else {
-      view = black_view(plan_.shot().width, plan_.shot().height);
+    const std::vector<Eye> eyes = plan_.eyes();
+    std::vector<LayerImage> pictures;
+    std::vector<ExrView> views;
+    std::vector<ExrCamera> cameras;
+    for (const Eye eye : eyes) {
+      cameras.push_back(plan_.exr_camera(frame.frame, eye));
+      pictures.push_back(painter_.paint(frame, cameras.back().view, stop_));
+      if (stop_.stop_requested()) return;
+    }
+    // Of the finished list: views refer to its pictures.
+    for (std::size_t i = 0; i < eyes.size(); ++i) {
+      views.push_back(exr_view(pictures[i], view_name(eyes[i])));
+      add_new(pictures[i].notes, metadata.notes);
     }
     advance(kPartsOfRender);
     parts_left -= kPartsOfRender;
-    if (stop_.stop_requested()) return;
 
-    metadata.notes = view.notes;
-    const std::size_t bytes = write_exr(view, metadata, file);
+    const std::size_t bytes = write_exr(views, cameras, metadata, file);
     const std::scoped_lock lock(mutex_);
-    for (const std::string& note : view.notes) {
+    for (const std::string& note : metadata.notes) {
       if (notes_.insert(note).second) options_.say(note);
     }
     ++report_.rendered;
     report_.decoded_bytes_held =
-        std::max(report_.decoded_bytes_held, renderer_.decoded_bytes_held());
+        std::max(report_.decoded_bytes_held, painter_.decoded_bytes_held());
     report_.bytes_written += static_cast<std::int64_t>(bytes);
-    report_.pixels_decoded += view.statistics.pixels_decoded;
-    report_.decode_ms += view.statistics.decode_ms;
-    report_.render_ms += view.statistics.render_ms;
+    for (const LayerImage& picture : pictures) {
+      report_.pixels_decoded += picture.statistics.pixels_decoded;
+      report_.decode_ms += picture.statistics.decode_ms;
+      report_.render_ms += picture.statistics.render_ms;
+    }
+  }
+
+  static void add_new(const std::vector<std::string>& from, std::vector<std::string>& to) {
+    for (const std::string& note : from) {
+      if (std::ranges::find(to, note) == to.end()) to.push_back(note);
+    }
   }
 
   void advance(int parts) {
@@ -241,7 +285,7 @@ class SequenceRun {
   const ShotPlan& plan_;
   const SequenceName& name_;
   std::span<const PlannedFrame> frames_;
-  const LightFieldRenderer& renderer_;
+  const FramePainter& painter_;
   const SequenceOptions& options_;
   std::stop_token stop_;
   std::atomic<std::int64_t> parts_done_ = 0;
@@ -293,53 +337,35 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
 
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop) {
-  const ShotPlan plan(shot_file, options.fill, options.target);
+  const ShotPlan plan(shot_file, {options.fill, options.target, options.layout, options.frames});
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
-  const Method& method = method_named(plan.reconstruction().method);
-  if (options.coverage_measures && !method.measures_coverage) {
-    throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
-                           shot_file.string(), "Leave --coverage out, or choose another method");
-  }
+  if (options.coverage_measures) check_measures(plan, shot_file);
   const MemoryPlan memory = plan_memory(
       plan, frames, {options.memory_bytes, options.frames_in_flight, options.coverage_measures});
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
   const SequenceName name = checked_name(resolved, frames.size());
   if (options.existing == ExistingFiles::kError) check_existing(name, numbers);
-  RendererSettings settings;
-  settings.cache_bytes = memory.cache;
-  settings.kept_bytes = memory.kept;
-  settings.working_bytes = memory.working;
-  settings.measure_coverage = options.coverage_measures;
-  settings.ticks = plan.timeline().ticks;
-  const LightFieldRenderer renderer(plan.take(), settings);
+  const FramePainter painter(plan, memory, options.coverage_measures);
   check_folder(name.folder());
   check_room(name.folder(), shot, frames.size(), options);
 
-  const auto held = std::count_if(frames.begin(), frames.end(), [](auto& f) { return f.held; });
-  const auto black = std::count_if(frames.begin(), frames.end(), [](auto& f) { return !f.tick; });
-  if (!is_calibrated(read_rig(plan.take().folder() / "rig.json"))) {
-    options.say(
-        "warning: the rig is not calibrated: places and lenses of the cameras are guessed, and the "
-        "frames are as wrong as that");
-  }
-  if (held > 0) options.say(fmt::format("{} frames hold another instant of the take", held));
-  if (black > 0) options.say(fmt::format("{} frames are empty: the take has nothing there", black));
+  say_what_is_missing(plan, frames, options);
   std::string plan_text =
       fmt::format("writing {} frames to {}, {} in flight, {} of cache", frames.size(),
                   resolved.output, memory.in_flight, size_text(static_cast<double>(memory.cache)));
-  if (!wants_frames_only(plan.reconstruction())) {
-    plan_text += fmt::format(", {} for what {} keeps, {} for each frame to work with",
-                             size_text(static_cast<double>(memory.kept)), method.name,
+  if (memory.kept + memory.working > 0) {
+    plan_text += fmt::format(", {} for what {} keep, {} for each frame to work with",
+                             size_text(static_cast<double>(memory.kept)), methods_text(plan),
                              size_text(static_cast<double>(memory.working)));
   }
   options.say(plan_text);
   if (!memory.note.empty()) options.say(memory.note);
   options.progress(0);
-  return SequenceRun(plan, name, frames, renderer, resolved, std::move(stop)).run(memory.in_flight);
+  return SequenceRun(plan, name, frames, painter, resolved, std::move(stop)).run(memory.in_flight);
 }
 
 }  // namespace raystage

@@ -33,8 +33,9 @@ struct SequenceOptions {
   int frames_in_flight = 0;        ///< 0: one per thread of the TBB arena, at most 16
   std::size_t memory_bytes = 0;    ///< for frames, cache, what methods keep and work in; 0: half of
                                    ///< available_memory(), at most 4 GiB of cache
+  std::string layout;              ///< not empty: in place of the shot's
   bool chromaticities = false;     ///< as in ExrMetadata
-  bool coverage_measures = false;  ///< as in ExrMetadata
+  bool coverage_measures = false;  ///< channels lf.cameras and lf.nearest
   std::string program_version;
   /// Rising from 0 to 1; called from many threads.
   std::function<void(double)> progress = [](double) {};

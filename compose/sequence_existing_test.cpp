@@ -6,7 +6,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "compose/exr_file.h"
+#include "compose/exr/file.h"
 #include "compose/sequence_test_data.h"
 #include "schemas/rig_document.h"
 
@@ -40,7 +40,7 @@ TEST_F(SequenceExisting, SkipTrustsOnlyWholeFilesOfTheSameInputs) {
   std::filesystem::resize_file(file(103), std::filesystem::file_size(file(103)) - 7);
   EXPECT_EQ(run().rendered, 1);
   // The last key moves: the first frame's camera stays as it was, the others change.
-  shot_.camera[1].position[0] += 0.001;
+  (*shot_.camera.keys[1].position)[0] += 0.001;
   EXPECT_EQ(run().rendered, 5);
   shot_.layers[0].focal_plane = {ShotDocument::FocalPlane::Kind::kDepth, 3.5, {}};
   EXPECT_EQ(run().rendered, 6);
@@ -69,7 +69,7 @@ TEST_F(SequenceExisting, SkipSurvivesAMoveOfTheProject) {
 }
 
 TEST_F(SequenceExisting, FillColoursWhatNobodySawAndTheFingerprintKnows) {
-  shot_.camera[0].position[2] = shot_.camera[1].position[2] = 0.5;  // sees past the array
+  for (auto& key : shot_.camera.keys) (*key.position)[2] = 0.5;  // sees past the array
   options_.frames = {101};
   const auto transparent = [&] {
     const ExrImage image = read_exr(file(101));

@@ -7,6 +7,7 @@
 #include <random>
 
 #include "compose/sequence_test_data.h"
+#include "compose/test_camera_key.h"
 #include "schemas/atomic_file.h"
 #include "store/archive.h"
 #include "store/jpeg/encode.h"
@@ -154,13 +155,14 @@ TEST_F(SequenceFailures, MemoryIsWhatTheHeaviestFrameTakesWhereverItIs) {
   options_.missing = MissingFrames::kHold;
   shot_.first_frame = 1;
   shot_.last_frame = 100;
-  shot_.camera = {{1, {0.03, -0.03, 0}, {1, 0, 0, 0}, 10},
-                  {100, {0.04, -0.03, 0}, {1, 0, 0, 0}, 10}};
+  shot_.camera.keys = {testing::camera_key(1, {0.03, -0.03, 0}, 10),
+                       testing::camera_key(100, {0.04, -0.03, 0}, 10)};
   EXPECT_THAT(refusal(), HasSubstr("one frame needs 67.2 MB"));  // 64 MiB of cache; 1200 pixels
   const auto zoom = [](double frame, double degrees) {
-    return ShotDocument::CameraKey{frame, {0.035, -0.03, 0}, {1, 0, 0, 0}, degrees};
+    return testing::camera_key(frame, {0.035, -0.03, 0}, degrees);
   };
-  shot_.camera.insert(shot_.camera.begin() + 1, {zoom(50, 10), zoom(51, 100), zoom(52, 10)});
+  shot_.camera.keys.insert(shot_.camera.keys.begin() + 1,
+                           {zoom(50, 10), zoom(51, 100), zoom(52, 10)});
   // 4 x 4 samples of 24 bytes on top.
   EXPECT_THAT(refusal(), HasSubstr("one frame needs 67.7 MB"));
 }

@@ -10,9 +10,10 @@
 #include <utility>
 #include <vector>
 
-#include "compose/exr_file.h"
+#include "compose/exr/file.h"
 #include "compose/sequence.h"
 #include "compose/sequence_name.h"
+#include "compose/test_camera_key.h"
 #include "schemas/shot_document.h"
 #include "schemas/test_folder.h"
 #include "schemas/transfer_function.h"
@@ -74,8 +75,8 @@ inline ShotDocument wall_shot() {
   shot.fps = shot.fps_numerator = 10;
   shot.first_frame = 101;
   shot.last_frame = 106;
-  shot.camera.push_back({101, {0.03, -0.03, 0}, {1, 0, 0, 0}, 40});
-  shot.camera.push_back({106, {0.04, -0.03, 0}, {1, 0, 0, 0}, 40});
+  shot.camera.keys.push_back(testing::camera_key(101, {0.03, -0.03, 0}, 40));
+  shot.camera.keys.push_back(testing::camera_key(106, {0.04, -0.03, 0}, 40));
   ShotDocument::Layer layer;
   layer.take = "take";
   shot.layers.push_back(layer);

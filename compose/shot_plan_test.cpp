@@ -30,7 +30,7 @@ TEST_F(ShotPlans, AFrameThatLooksBesideDependsOnTheTicksThere) {
     const ShotPlan plan(shot_file());
     std::vector<std::string> prints;
     for (const int tick : {0, 1, 2})
-      prints.push_back(plan.fingerprint({101 + tick, tick}, false, false));
+      prints.push_back(plan.fingerprint({101 + tick, {{tick, false}}}, false, false));
     return prints;
   };
   const auto alone = fingerprints(false), beside = fingerprints(true);
@@ -52,19 +52,21 @@ TEST_F(ShotPlans, EvaluationsShowTheInstantsThatAShotShows) {
   shot_.last_frame = 130;
   write_shot(shot_, shot_file());
   const ShotPlan plan(shot_file());
+  const LightFieldLayer& light_field = *plan.light_field(0);
   std::set<int> shown;
   for (int frame = shot_.first_frame; frame <= shot_.last_frame; ++frame) {
     ViewsDocument views;
-    views.views.emplace_back().time_ns = plan.take_time(frame);
-    const auto subjects = evaluation_subjects(plan.take(), &plan.timeline(), views, {}, {});
-    const std::optional<int> tick = plan.tick_at(frame);
+    views.views.emplace_back().time_ns = light_field.take_time(frame);
+    const auto subjects =
+        evaluation_subjects(light_field.take(), &light_field.timeline(), views, {}, {});
+    const std::optional<int> tick = light_field.tick_at(frame);
     shown.insert(tick.value_or(-1));
     const FrameSelection& frames = subjects.at(0).frames;
     if (!tick) {
       EXPECT_EQ(frames.present(), 0) << frame;
       continue;
     }
-    const FrameSelection& expected = plan.timeline().ticks[static_cast<std::size_t>(*tick)];
+    const FrameSelection& expected = light_field.timeline().ticks[static_cast<std::size_t>(*tick)];
     EXPECT_EQ(frames.time_ns, expected.time_ns) << frame;
     EXPECT_EQ(frames.frame, expected.frame) << frame;
   }
@@ -75,9 +77,10 @@ TEST_F(ShotPlans, ATargetKeepsHowDeepTheLayerSaysItsSceneIs) {
   shot_.layers[0].method = "depth";
   shot_.layers[0].options = {{"near", 1.5}, {"far", 6.0}, {"neighbours", 4.0}};
   write_shot(shot_, shot_file());
-  const ShotPlan plan(shot_file(), {}, {{"target_error", 30.0}});
-  EXPECT_EQ(plan.reconstruction().method, "auto");
-  EXPECT_EQ(text_of(plan.reconstruction().options), "far=6,near=1.5,target_error=30");
+  const ShotPlan plan(shot_file(), {.target = {{"target_error", 30.0}}});
+  const Reconstruction& reconstruction = plan.light_field(0)->reconstruction();
+  EXPECT_EQ(reconstruction.method, "auto");
+  EXPECT_EQ(text_of(reconstruction.options), "far=6,near=1.5,target_error=30");
 }
 
 TEST_F(ShotPlans, WithoutADepthRangeAutoNeedsAPlaneOrDepths) {
@@ -89,7 +92,8 @@ TEST_F(ShotPlans, WithoutADepthRangeAutoNeedsAPlaneOrDepths) {
   std::ofstream(file) << text;
   const auto plane = [&] {
     write_shot(shot_, shot_file());
-    return ShotPlan(shot_file(), {}, options_.target).reconstruction().focal_plane;
+    const ShotPlan plan(shot_file(), {.target = options_.target});
+    return plan.light_field(0)->reconstruction().focal_plane;
   };
   shot_.layers[0].method = "auto";
   EXPECT_THAT(refusal(), HasSubstr("no depth range"));
@@ -115,16 +119,17 @@ TEST_F(ShotPlans, HeaderTellsWhatIsAbsentAndWhen) {
   const auto frames = plan.plan(std::vector<int>{101, 103}, MissingFrames::kError);
   EXPECT_TRUE(plan.metadata(frames[0]).absent_cameras.empty());
   EXPECT_THAT(plan.metadata(frames[1]).absent_cameras, ElementsAre("c3"));
-  const Nanoseconds first = plan.timeline().ticks[0].time_ns;
+  const LightFieldLayer& light_field = *plan.light_field(0);
+  const Nanoseconds first = light_field.timeline().ticks[0].time_ns;
   EXPECT_EQ(plan.metadata(frames[1]).capture_utc,
-            plan.take().document().epoch_utc + first + 2 * kInterval);
+            light_field.take().document().epoch_utc + first + 2 * kInterval);
   EXPECT_EQ(plan.metadata(frames[0]).capture_rate, 10);
 }
 
 TEST_F(ShotPlans, FocalPlanesOfEveryKind) {
   write_shot(shot_, shot_file());
   const ShotPlan plan(shot_file());
-  const Rig& rig = plan.take().rig();
+  const Rig& rig = plan.light_field(0)->take().rig();
   using Kind = ShotDocument::FocalPlane::Kind;
   const auto equation = [&](const ShotDocument::FocalPlane& plane) {
     return focal_plane_equation(plane, rig, DepthRange{2, 6}, "here");

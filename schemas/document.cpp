@@ -19,10 +19,11 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kNewestVersion = 1;  // of every schema so far
+/// Versions are counted from 1; of a schema that is still at its first there is just one.
+int newest_version(std::string_view kind) { return kind == "shot" ? 2 : 1; }
 
 std::string schema_name(std::string_view kind) {
-  return fmt::format("raystage/{}/{}", kind, kNewestVersion);
+  return fmt::format("raystage/{}/{}", kind, newest_version(kind));
 }
 
 /// Each validator is made once, when first asked for: most commands need one or two of them.
@@ -43,7 +44,8 @@ const SchemaValidator& validator_of(std::string_view kind) {
   return *slot.validator;
 }
 
-void check_version(std::string_view kind, const json& document, std::string_view name) {
+/// The version that the document says it is of: one that can be read.
+int version_of(std::string_view kind, const json& document, std::string_view name) {
   const std::string expected = schema_name(kind);
   if (!document.is_object()) {
     throw bad_value(name, "",
@@ -58,21 +60,23 @@ void check_version(std::string_view kind, const json& document, std::string_view
         fmt::format("the property \"schema\" is missing, allowed there: \"{}\"", expected),
         "Add it, or check that this is the right file");
   }
-  if (*schema == expected) return;
   const std::string text = schema->is_string() ? schema->get<std::string>() : "";
   const std::string prefix = fmt::format("raystage/{}/", kind);
   if (text.starts_with(prefix)) {
     int version = 0;
+    const int newest = newest_version(kind);
     const char* begin = text.data() + prefix.size();
     const char* end = text.data() + text.size();
     const auto [stop, error] = std::from_chars(begin, end, version);
     const bool too_large = error == std::errc::result_out_of_range;
-    if (begin != end && stop == end && (too_large || version > kNewestVersion)) {
+    if (begin != end && stop == end && (too_large || version > newest)) {
       throw bad_value(name, "/schema",
                       fmt::format("this file is version {}, this program reads up to {}",
-                                  std::string_view(begin, end), kNewestVersion),
+                                  std::string_view(begin, end), newest),
                       "Update raystage");
     }
+    // One spelling only: not "raystage/shot/01".
+    if (version >= 1 && text == fmt::format("{}{}", prefix, version)) return version;
   }
   throw bad_value(name, "/schema",
                   fmt::format("found {}, allowed: \"{}\"", found(*schema), expected),
@@ -89,11 +93,18 @@ Located Located::at(std::size_t index) const {
   return {value.at(index), name, pointer_to(pointer, index)};
 }
 
-nlohmann::json parse_document(std::string_view kind, std::string_view text, std::string_view name) {
-  json document = parse_json(text, name);
-  check_version(kind, document, name);
-  validator_of(kind).validate(document, name);
+VersionedDocument parse_any_version(std::string_view kind, std::string_view text,
+                                    std::string_view name) {
+  VersionedDocument document{parse_json(text, name), 0};
+  document.version = version_of(kind, document.json, name);
+  const bool newest = document.version == newest_version(kind);
+  validator_of(newest ? std::string(kind) : fmt::format("{}-{}", kind, document.version))
+      .validate(document.json, name);
   return document;
+}
+
+nlohmann::json parse_document(std::string_view kind, std::string_view text, std::string_view name) {
+  return parse_any_version(kind, text, name).json;
 }
 
 nlohmann::ordered_json new_document(std::string_view kind) {

@@ -35,17 +35,37 @@ struct Located {
   T get(std::string_view key, T otherwise) const {
     return has(key) ? at(key).get<T>() : otherwise;
   }
+  /// None where there is no such property.
+  template <typename T>
+  std::optional<T> get_if(std::string_view key) const {
+    if (!has(key)) return std::nullopt;
+    return at(key).get<T>();
+  }
   /// Bad input here.
   Error refuse(std::string what_happened, std::string what_to_do) const {
     return bad_value(name, pointer, std::move(what_happened), std::move(what_to_do));
   }
 };
 
-/// Parses a document of schema "raystage/KIND/1" and holds it to that schema. Throws Error.
+struct VersionedDocument {
+  nlohmann::json json;
+  int version = 1;
+};
+/// Parses a document of schema "raystage/KIND/VERSION", of any version up to the newest, and holds
+/// it to that schema. Throws Error.
+VersionedDocument parse_any_version(std::string_view kind, std::string_view text,
+                                    std::string_view name);
+/// The same of a kind that has had one version only.
 nlohmann::json parse_document(std::string_view kind, std::string_view text, std::string_view name);
 
 /// An object that begins with the schema's name and version.
 nlohmann::ordered_json new_document(std::string_view kind);
+
+/// Writes what is given.
+template <typename T>
+void add_optional(nlohmann::ordered_json& object, const char* key, const std::optional<T>& value) {
+  if (value) object[key] = *value;
+}
 
 /// Refuses an id that came before (`seen` collects them).
 std::string unique_id(const Located& object, std::set<std::string, std::less<>>& seen);

@@ -8,8 +8,9 @@ namespace raystage {
 
 /// schemas/NAME.schema.json, as it was when the library was built.
 struct EmbeddedSchema {
-  std::string_view
-      name;  ///< "rig", "take", "shot", "import", "views", "record", "recording", "bench", "planes"
+  /// "rig", "take", "shot", "import", "views", "record", "recording", "bench", "planes"; of an
+  /// older version with its number, as "shot-1".
+  std::string_view name;
   std::string_view text;  ///< JSON Schema, draft 2020-12
 };
 

@@ -68,11 +68,6 @@ void read_optional(const Located& object, std::string_view key, std::optional<T>
   if (object.has(key)) value = object.at(key).template get<T>();
 }
 
-template <typename T>
-void add_optional(ordered_json& object, const char* key, const std::optional<T>& value) {
-  if (value) object[key] = *value;
-}
-
 void add_text(ordered_json& object, const char* key, const std::string& text) {
   if (!text.empty()) object[key] = text;
 }

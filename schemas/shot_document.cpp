@@ -3,17 +3,16 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "schemas/atomic_file.h"
 #include "schemas/document.h"
 #include "schemas/frame_rate.h"
+#include "schemas/shot_camera.h"
+#include "schemas/shot_layer.h"
 
 namespace raystage {
 namespace {
 
 using nlohmann::ordered_json;
-using FocalPlane = ShotDocument::FocalPlane;
 
 FrameRate frame_rate_at(const Located& fps) {
   const auto rate = fps.value.is_string() ? frame_rate_from(fps.get<std::string>())
@@ -25,88 +24,10 @@ FrameRate frame_rate_at(const Located& fps) {
                    "Write the exact ratio, for example \"24000/1001\"");
 }
 
-std::array<double, 4> quaternion_from(const Located& list) {
-  auto q = list.get<std::array<double, 4>>();
-  double square = 0;
-  for (const double value : q) square += value * value;
-  constexpr double kSmallest = 1e-12, kUnit = 1e-14;
-  if (square < kSmallest) {
-    throw list.refuse("found a quaternion of length 0, allowed: any other length",
-                      "Write [1, 0, 0, 0] for no rotation");
-  }
-  // Left alone when it is unit already, so that reading and writing changes no bit.
-  if (std::abs(square - 1) > kUnit) {
-    for (double& value : q) value /= std::sqrt(square);
-  }
-  return q;
-}
-
-FocalPlane focal_plane_from(const Located& plane) {
-  if (plane.value == "best") return {.kind = FocalPlane::Kind::kBest};
-  if (plane.value == "infinity") return {.kind = FocalPlane::Kind::kInfinity};
-  if (plane.has("depth_m")) {
-    return {.kind = FocalPlane::Kind::kDepth, .depth = plane.at("depth_m").get<double>()};
-  }
-  const Located equation = plane.at("equation");
-  FocalPlane result{.kind = FocalPlane::Kind::kEquation};
-  result.equation = equation.get<std::array<double, 4>>();
-  const auto& e = result.equation;
-  if (e[0] == 0 && e[1] == 0 && e[2] == 0) {
-    throw equation.refuse("found a plane without a normal: a, b and c are 0",
-                          "Write \"infinity\" for the plane at infinity");
-  }
-  return result;
-}
-
-ordered_json json_from(const FocalPlane& plane) {
-  switch (plane.kind) {
-    case FocalPlane::Kind::kInfinity:
-      return "infinity";
-    case FocalPlane::Kind::kDepth:
-      return {{"depth_m", plane.depth}};
-    case FocalPlane::Kind::kEquation:
-      return {{"equation", plane.equation}};
-    case FocalPlane::Kind::kBest:
-      break;
-  }
-  return "best";
-}
-
-ShotDocument::Layer layer_from(const Located& object) {
-  ShotDocument::Layer layer;
-  layer.name = object.get("name", layer.name);
-  layer.take = path_text(object.at("take"));
-  layer.method = object.get("method", layer.method);
-  if (object.has("options")) layer.options = options_from(object.at("options"));
-  if (object.has("focal_plane")) layer.focal_plane = focal_plane_from(object.at("focal_plane"));
-  if (object.get("fill", std::string()) == "push_pull") layer.fill = HoleFill::kPushPull;
-  layer.start_seconds = object.get("start_seconds", layer.start_seconds);
-  layer.speed = object.get("speed", layer.speed);
-  return layer;
-}
-
-std::vector<ShotDocument::CameraKey> keys_from(const Located& list) {
-  std::vector<ShotDocument::CameraKey> keys;
-  for (std::size_t i = 0; i < list.size(); ++i) {
-    const Located object = list.at(i);
-    const Located frame = object.at("frame");
-    if (!keys.empty() && frame.get<double>() <= keys.back().frame) {
-      throw frame.refuse(fmt::format("found {} after {}, allowed: increasing frames",
-                                     found(frame.value), keys.back().frame),
-                         "Sort the keys by frame, and keep one key per frame");
-    }
-    keys.push_back({.frame = frame.get<double>(),
-                    .position = object.at("position").get<std::array<double, 3>>(),
-                    .orientation = quaternion_from(object.at("orientation")),
-                    .horizontal_fov_deg = object.at("horizontal_fov_deg").get<double>()});
-  }
-  return keys;
-}
-
 }  // namespace
 
 ShotDocument parse_shot(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("shot", text, name);
+  const auto [json, version] = parse_any_version("shot", text, name);
   const Located document{json, name, ""};
   ShotDocument shot;
   shot.name = document.get("name", shot.name);
@@ -124,11 +45,16 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
                             shot.last_frame, shot.first_frame),
                 "Correct the range");
   }
-  shot.camera = keys_from(document.at("camera"));
+  shot.camera = shot_camera_from(document.at("camera"), version);
   const Located layers = document.at("layers");
-  for (std::size_t i = 0; i < layers.size(); ++i) shot.layers.push_back(layer_from(layers.at(i)));
+  for (std::size_t i = 0; i < layers.size(); ++i)
+    shot.layers.push_back(shot_layer_from(layers.at(i)));
+  if (document.get("merge", std::string()) == "depth") shot.merge = ShotDocument::Merge::kDepth;
   if (document.has("output")) {
-    shot.output.compression = document.at("output").get("compression", shot.output.compression);
+    const Located output = document.at("output");
+    shot.output.compression = output.get("compression", shot.output.compression);
+    shot.output.data_compression = output.get("data_compression", shot.output.data_compression);
+    shot.output.layout = output.get("layout", shot.output.layout);
   }
   return shot;
 }
@@ -145,25 +71,15 @@ std::string format_shot(const ShotDocument& shot) {
   }
   json["first_frame"] = shot.first_frame;
   json["last_frame"] = shot.last_frame;
-  auto& keys = json["camera"] = ordered_json::array();
-  for (const ShotDocument::CameraKey& key : shot.camera) {
-    keys.push_back({{"frame", key.frame},
-                    {"position", key.position},
-                    {"orientation", key.orientation},
-                    {"horizontal_fov_deg", key.horizontal_fov_deg}});
-  }
+  json["camera"] = json_from(shot.camera);
   auto& layers = json["layers"] = ordered_json::array();
-  for (const ShotDocument::Layer& layer : shot.layers) {
-    layers.push_back({{"name", layer.name},
-                      {"take", layer.take},
-                      {"method", layer.method},
-                      {"options", json_from(layer.options)},
-                      {"focal_plane", json_from(layer.focal_plane)},
-                      {"fill", layer.fill == HoleFill::kPushPull ? "push_pull" : "none"},
-                      {"start_seconds", layer.start_seconds},
-                      {"speed", layer.speed}});
+  for (const ShotDocument::Layer& layer : shot.layers) layers.push_back(json_from(layer));
+  json["merge"] = shot.merge == ShotDocument::Merge::kDepth ? "depth" : "stated";
+  auto& output = json["output"] = {{"compression", shot.output.compression}};
+  if (!shot.output.data_compression.empty()) {
+    output["data_compression"] = shot.output.data_compression;
   }
-  json["output"] = {{"compression", shot.output.compression}};
+  output["layout"] = shot.output.layout;
   return format_json(json);
 }
 

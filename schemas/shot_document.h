@@ -14,22 +14,79 @@
 
 namespace raystage {
 
-/// schema "raystage/shot/1": what to render.
+/// schema "raystage/shot/2": what to render. Shots of version 1 are read as what they mean now.
 struct ShotDocument {
+  /// What a key does not say is left to its neighbours.
   struct CameraKey {
     double frame = 0;
-    std::array<double, 3> position{0, 0, 0};        ///< world, metres
-    std::array<double, 4> orientation{1, 0, 0, 0};  ///< world_from_camera quaternion w, x, y, z
-    double horizontal_fov_deg = 50;                 ///< full angle, (0, 180)
+    std::optional<std::array<double, 3>> position = {};     ///< world, metres
+    std::optional<std::array<double, 4>> orientation = {};  ///< world_from_camera: w, x, y, z
+    /// Full angle, (0, 180); this or a focal length.
+    std::optional<double> horizontal_fov_deg = {};
+    std::optional<double> focal_length_mm = {};
+    std::optional<std::array<double, 3>> target = {};  ///< looked at; world, metres
+    std::optional<double> roll_deg = {}, orbit_deg = {}, focus_m = {}, f_number = {},
+                          shutter_deg = {};
+  };
+  /// Another program's camera.
+  struct CameraFile {
+    std::string path = {};  ///< .chan, .gltf or .glb, relative to the shot's folder
+    std::string camera_name = {}, rotation_order = "ZXY";
+    double frame_offset = 0;
+  };
+  struct Orbit {
+    std::array<double, 3> center{0, 0, 0}, axis{0, 1, 0};
+  };
+  struct Vertigo {
+    std::array<double, 3> target{0, 0, 0};
+    std::optional<double> frame = {};  ///< at which the lens is as the keys say; none: the first
+  };
+  struct Stereo {
+    double interaxial_m = 0.065;
+    std::optional<double> convergence_m = {};  ///< none: parallel
+  };
+  struct Camera {
+    double film_back_mm = 36;          ///< width
+    std::vector<CameraKey> keys = {};  ///< by increasing frame
+    std::optional<CameraFile> file = {};
+    std::optional<Orbit> orbit = {};
+    std::optional<Vertigo> vertigo = {};
+    std::optional<Stereo> stereo = {};
   };
   struct FocalPlane {
     enum class Kind { kBest, kDepth, kInfinity, kEquation } kind = Kind::kBest;
     double depth = 0;                            ///< kDepth: metres in front of the array
     std::array<double, 4> equation{0, 0, 0, 1};  ///< kEquation: a x + b y + c z + d = 0, world
   };
+  /// One colour everywhere.
+  struct Solid {
+    std::array<double, 3> color{0, 0, 0};  ///< scene-linear, not premultiplied
+    double alpha = 1;
+    std::optional<double> depth_m = {};  ///< along the view's axis; none: behind everything
+  };
+  /// Shares of the picture's width and height from the top left.
+  struct Screen {
+    double left = 0, right = 1, top = 0, bottom = 1;
+  };
+  /// What a layer is cut to: a plane's side, a box, or a part of the picture.
+  struct Clip {
+    std::optional<std::array<double, 4>> plane = {};  ///< a x + b y + c z + d = 0, world
+    std::optional<std::array<std::array<double, 3>, 2>> box = {};  ///< least and most corner, world
+    Screen screen = {};                                            ///< where there is neither
+    double feather = 0;  ///< metres; of a screen a share of the picture's width
+    bool inverted = false;
+  };
   struct Layer {
     std::string name;
-    std::string take;  ///< folder of the take, relative to the shot's folder
+    /// A light field's: folder of the take, relative to the shot's folder. Empty: it is a solid.
+    std::string take;
+    std::optional<Solid> solid = {};
+    std::vector<Clip> clips = {};
+    bool holdout = false;  ///< cuts what lies behind it, and shows nothing of itself
+    double opacity = 1;
+    std::optional<int> first_frame = {}, last_frame = {};  ///< shows in these alone
+    bool is_light_field() const { return !take.empty(); }
+
     std::string method = "focal_plane";
     OptionValues options;  ///< of the method; which there are is the renderer's to say
     FocalPlane focal_plane;
@@ -39,14 +96,22 @@ struct ShotDocument {
   };
   struct Output {
     std::string compression = "piz";  ///< none | rle | zips | zip | piz
+    std::string data_compression;     ///< of parts of data; empty: the same
+    std::string layout = "standard";  ///< standard | single | nuke
   };
   std::string name;
   int width = 0, height = 0;
   double fps = 24;
   int fps_numerator = 24, fps_denominator = 1;  ///< fps as the exact ratio
   int first_frame = 1, last_frame = 1;
-  std::vector<CameraKey> camera;  ///< by increasing frame, at least one
-  std::vector<Layer> layers;      ///< exactly one in version 1
+  Camera camera;
+  /// How layers cover each other.
+  enum class Merge {
+    kStated,  ///< each those before it
+    kDepth    ///< the nearer the farther, at every pixel
+  };
+  std::vector<Layer> layers;  ///< the rearmost first; at least one
+  Merge merge = Merge::kStated;
   Output output;
 };
 

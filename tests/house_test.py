@@ -46,7 +46,11 @@ ROOMS = {
     "ingest/simulated": [],
     "ingest/record": ["ingest/sources"],
     "ingest/sources": ["ingest/simulated"],
-    "compose/preview": ["compose"],
+    "compose/camera": [],
+    "compose/exr": [],
+    "compose/layers": ["compose/exr"],
+    "compose": ["compose/camera", "compose/exr", "compose/layers"],
+    "compose/preview": ["compose", "compose/camera", "compose/exr", "compose/layers"],
 }
 
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "compose/exr_file.h"
+#include "compose/exr/file.h"
 #include "store/jpeg/rgb_image.h"
 
 namespace raystage {

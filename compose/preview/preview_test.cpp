@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compose/preview/preview.h"
 
+#include "compose/exr/file.h"
+#include "compose/exr/test_exr_view.h"
+
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
@@ -94,9 +97,10 @@ class Preview : public ::testing::Test {
  protected:
   void write_frame(int frame, const RenderedView& view) {
     ExrMetadata metadata;
-    metadata.camera = virtual_camera_with_fov(view.width, view.height, 1, {});
     metadata.fps_numerator = 30;
-    write_exr(view, metadata, SequenceName(options_.sequence).path(frame));
+    const ExrCamera camera{.view = virtual_camera_with_fov(view.width, view.height, 1, {})};
+    write_exr({{testing::exr_view(view)}}, {{camera}}, metadata,
+              SequenceName(options_.sequence).path(frame));
   }
   std::string refusal() {
     try {

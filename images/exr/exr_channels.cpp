@@ -3,7 +3,9 @@
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfHeader.h>
-#include <OpenEXR/ImfInputFile.h>
+#include <OpenEXR/ImfInputPart.h>
+#include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 
 #include <algorithm>
@@ -41,15 +43,32 @@ std::vector<float> within(const Imath::Box2i& display, const Imath::Box2i& data,
   return shown;
 }
 
-ExrPixels read_open_file(Imf::InputFile& input, const std::filesystem::path& file,
-                         std::span<const ExrChannel> channels, const std::string& what_to_do) {
-  const Imf::Header& header = input.header();
+/// The channel that a part lacks and must have; null: it has all, and is not deep.
+const char* lacking(const Imf::Header& header, std::span<const ExrChannel> channels) {
+  if (header.hasType() && Imf::isDeepData(header.type())) return channels.front().name;
   for (const ExrChannel& channel : channels) {
     if (!channel.fallback && header.channels().findChannel(channel.name) == nullptr) {
-      throw Error::bad_input(std::string("the EXR file has no channel ") + channel.name,
-                             file.string(), what_to_do);
+      return channel.name;
     }
   }
+  return nullptr;
+}
+
+/// The first part that has what is asked for.
+int part_with(const Imf::MultiPartInputFile& input, const std::filesystem::path& file,
+              std::span<const ExrChannel> channels, const std::string& what_to_do) {
+  for (int part = 0; part < input.parts(); ++part) {
+    if (lacking(input.header(part), channels) == nullptr) return part;
+  }
+  throw Error::bad_input(
+      std::string("the EXR file has no channel ") + lacking(input.header(0), channels),
+      file.string(), what_to_do);
+}
+
+ExrPixels read_open_file(Imf::MultiPartInputFile& file_parts, const std::filesystem::path& file,
+                         std::span<const ExrChannel> channels, const std::string& what_to_do) {
+  Imf::InputPart input(file_parts, part_with(file_parts, file, channels, what_to_do));
+  const Imf::Header& header = input.header();
   const Imath::Box2i data = header.dataWindow(), display = header.displayWindow();
   constexpr std::int64_t kMostPixels = std::int64_t{1} << 29;
   if (area(data) > kMostPixels || area(display) > kMostPixels) {
@@ -86,7 +105,7 @@ ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const E
                             const std::string& what_to_do) {
   constexpr int kNoThreads = 0;  // callers are parallel to each other
   try {
-    Imf::InputFile input(file.c_str(), kNoThreads);
+    Imf::MultiPartInputFile input(file.c_str(), kNoThreads);
     return read_open_file(input, file, channels, what_to_do);
   } catch (const Error&) {
     throw;

@@ -23,9 +23,9 @@ struct ExrPixels {
   int fps_numerator = 0, fps_denominator = 0;
 };
 
-/// Reads channels of any flat EXR within its display window; where the data window ends, they are
-/// 0. Throws Error (bad input, with `what_to_do`) where the file is missing, damaged, larger than
-/// 2^29 pixels, or without a channel that it must have.
+/// Reads channels of the first flat part of an EXR that has them, within its display window; where
+/// the data window ends, they are 0. Throws Error (bad input, with `what_to_do`) where the file is
+/// missing, damaged, larger than 2^29 pixels, or without a channel that it must have.
 ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
                             const std::string& what_to_do);
 

@@ -152,18 +152,18 @@ TEST_F(SmallTake, ViewsLieOnTheShot) {
     EXPECT_NEAR(frame, std::round(frame), 1e-5);
     EXPECT_LE(view.time_ns, timeline.ticks.back().time_ns);
     bool found = false;
-    for (const ShotDocument::CameraKey& key : shot.camera) {
+    for (const ShotDocument::CameraKey& key : shot.camera.keys) {
       if (std::abs(key.frame - frame) > 1e-3) continue;
       found = true;
       const auto& pose = view.geometry.world_from_camera;
-      EXPECT_NEAR(pose[3], key.position[0], 1e-12);
-      EXPECT_NEAR(pose[11], key.position[2], 1e-12);
-      const Eigen::Matrix3d rotation = Eigen::Quaterniond(key.orientation[0], key.orientation[1],
-                                                          key.orientation[2], key.orientation[3])
-                                           .toRotationMatrix();
+      EXPECT_NEAR(pose[3], key.position->at(0), 1e-12);
+      EXPECT_NEAR(pose[11], key.position->at(2), 1e-12);
+      const auto& q = *key.orientation;
+      const Eigen::Matrix3d rotation =
+          Eigen::Quaterniond(q[0], q[1], q[2], q[3]).toRotationMatrix();
       EXPECT_NEAR(pose[2], rotation(0, 2), 1e-12);
       EXPECT_NEAR(view.geometry.intrinsics.fx,
-                  24 / std::tan(key.horizontal_fov_deg * std::numbers::pi / 360), 1e-9);
+                  24 / std::tan(*key.horizontal_fov_deg * std::numbers::pi / 360), 1e-9);
     }
     EXPECT_TRUE(found) << "no key at frame " << frame;
     const RgbImage truth = read_image(take_folder() / view.file);

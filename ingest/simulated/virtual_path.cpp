@@ -35,10 +35,10 @@ ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double
                                        Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
   ShotDocument::CameraKey key;
   key.frame = frame;
-  key.position = {0.5 * half_x * std::sin(kTurn * (0.9 * u - 0.2)),
-                  0.4 * half_y * std::sin(kTurn * (0.6 * u + 0.1)),
-                  depth * std::cos(kTurn * 0.7 * u)};
-  key.orientation = {orientation.w(), orientation.x(), orientation.y(), orientation.z()};
+  key.position = {{0.5 * half_x * std::sin(kTurn * (0.9 * u - 0.2)),
+                   0.4 * half_y * std::sin(kTurn * (0.6 * u + 0.1)),
+                   depth * std::cos(kTurn * 0.7 * u)}};
+  key.orientation = {{orientation.w(), orientation.x(), orientation.y(), orientation.z()}};
   key.horizontal_fov_deg = fov;
   return key;
 }
@@ -49,13 +49,14 @@ ViewsDocument::View view_of(const SimulationSettings& s, const ShotDocument::Cam
   view.geometry.id = fmt::format("view{:03}", number);
   view.geometry.width = s.view_width();
   view.geometry.height = s.view_height();
-  const double focal = s.view_width() / 2.0 / std::tan(key.horizontal_fov_deg / 2 * kDegrees);
+  const double focal = s.view_width() / 2.0 / std::tan(*key.horizontal_fov_deg / 2 * kDegrees);
   view.geometry.intrinsics = {focal, focal, s.view_width() / 2.0, s.view_height() / 2.0, {}};
   Pose pose;
-  const auto& q = key.orientation;
+  const auto& q = *key.orientation;
   pose.world_from_camera_rotation =
       Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
-  pose.position = {key.position[0], key.position[1], key.position[2]};
+  const auto& position = *key.position;
+  pose.position = {position[0], position[1], position[2]};
   view.geometry.world_from_camera = matrix_from_pose(pose);
   view.file = "truth/" + view.geometry.id + ".png";
   view.time_ns = time;
@@ -134,7 +135,7 @@ VirtualPath make_virtual_path(const SimulationSettings& s, const Schedule& sched
         static_cast<Nanoseconds>(std::llround(since_first_tick * kNanosecondsPerSecond));
     path.views.views.push_back(view_of(s, key_of(frame), i, time));
   }
-  for (const int frame : key_frames) shot.camera.push_back(key_of(frame));
+  for (const int frame : key_frames) shot.camera.keys.push_back(key_of(frame));
   return path;
 }
 

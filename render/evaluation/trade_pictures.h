@@ -55,7 +55,4 @@ RgbImage scaled_to_width(const RgbImage& image, int most_width);
 RgbImage difference_image(const RgbImage& image, const RgbImage& truth,
                           std::span<const std::uint8_t> covered, int gain);
 
-/// RFC 4648.
-std::string base64(std::span<const std::byte> bytes);
-
 }  // namespace raystage

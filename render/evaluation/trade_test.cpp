@@ -319,17 +319,5 @@ TEST(TradePictures, StayWithinTheirBound) {
   EXPECT_GT(pictures.left_out(), 0);
 }
 
-TEST(Base64, IsTheStandardsOwn) {
-  const auto encoded = [](std::string_view text) {
-    return base64(std::as_bytes(std::span(text.data(), text.size())));
-  };
-  EXPECT_EQ(encoded(""), "");
-  EXPECT_EQ(encoded("f"), "Zg==");
-  EXPECT_EQ(encoded("fo"), "Zm8=");
-  EXPECT_EQ(encoded("foo"), "Zm9v");
-  EXPECT_EQ(encoded("foobar"), "Zm9vYmFy");
-  EXPECT_EQ(encoded("\xff\xfe\xfd"), "//79");
-}
-
 }  // namespace
 }  // namespace raystage

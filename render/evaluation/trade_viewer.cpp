@@ -9,6 +9,7 @@
 
 #include "charts/html_page.h"
 #include "render/evaluation/trade_numbers.h"
+#include "schemas/base64.h"
 
 namespace raystage {
 namespace {

@@ -145,7 +145,7 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
   EXPECT_EQ(run("raystage").exit_code, 2);
   EXPECT_EQ(run("raystage fly").exit_code, 2);
   for (const char* command : {"record", "join", "import", "simulate", "sync", "info", "verify",
-                              "repair", "render", "evaluate", "bench", "preview"}) {
+                              "repair", "render", "camera", "evaluate", "bench", "preview"}) {
     SCOPED_TRACE(command);
     EXPECT_EQ(run(std::string("raystage ") + command + " --no-such-option").exit_code, 2);
     EXPECT_EQ(run(std::string("raystage ") + command).exit_code, 2);
@@ -153,7 +153,8 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("--help"));
     EXPECT_THAT(help.out, HasSubstr("--version"));
-    EXPECT_EQ(help.out.find("-q,--quiet") == std::string::npos, std::string(command) == "info");
+    const bool has_no_progress = std::string(command) == "info" || std::string(command) == "camera";
+    EXPECT_EQ(help.out.find("-q,--quiet") == std::string::npos, has_no_progress);
     EXPECT_THAT(run("raystage --help").out, HasSubstr(command));
     EXPECT_THAT(run(std::string("raystage ") + command + " --version").out, HasSubstr("raystage "));
   }

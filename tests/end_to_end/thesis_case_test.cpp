@@ -13,7 +13,7 @@
 #include <regex>
 #include <string>
 
-#include "compose/exr_file.h"
+#include "compose/exr/file.h"
 #include "render/view/synthetic_take.h"
 #include "tests/end_to_end/run_command.h"
 

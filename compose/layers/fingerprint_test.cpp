@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "compose/fingerprint.h"
+#include "compose/layers/fingerprint.h"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "compose/exr_header.h"
+#include "compose/exr/header.h"
 
-#include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfChromaticities.h>
 #include <OpenEXR/ImfFloatAttribute.h>
 #include <OpenEXR/ImfIntAttribute.h>
+#include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfRationalAttribute.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfStringAttribute.h>
@@ -12,6 +12,7 @@
 #include <OpenEXR/ImfVecAttribute.h>
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <chrono>
 #include <cmath>
@@ -22,8 +23,6 @@
 namespace raystage {
 namespace {
 
-// A virtual camera has no film; compositors that want one get that of a full-frame still camera.
-constexpr double kFilmBackWidthMm = 36;
 constexpr double kNdcNear = 0.01;  // metres; only shapes the z of worldToNDC, which readers discard
 
 constexpr std::array<std::pair<const char*, Imf::Compression>, 5> kCompressions{
@@ -78,6 +77,27 @@ void add_string(Imf::Header& header, const char* name, const std::string& text) 
   if (!text.empty()) header.insert(name, Imf::StringAttribute(text));
 }
 
+/// Frame numbers counted from 00:00:00:00, as compositors do who have no other time code.
+Imf::TimeCode time_code(int frame, int fps_numerator, int fps_denominator) {
+  const int fps = std::clamp((fps_numerator + fps_denominator / 2) / fps_denominator, 1, 60);
+  const int seconds = frame / fps;
+  return {seconds / 3600 % 24, seconds / 60 % 60, seconds % 60, frame % fps};
+}
+
+void add_lens(Imf::Header& header, const ExrCamera& camera) {
+  const Intrinsics& k = camera.view.intrinsics;
+  const double width = camera.film_back_mm;
+  const double height = width * (camera.view.height / k.fy) / (camera.view.width / k.fx);
+  header.insert("pinholeFocalLength",
+                Imf::FloatAttribute(static_cast<float>(width * k.fx / camera.view.width)));
+  header.insert(
+      "sensorOverallDimensions",
+      Imf::V2fAttribute(Imath::V2f(static_cast<float>(width), static_cast<float>(height))));
+  if (camera.focus_m) addFocus(header, static_cast<float>(*camera.focus_m));
+  if (camera.f_number) addAperture(header, static_cast<float>(*camera.f_number));
+  if (camera.exposure_seconds) addExpTime(header, static_cast<float>(*camera.exposure_seconds));
+}
+
 void add_perspective(Imf::Header& header, const VirtualCamera& camera) {
   const Intrinsics& k = camera.intrinsics;
   addWorldToCamera(header, exr_world_to_camera(camera.pose));
@@ -87,12 +107,6 @@ void add_perspective(Imf::Header& header, const VirtualCamera& camera) {
   // The screen window's x axis points to the camera's left (OpenEXR, Technical Introduction).
   header.screenWindowCenter() = Imath::V2f(static_cast<float>((k.cx - camera.width / 2.0) / k.fx),
                                            static_cast<float>((k.cy - camera.height / 2.0) / k.fy));
-  const double film_height = kFilmBackWidthMm * (camera.height / k.fy) / (camera.width / k.fx);
-  header.insert("pinholeFocalLength",
-                Imf::FloatAttribute(static_cast<float>(kFilmBackWidthMm * k.fx / camera.width)));
-  header.insert("sensorOverallDimensions",
-                Imf::V2fAttribute(Imath::V2f(static_cast<float>(kFilmBackWidthMm),
-                                             static_cast<float>(film_height))));
 }
 
 }  // namespace
@@ -113,21 +127,19 @@ Imath::M44f exr_world_to_ndc(const VirtualCamera& camera) {
   return imath_from_columns(ndc_from_camera * forward_camera_from_world(camera.pose));
 }
 
-Imf::Header exr_header(int width, int height, const ExrMetadata& metadata) {
-  Imf::Header header(width, height);
-  header.compression() = compression_named(metadata.compression);
-  for (const char* name : {"R", "G", "B", "A"}) {
-    header.channels().insert(name, Imf::Channel(Imf::HALF));
+Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata) {
+  Imf::Header header(camera.view.width, camera.view.height);
+  const bool same = part.is_colour || metadata.data_compression.empty();
+  header.compression() = compression_named(same ? metadata.compression : metadata.data_compression);
+  if (!part.name.empty()) {
+    header.setName(part.name);
+    header.setType(Imf::SCANLINEIMAGE);
   }
-  header.channels().insert("Z", Imf::Channel(Imf::FLOAT));
-  // pLinear stays false: coverage is data, and must not be treated as light.
-  header.channels().insert("lf.coverage", Imf::Channel(Imf::FLOAT));
-  if (metadata.coverage_measures) {
-    header.channels().insert("lf.cameras", Imf::Channel(Imf::FLOAT));
-    header.channels().insert("lf.nearest", Imf::Channel(Imf::FLOAT));
-  }
+  if (!part.view.empty()) header.setView(part.view);
 
-  add_perspective(header, metadata.camera);
+  add_perspective(header, camera.view);
+  add_lens(header, camera);
+  addTimeCode(header, time_code(metadata.frame, metadata.fps_numerator, metadata.fps_denominator));
   addFramesPerSecond(header, Imf::Rational(metadata.fps_numerator,
                                            static_cast<unsigned>(metadata.fps_denominator)));
   header.insert("imageCounter", Imf::IntAttribute(metadata.frame));
@@ -143,7 +155,7 @@ Imf::Header exr_header(int width, int height, const ExrMetadata& metadata) {
   if (metadata.chromaticities) {
     addChromaticities(header, Imf::Chromaticities());  // the default is Rec.709
   } else {
-    add_string(header, "colorInteropID", "lin_rec709_scene");
+    add_string(header, "colorInteropID", part.is_colour ? "lin_rec709_scene" : "data");
   }
   if (!metadata.absent_cameras.empty()) {
     header.insert("lf:absentCameras", Imf::StringVectorAttribute(metadata.absent_cameras));

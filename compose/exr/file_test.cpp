@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "compose/exr_file.h"
+#include "compose/exr/file.h"
 
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfFrameBuffer.h>
@@ -19,6 +19,7 @@
 #include <limits>
 #include <numbers>
 
+#include "compose/exr/test_exr_view.h"
 #include "rig/camera_model.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
@@ -61,7 +62,6 @@ VirtualCamera odd_camera() {
 
 ExrMetadata synthetic_metadata() {
   ExrMetadata metadata;
-  metadata.camera = odd_camera();
   metadata.frame = 1012;
   metadata.fps_numerator = 24000;
   metadata.fps_denominator = 1001;
@@ -131,6 +131,12 @@ void expect_projects_like(const VirtualCamera& camera, const float* to_camera,
   }
 }
 
+std::size_t write_frame(const RenderedView& view, const ExrMetadata& metadata,
+                        const std::filesystem::path& file) {
+  return write_exr({{testing::exr_view(view)}}, {{ExrCamera{.view = odd_camera()}}}, metadata,
+                   file);
+}
+
 class ExrFile : public ::testing::Test {
  protected:
   TestFolder folder_;
@@ -138,7 +144,7 @@ class ExrFile : public ::testing::Test {
 };
 
 TEST_F(ExrFile, MatricesProjectKnownPointsReadByOpenExr) {
-  write_exr(synthetic_view(), synthetic_metadata(), file_);
+  write_frame(synthetic_view(), synthetic_metadata(), file_);
   const Imf::InputFile input(file_.c_str());
   const Imath::M44f to_camera = Imf::worldToCamera(input.header());
   const Imath::M44f to_ndc = Imf::worldToNDC(input.header());
@@ -157,7 +163,7 @@ TEST_F(ExrFile, MatricesProjectKnownPointsReadByOpenExr) {
 }
 
 TEST_F(ExrFile, MatricesProjectKnownPointsReadByOpenImageIo) {
-  write_exr(synthetic_view(), synthetic_metadata(), file_);
+  write_frame(synthetic_view(), synthetic_metadata(), file_);
   const auto input = OIIO::ImageInput::open(file_.string());
   ASSERT_TRUE(input) << OIIO::geterror();
   const auto matrix = [&](const char* name) {
@@ -172,7 +178,7 @@ TEST_F(ExrFile, MatricesProjectKnownPointsReadByOpenImageIo) {
 }
 
 TEST_F(ExrFile, ScreenWindowAndFilmBackAgreeWithTheProjection) {
-  write_exr(synthetic_view(), synthetic_metadata(), file_);
+  write_frame(synthetic_view(), synthetic_metadata(), file_);
   const Imf::InputFile input(file_.c_str());
   const Imf::Header& header = input.header();
   EXPECT_NEAR(header.screenWindowWidth(), kWidth / 83.5, 1e-6);
@@ -188,7 +194,7 @@ TEST_F(ExrFile, ScreenWindowAndFilmBackAgreeWithTheProjection) {
 }
 
 TEST_F(ExrFile, AttributesReadBackByOpenExr) {
-  write_exr(synthetic_view(), synthetic_metadata(), file_);
+  write_frame(synthetic_view(), synthetic_metadata(), file_);
   const Imf::InputFile input(file_.c_str());
   const Imf::Header& header = input.header();
   const auto text = [&](const char* name) {
@@ -215,12 +221,18 @@ TEST_F(ExrFile, AttributesReadBackByOpenExr) {
   EXPECT_EQ(header.typedAttribute<Imf::StringVectorAttribute>("lf:absentCameras").value(),
             (Imf::StringVector{"r0c1", "r7c3"}));
   EXPECT_EQ(header.compression(), Imf::PIZ_COMPRESSION);
+  const Imf::TimeCode time = Imf::timeCode(header);  // frame 1012 at a count of 24
+  EXPECT_EQ(time.hours(), 0);
+  EXPECT_EQ(time.seconds(), 42);
+  EXPECT_EQ(time.frame(), 4);
   EXPECT_EQ(text("owner"), "absent");
 }
 
 TEST_F(ExrFile, FrameRateAndPixelsReadBackByOpenImageIo) {
   const RenderedView view = synthetic_view();
-  write_exr(view, synthetic_metadata(), file_);
+  ExrMetadata metadata = synthetic_metadata();
+  metadata.layout = ExrLayout::kSingle;
+  write_frame(view, metadata, file_);
   const auto input = OIIO::ImageInput::open(file_.string());
   ASSERT_TRUE(input);
   const OIIO::ImageSpec& spec = input->spec();
@@ -243,7 +255,7 @@ TEST_F(ExrFile, FrameRateAndPixelsReadBackByOpenImageIo) {
 TEST_F(ExrFile, ChromaticitiesReplaceTheInteropId) {
   ExrMetadata metadata = synthetic_metadata();
   metadata.chromaticities = true;
-  write_exr(synthetic_view(), metadata, file_);
+  write_frame(synthetic_view(), metadata, file_);
   const Imf::InputFile input(file_.c_str());
   EXPECT_TRUE(Imf::hasChromaticities(input.header()));
   EXPECT_NEAR(Imf::chromaticities(input.header()).red.x, 0.64, 1e-6);
@@ -257,7 +269,7 @@ TEST_F(ExrFile, ExtremeValuesStayFinite) {
   view.rgba[2] = std::nanf("");
   view.rgba[3] = 65519.9F;  // rounds to infinity in half
   view.z[0] = view.coverage[0] = std::nanf("");
-  write_exr(view, synthetic_metadata(), file_);
+  write_frame(view, synthetic_metadata(), file_);
   const ExrImage image = read_exr(file_);
   EXPECT_EQ(image.rgba[0], 65504.0F);
   EXPECT_EQ(image.rgba[1], -65504.0F);
@@ -271,7 +283,7 @@ TEST_F(ExrFile, EveryCompressionIsLossless) {
   std::vector<float> first;
   for (const char* name : {"none", "rle", "zips", "zip", "piz"}) {
     metadata.compression = name;
-    write_exr(view, metadata, file_);
+    write_frame(view, metadata, file_);
     EXPECT_TRUE(exr_is_whole(file_, metadata.fingerprint)) << name;
     const ExrImage image = read_exr(file_);
     EXPECT_EQ(image.fps_numerator, 24000);
@@ -279,19 +291,23 @@ TEST_F(ExrFile, EveryCompressionIsLossless) {
     EXPECT_EQ(image.rgba, first) << name;
   }
   metadata.compression = "dwaa";
-  EXPECT_THROW(write_exr(view, metadata, file_), Error);
+  EXPECT_THROW(write_frame(view, metadata, file_), Error);
 }
 
 TEST_F(ExrFile, SameInputSameBytes) {
-  EXPECT_EQ(encode_exr(synthetic_view(), synthetic_metadata()),
-            encode_exr(synthetic_view(), synthetic_metadata()));
+  const auto encoded = [] {
+    const RenderedView view = synthetic_view();
+    return encode_exr({{testing::exr_view(view)}}, {{ExrCamera{.view = odd_camera()}}},
+                      synthetic_metadata());
+  };
+  EXPECT_EQ(encoded(), encoded());
 }
 
 TEST_F(ExrFile, AFileCutAnywhereIsNotWhole) {
   for (const char* compression : {"piz", "zip", "none"}) {
     ExrMetadata metadata = synthetic_metadata();
     metadata.compression = compression;
-    write_exr(synthetic_view(), metadata, file_);
+    write_frame(synthetic_view(), metadata, file_);
     ASSERT_TRUE(exr_is_whole(file_, metadata.fingerprint));
     EXPECT_FALSE(exr_is_whole(file_, "another"));
     const std::string bytes = read_file(file_);
@@ -327,7 +343,7 @@ TEST_F(ExrFile, ReadingRefusesWhatIsNoExrWithItsName) {
 
 TEST_F(ExrFile, AFailedWriteLeavesNothing) {
   const auto missing = folder_.path() / "missing" / "a.exr";
-  EXPECT_THROW(write_exr(synthetic_view(), synthetic_metadata(), missing), Error);
+  EXPECT_THROW(write_frame(synthetic_view(), synthetic_metadata(), missing), Error);
   EXPECT_TRUE(std::filesystem::is_empty(folder_.path()));
 }
 

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "compose/exr/layout.h"
 #include "render/view/view.h"
 #include "schemas/time.h"
 
@@ -18,8 +19,7 @@ namespace raystage {
 /// What the header of a rendered frame says besides its pixels; the attributes and their
 /// conventions stand in docs/formats/exr.md.
 struct ExrMetadata {
-  VirtualCamera camera;  ///< of this frame
-  int frame = 0;         ///< imageCounter
+  int frame = 0;  ///< imageCounter, timeCode
   int fps_numerator = 24, fps_denominator = 1;
   /// Captures per second of the material, where one shot frame is one capture.
   std::optional<double> capture_rate;
@@ -27,13 +27,21 @@ struct ExrMetadata {
   std::optional<Nanoseconds> capture_utc;  ///< instant shown, since 1970; none: nothing was there
   std::vector<std::string> absent_cameras;
   std::string method, fingerprint, program_version;
-  std::string method_options;       ///< NAME=VALUE,... as given; left out when empty
-  std::vector<std::string> notes;   ///< RenderedView::notes
-  std::string compression = "piz";  ///< none | rle | zips | zip | piz
+  std::string method_options;      ///< NAME=VALUE,... as given; left out when empty
+  std::vector<std::string> notes;  ///< RenderedView::notes
+  ExrLayout layout = ExrLayout::kStandard;
+  std::string compression = "piz";  ///< of colours: none | rle | zips | zip | piz
+  std::string data_compression;     ///< of parts that hold data only; empty: the same
   /// Writes `chromaticities` (Rec.709) for readers that do not know `colorInteropID`; the
   /// recommendation forbids both in one file.
   bool chromaticities = false;
-  bool coverage_measures = false;  ///< channels lf.cameras and lf.nearest
+};
+
+/// The camera that a view was taken with, as its header tells it.
+struct ExrCamera {
+  VirtualCamera view;
+  double film_back_mm = 36;  ///< width
+  std::optional<double> focus_m = {}, f_number = {}, exposure_seconds = {};
 };
 
 /// OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z backward). Imath
@@ -44,10 +52,9 @@ Imath::M44f exr_world_to_camera(const Pose& pose);
 /// runs from 0 at 1 cm in front of the camera to 1 at infinity.
 Imath::M44f exr_world_to_ndc(const VirtualCamera& camera);
 
-/// The whole header, channels R, G, B, A (half), Z, lf.coverage and, if so, the measures (float)
-/// included. Throws Error
-/// (bad input) for an unknown compression.
-Imf::Header exr_header(int width, int height, const ExrMetadata& metadata);
+/// The header of a part, but for its channels: names, types and `view` as the layout has it. Throws
+/// Error (bad input) for an unknown compression.
+Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata);
 
 /// Throws Error (bad input) naming the compressions there are, unless `name` is one.
 void check_exr_compression(const std::string& name);

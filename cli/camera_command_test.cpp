@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage camera as an artist runs it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "cli/test_command.h"
+#include "schemas/atomic_file.h"
+#include "schemas/shot_document.h"
+#include "schemas/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using testing::HasSubstr;
+
+struct CameraCommand : testing::Test {
+  CameraCommand() {
+    shot.name = "push in";
+    shot.width = 960;
+    shot.height = 540;
+    shot.first_frame = 11;
+    shot.last_frame = 14;
+    shot.camera.keys = {
+        {.frame = 11, .position = {{0, 1, 2}}, .horizontal_fov_deg = 50, .target = {{0, 1, -3}}},
+        {.frame = 14, .position = {{0, 1, 0.5}}}};
+    ShotDocument::Layer layer;
+    layer.take = "take";  // need not be there
+    shot.layers.push_back(layer);
+  }
+  test::CommandResult run(const std::string& arguments) const {
+    write_shot(shot, folder.path() / "shot.json");
+    return test::run_raystage("camera '" + path("shot.json") + "' " + arguments);
+  }
+  std::string path(const char* name) const { return (folder.path() / name).string(); }
+
+  TestFolder folder;
+  ShotDocument shot;
+};
+
+TEST_F(CameraCommand, WritesALineForEachFrame) {
+  const test::CommandResult result = run("-o '" + path("a.chan") + "'");
+  EXPECT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("4 frames, 11-14"));
+  const std::string text = read_file(path("a.chan"));
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 4);
+  EXPECT_THAT(text, testing::StartsWith("11\t0\t1\t2\t"));
+}
+
+TEST_F(CameraCommand, WhatItWritesIsRead) {
+  for (const char* name : {"a.chan", "a.gltf"}) {
+    ASSERT_EQ(run("-o '" + path(name) + "'").exit_code, 0);
+    ShotDocument again = shot;
+    again.camera = {};
+    again.camera.file = ShotDocument::CameraFile{.path = name};
+    write_shot(again, folder.path() / "again.json");
+    const std::string from = std::string("camera '") + path("again.json") + "' -o '";
+    EXPECT_EQ(test::run_raystage(from + path("b.chan") + "'").exit_code, 0);
+    EXPECT_THAT(read_file(path("b.chan")), HasSubstr("\n14\t0\t1\t0.5\t")) << name;
+  }
+}
+
+TEST_F(CameraCommand, EyesAreThoseOfAStereoShot) {
+  EXPECT_THAT(run("--eye left -o '" + path("a.chan") + "'").output, HasSubstr("is not stereo"));
+  shot.camera.stereo = ShotDocument::Stereo{.interaxial_m = 0.1, .convergence_m = 3};
+  const test::CommandResult result = run("--eye left -o '" + path("a.chan") + "'");
+  EXPECT_EQ(result.exit_code, 0);
+  EXPECT_THAT(result.output, HasSubstr("shifted to converge at 3 m"));
+  EXPECT_THAT(read_file(path("a.chan")), testing::StartsWith("11\t-0.05\t1\t2\t"));
+}
+
+TEST_F(CameraCommand, RefusesOtherFilesAndBrokenCameras) {
+  EXPECT_EQ(run("-o '" + path("a.fbx") + "'").exit_code, 2);
+  EXPECT_FALSE(std::filesystem::exists(path("a.fbx")));
+  shot.camera.keys[0].position.reset();
+  shot.camera.keys[1].position.reset();
+  const test::CommandResult result = run("-o '" + path("a.chan") + "'");
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.output, HasSubstr("nobody says where the camera stands"));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <string>
+
+#include "compose/camera/curves.h"
+#include "schemas/shot_document.h"
+
+namespace raystage {
+
+/// What moves a camera, each by itself; null: not given.
+struct CameraChannels {
+  Channel<Eigen::Vector3d> position;        ///< world, metres
+  Channel<Eigen::Quaterniond> orientation;  ///< world_from_camera
+  Channel<Eigen::Vector3d> target;    ///< looked at, in place of an orientation; world, metres
+  Channel<double> roll;               ///< radians about the axis, clockwise for who looks through
+  Channel<double> focal;              ///< focal length in half picture widths: 1 / tan(fov / 2)
+  Channel<double> focus;              ///< metres along the axis
+  Channel<double> f_number, shutter;  ///< shutter: degrees
+  Channel<double> orbit;              ///< radians about the shot's orbit axis
+};
+
+/// Each property a smooth curve through the keys that have it. Focal length is what is
+/// interpolated, not the angle: in a dolly zoom focal length and distance stay proportional, so the
+/// subject keeps its size. Throws Error (bad input), with `where` in it, for keys that do not rise,
+/// are not finite, or say the same thing twice.
+CameraChannels channels_from_keys(const ShotDocument::Camera& camera, const std::string& where);
+
+/// `first` with what it lacks from `second`. Throws Error (bad input) where both give the same.
+CameraChannels together(CameraChannels first, const CameraChannels& second,
+                        const std::string& where);
+
+}  // namespace raystage

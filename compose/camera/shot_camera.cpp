@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/camera/shot_camera.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+#include "compose/camera/chan_file.h"
+#include "compose/camera/gltf_camera.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+Vector3d vector_of(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+/// Focal length in half picture widths from a vertical angle.
+double focal_from_vertical(double fov, double height_by_width) {
+  return height_by_width / std::tan(fov / 2);
+}
+
+CameraChannels channels_from_chan(const ShotDocument::CameraFile& source,
+                                  const std::filesystem::path& file, double height_by_width) {
+  const RotationOrder order =
+      rotation_order_named(source.rotation_order).value_or(RotationOrder::kZxy);
+  std::vector<CurveKey<Vector3d>> positions;
+  std::vector<CurveKey<Quaterniond>> orientations;
+  std::vector<CurveKey<double>> focals;
+  for (const ChanLine& line : parse_chan(read_file(file), order, file.string())) {
+    const double frame = line.frame + source.frame_offset;
+    positions.push_back({frame, line.position});
+    orientations.push_back({frame, line.orientation});
+    if (line.vertical_fov) {
+      focals.push_back({frame, focal_from_vertical(*line.vertical_fov, height_by_width)});
+    }
+  }
+  CameraChannels channels;
+  channels.position = Curve<Vector3d>(positions);
+  channels.orientation = RotationCurve(orientations);
+  if (!focals.empty()) channels.focal = Curve<double>(focals);
+  return channels;
+}
+
+CameraChannels channels_from_gltf(const ShotDocument& shot, const ShotDocument::CameraFile& source,
+                                  const std::filesystem::path& file, double height_by_width) {
+  const auto camera =
+      std::make_shared<const GltfCamera>(read_gltf_camera(file, source.camera_name));
+  const double first = shot.first_frame + source.frame_offset;
+  const double seconds_per_frame = static_cast<double>(shot.fps_denominator) / shot.fps_numerator;
+  const auto seconds = [=](double frame) { return (frame - first) * seconds_per_frame; };
+  CameraChannels channels;
+  channels.position = [=](double frame) { return camera->pose(seconds(frame)).position; };
+  channels.orientation = [=](double frame) {
+    return Quaterniond(camera->pose(seconds(frame)).world_from_camera_rotation);
+  };
+  channels.focal = [=](double frame) {
+    return focal_from_vertical(camera->vertical_fov(seconds(frame)), height_by_width);
+  };
+  return channels;
+}
+
+bool is_chan(const std::filesystem::path& file) { return file.extension() == ".chan"; }
+
+}  // namespace
+
+ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& shot_file)
+    : width_(shot.width),
+      height_(shot.height),
+      film_back_mm_(shot.camera.film_back_mm),
+      where_(shot_file.string() + "#/camera"),
+      channels_(channels_from_keys(shot.camera, where_)),
+      orbit_(shot.camera.orbit),
+      vertigo_(shot.camera.vertigo) {
+  const double height_by_width = static_cast<double>(height_) / width_;
+  if (const auto& source = shot.camera.file) {
+    const std::filesystem::path file = (shot_file.parent_path() / source->path).lexically_normal();
+    files_.push_back(file);
+    channels_ = together(is_chan(file) ? channels_from_chan(*source, file, height_by_width)
+                                       : channels_from_gltf(shot, *source, file, height_by_width),
+                         channels_, where_);
+  }
+  const auto refuse = [&](const char* what, const char* what_to_do) {
+    throw Error::bad_input(what, where_, what_to_do);
+  };
+  if (!channels_.position) refuse("nobody says where the camera stands", "Give a key a position");
+  if (!channels_.focal) {
+    refuse("nobody says what lens the camera has",
+           "Give a key horizontal_fov_deg or focal_length_mm");
+  }
+  if (channels_.orientation && channels_.target) {
+    refuse("the camera has both orientations and targets", "Use one of them in all keys");
+  }
+  if (static_cast<bool>(channels_.orbit) != orbit_.has_value()) {
+    refuse("an orbit has a centre, and keys with orbit_deg; one of the two is missing",
+           "Add the other, or remove both");
+  }
+  if (shot.camera.stereo) {
+    stereo_ = StereoSettings{shot.camera.stereo->interaxial_m, shot.camera.stereo->convergence_m};
+  }
+  if (vertigo_) {
+    const double frame = vertigo_->frame.value_or(shot.first_frame);
+    const Pose pose = moved_pose(frame);
+    const double depth = -pose.camera_from_world(vector_of(vertigo_->target)).z();
+    if (!(depth > 0)) {
+      refuse("vertigo's target lies behind the camera at the frame that sets its size",
+             "Move the target, or give another frame");
+    }
+    vertigo_focal_per_metre_ = channels_.focal(frame) / depth;
+  }
+}
+
+Pose ShotCamera::moved_pose(double frame) const {
+  Pose pose;
+  pose.position = channels_.position(frame);
+  if (channels_.target) {
+    const Vector3d target = channels_.target(frame);
+    if ((target - pose.position).norm() == 0) {
+      throw Error::bad_input(
+          fmt::format("at frame {} the camera stands where it is to look", frame), where_,
+          "Move the target or the camera");
+    }
+    pose.world_from_camera_rotation = rotation_towards(pose.position, target);
+  } else if (channels_.orientation) {
+    pose.world_from_camera_rotation = channels_.orientation(frame).toRotationMatrix();
+  }
+  if (channels_.roll) {
+    pose.world_from_camera_rotation *=
+        Eigen::AngleAxisd(-channels_.roll(frame), Vector3d::UnitZ()).toRotationMatrix();
+  }
+  if (orbit_) {
+    const Vector3d centre = vector_of(orbit_->center);
+    const Eigen::Matrix3d turn =
+        Eigen::AngleAxisd(channels_.orbit(frame), vector_of(orbit_->axis).normalized())
+            .toRotationMatrix();
+    pose.position = centre + turn * (pose.position - centre);
+    pose.world_from_camera_rotation = turn * pose.world_from_camera_rotation;
+  }
+  return pose;
+}
+
+double ShotCamera::focal_at(double frame, const Pose& pose) const {
+  if (!vertigo_) return channels_.focal(frame);
+  // Thesis eq. 7.1: tan(fov / 2) goes with the inverse of the target's distance.
+  return vertigo_focal_per_metre_ * -pose.camera_from_world(vector_of(vertigo_->target)).z();
+}
+
+CameraState ShotCamera::state(double frame) const {
+  CameraState state;
+  state.pose = moved_pose(frame);
+  state.film_back_mm = film_back_mm_;
+  state.focal_length_mm = focal_at(frame, state.pose) * film_back_mm_ / 2;
+  if (channels_.focus) state.focus_m = channels_.focus(frame);
+  if (channels_.f_number) state.f_number = channels_.f_number(frame);
+  if (channels_.shutter) state.shutter_deg = channels_.shutter(frame);
+  if (!state.pose.position.allFinite() || !state.pose.world_from_camera_rotation.allFinite()) {
+    throw Error::bad_input(fmt::format("at frame {} the camera is nowhere", frame), where_,
+                           "Look for numbers that are too large in its keys");
+  }
+  if (!(std::isfinite(state.focal_length_mm) && state.focal_length_mm > 0)) {
+    throw Error::bad_input(
+        vertigo_
+            ? fmt::format("at frame {} vertigo's target lies beside or behind the camera", frame)
+            : fmt::format("at frame {} the focal length is {} mm, allowed: above 0", frame,
+                          state.focal_length_mm),
+        where_, vertigo_ ? "Keep the target in front of the camera" : "Correct the lens");
+  }
+  return state;
+}
+
+VirtualCamera ShotCamera::camera(double frame, Eye eye) const {
+  const CameraState both = state(frame);
+  return virtual_camera(stereo_ ? for_eye(both, *stereo_, eye) : both, width_, height_);
+}
+
+std::vector<Eye> ShotCamera::eyes() const {
+  return is_stereo() ? std::vector{Eye::kLeft, Eye::kRight} : std::vector{Eye::kBoth};
+}
+
+}  // namespace raystage

@@ -1,0 +1,202 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/exr/file.h"
+
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfIO.h>
+#include <OpenEXR/ImfInputPart.h>
+#include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfMultiPartOutputFile.h>
+#include <OpenEXR/ImfMultiView.h>
+#include <OpenEXR/ImfOutputFile.h>
+#include <OpenEXR/ImfOutputPart.h>
+#include <OpenEXR/ImfPartType.h>
+#include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfStringAttribute.h>
+#include <half.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#include "images/exr/exr_channels.h"
+#include "images/exr/exr_slice.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+// Frames are parallel to each other; OpenEXR's own threads would only add to them.
+constexpr int kNoThreads = 0;
+
+/// OpenEXR's file writer closes in a destructor, where a full disk goes unnoticed. A frame is small
+/// enough to be built in memory and written by ourselves.
+class MemoryStream final : public Imf::OStream {
+ public:
+  MemoryStream() : Imf::OStream("memory") {}
+  void write(const char c[], int n) override {
+    const auto count = static_cast<std::size_t>(n);
+    if (at_ + count > bytes_.size()) bytes_.resize(at_ + count);
+    std::memcpy(bytes_.data() + at_, c, count);
+    at_ += count;
+  }
+  std::uint64_t tellp() override { return at_; }
+  void seekp(std::uint64_t position) override { at_ = position; }
+
+  std::vector<std::byte> take() { return std::move(bytes_); }
+  void reserve(std::size_t size) { bytes_.reserve(size); }
+
+ private:
+  std::vector<std::byte> bytes_;
+  std::size_t at_ = 0;
+};
+
+half finite_half(float value) {
+  constexpr float kLargest = 65504.0F;  // of half
+  if (std::isnan(value)) return half(0.0F);
+  return half(std::clamp(value, -kLargest, kLargest));
+}
+
+std::size_t pixel_count(int width, int height) {
+  return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
+}
+
+/// Scan lines that are compressed together (OpenEXR file layout); 1 is right for all, only slower.
+int lines_per_chunk(Imf::Compression compression) {
+  switch (compression) {
+    case Imf::ZIP_COMPRESSION:
+      return 16;
+    case Imf::PIZ_COMPRESSION:
+      return 32;
+    default:
+      return 1;
+  }
+}
+
+/// What a part's channels are written from: halves of colours, and floats without NaN.
+struct PartPixels {
+  std::vector<half> colours;
+  std::vector<float> data;
+  Imf::FrameBuffer frame_buffer;
+};
+
+/// Adds the channels to the header, too.
+PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, int width,
+                     Imf::Header& header) {
+  const auto layer_of = [&](const ExrPlacedChannel& channel) -> const ExrLayer& {
+    return views[channel.view].layers[channel.layer];
+  };
+  PartPixels pixels;
+  std::size_t colours = 0, data = 0;
+  for (const ExrPlacedChannel& channel : part.channels) {
+    const ExrLayer& layer = layer_of(channel);
+    (layer.is_colour ? colours : data) += layer.values.size() / layer.channels.size();
+  }
+  pixels.colours.resize(colours);
+  pixels.data.resize(data);
+  half* colour = pixels.colours.data();
+  float* number = pixels.data.data();
+  for (const ExrPlacedChannel& channel : part.channels) {
+    const ExrLayer& layer = layer_of(channel);
+    const std::size_t stride = layer.channels.size(), count = layer.values.size() / stride;
+    const float* from = layer.values.data() + channel.channel;
+    if (layer.is_colour) {
+      for (std::size_t i = 0; i < count; ++i) colour[i] = finite_half(from[i * stride]);
+      pixels.frame_buffer.insert(channel.name, exr_slice(Imf::HALF, colour, width, 1, 0, 0, 0.0));
+      colour += count;
+    } else {
+      for (std::size_t i = 0; i < count; ++i) {
+        const float value = from[i * stride];
+        number[i] = std::isnan(value) ? layer.for_nan : value;
+      }
+      pixels.frame_buffer.insert(channel.name, exr_slice(Imf::FLOAT, number, width, 1, 0, 0, 0.0));
+      number += count;
+    }
+    // pLinear stays false: coverage is data, and must not be treated as light.
+    header.channels().insert(channel.name, Imf::Channel(layer.is_colour ? Imf::HALF : Imf::FLOAT));
+  }
+  return pixels;
+}
+
+}  // namespace
+
+std::vector<std::byte> encode_exr(std::span<const ExrView> views,
+                                  std::span<const ExrCamera> cameras, const ExrMetadata& metadata) {
+  const std::vector<ExrPart> parts = lay_out(views, metadata.layout);
+  std::vector<PartPixels> pixels;
+  std::vector<Imf::Header> headers;
+  for (const ExrPart& part : parts) {
+    headers.push_back(exr_header(part, cameras[part.camera_of], metadata));
+    pixels.push_back(pixels_of(part, views, cameras[0].view.width, headers.back()));
+  }
+  if (parts.size() == 1 && views.size() > 1) {
+    Imf::StringVector names;
+    for (const ExrView& view : views) names.push_back(view.name);
+    addMultiView(headers[0], names);
+  }
+  MemoryStream stream;
+  stream.reserve(pixel_count(cameras[0].view.width, cameras[0].view.height) * 8);
+  const int height = cameras[0].view.height;
+  if (parts.size() == 1) {
+    Imf::OutputFile output(stream, headers[0], kNoThreads);
+    output.setFrameBuffer(pixels[0].frame_buffer);
+    output.writePixels(height);
+  } else {
+    Imf::MultiPartOutputFile output(stream, headers.data(), static_cast<int>(headers.size()), false,
+                                    kNoThreads);
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      Imf::OutputPart part(output, static_cast<int>(i));
+      part.setFrameBuffer(pixels[i].frame_buffer);
+      part.writePixels(height);
+    }
+  }  // writes the line offsets
+  return stream.take();
+}
+
+std::size_t write_exr(std::span<const ExrView> views, std::span<const ExrCamera> cameras,
+                      const ExrMetadata& metadata, const std::filesystem::path& file) {
+  const std::vector<std::byte> bytes = encode_exr(views, cameras, metadata);
+  write_file_atomically(file, bytes);
+  return bytes.size();
+}
+
+bool exr_is_whole(const std::filesystem::path& file, std::string_view fingerprint) {
+  try {
+    Imf::MultiPartInputFile input(file.c_str(), kNoThreads);
+    for (int i = 0; i < input.parts(); ++i) {
+      const Imf::Header& header = input.header(i);
+      const auto* attribute = header.findTypedAttribute<Imf::StringAttribute>("lf:fingerprint");
+      if (attribute == nullptr || attribute->value() != fingerprint || !input.partComplete(i)) {
+        return false;
+      }
+      // The offsets may promise what a cut file no longer has: read it to its end.
+      Imf::InputPart part(input, i);
+      const Imath::Box2i window = header.dataWindow();
+      const int step = lines_per_chunk(header.compression());
+      for (std::int64_t y = window.min.y; y <= window.max.y; y += step) {
+        const char* data = nullptr;
+        int size = 0;
+        part.rawPixelData(static_cast<int>(y), data, size);
+      }
+    }
+    return true;
+  } catch (const std::exception&) {
+    return false;
+  }
+}
+
+ExrImage read_exr(const std::filesystem::path& file) {
+  constexpr ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
+  ExrPixels pixels = read_exr_channels(
+      file, kChannels, "Give a flat EXR file with channels R, G and B, or render this frame again");
+  ExrImage image{pixels.width, pixels.height, std::move(pixels.values)};
+  if (pixels.fps_numerator > 0) {
+    image.fps_numerator = pixels.fps_numerator;
+    image.fps_denominator = pixels.fps_denominator;
+  }
+  return image;
+}
+
+}  // namespace raystage

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <stop_token>
+#include <vector>
+
+#include "compose/layers/layer_image.h"
+#include "compose/memory_plan.h"
+#include "compose/shot_plan.h"
+#include "render/renderer.h"
+
+namespace raystage {
+
+/// Paints the views of a shot's frames: every layer, cut and faded as the shot says, merged. Many
+/// threads may paint at once. `plan` must live on.
+class FramePainter {
+ public:
+  FramePainter(const ShotPlan& plan, const MemoryPlan& memory, bool coverage_measures);
+
+  /// One view, with the same AOVs at every frame: of shots with a light field its coverage, on
+  /// request the measures. Layers are rendered from the front; where the shot states their order,
+  /// and those in front hide all, the others are left alone. What remains once `stop` is requested
+  /// is not painted.
+  LayerImage paint(const PlannedFrame& frame, const VirtualCamera& camera,
+                   const std::stop_token& stop) const;
+
+  /// Asks the disk for what a frame will need.
+  void read_ahead(const PlannedFrame& frame) const;
+  int frames_read_ahead() const;
+  std::size_t decoded_bytes_held() const;
+
+ private:
+  LayerImage layer_image_of(std::size_t layer, const PlannedFrame& frame,
+                            const VirtualCamera& camera) const;
+  /// Adds what other frames have and this one does not.
+  void complete(LayerImage& image) const;
+
+  const ShotPlan& plan_;
+  bool coverage_measures_;
+  std::vector<std::unique_ptr<const LightFieldRenderer>> renderers_;  ///< of each layer
+};
+
+}  // namespace raystage

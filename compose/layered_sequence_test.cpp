@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shots of several layers.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "compose/sequence_test_data.h"
+#include "images/exr/exr_channels.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+
+/// The wall's take, and a second one of the same wall whose frames come two ticks later.
+class LayeredSequence : public testing::SequenceTest {
+ protected:
+  LayeredSequence() { options_.frames = {101}; }
+
+  static ShotDocument::Layer solid(double grey, double alpha, std::optional<double> depth = {}) {
+    ShotDocument::Layer layer;
+    layer.solid = ShotDocument::Solid{{grey, grey, grey}, alpha, depth};
+    return layer;
+  }
+  static ShotDocument::Layer later() {
+    ShotDocument::Layer layer;
+    layer.take = "take";
+    layer.start_seconds = 0.2;
+    return layer;
+  }
+  /// Linear value, alpha and depth of a pixel.
+  std::array<float, 3> at(int x, int y) const {
+    const ExrImage image = read_exr(file(101));
+    constexpr ExrChannel kZ[] = {{"Z"}};
+    const std::size_t pixel = static_cast<std::size_t>(y * 40 + x);
+    return {image.rgba[4 * pixel], image.rgba[4 * pixel + 3],
+            read_exr_channels(file(101), kZ, "").values[pixel]};
+  }
+};
+
+TEST_F(LayeredSequence, TwoTakesShareAPictureWithoutASeam) {
+  ShotDocument::Layer right = later();
+  right.clips = {{.screen = {.left = 0.5}}};
+  shot_.layers.push_back(right);
+  run();
+  EXPECT_NEAR(at(10, 15)[0], grey(0), 0.005F);
+  EXPECT_NEAR(at(19, 15)[0], grey(0), 0.005F);
+  EXPECT_NEAR(at(20, 15)[0], grey(2), 0.005F);
+  for (int x = 0; x < 40; ++x) EXPECT_NEAR(at(x, 15)[1], 1, 1e-3F) << x;
+
+  // Fading over, each pixel lies between the two.
+  shot_.layers[1].clips[0].feather = 0.5;
+  options_.existing = ExistingFiles::kOverwrite;
+  run();
+  EXPECT_NEAR(at(20, 15)[0], 0.5F * (grey(0) + grey(2)), 0.01F);
+  for (int x = 0; x < 40; ++x) EXPECT_NEAR(at(x, 15)[1], 1, 1e-3F) << x;
+}
+
+TEST_F(LayeredSequence, ASolidLiesWhereItIsStatedOrWhereItIsDeep) {
+  shot_.layers.push_back(solid(0.75, 0.5, 2));
+  run();
+  EXPECT_NEAR(at(20, 15)[0], 0.5F * 0.75F + 0.5F * grey(0), 0.005F);
+  EXPECT_FLOAT_EQ(at(20, 15)[2], 2) << "half of it";
+  // The light field is looked up on the best plane, 3 m before the array.
+  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.layers[1].solid->depth_m = 5;
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().rendered, 1) << "the fingerprint knows the order and the depth";
+  EXPECT_NEAR(at(20, 15)[0], grey(0), 0.005F);
+  EXPECT_NEAR(at(20, 15)[2], 3, 0.05F);
+}
+
+TEST_F(LayeredSequence, AHoldoutLeavesAHole) {
+  shot_.layers.push_back(solid(1, 1));
+  shot_.layers[1].holdout = true;
+  shot_.layers[1].clips = {{.screen = {.bottom = 0.5}}};
+  run();
+  EXPECT_EQ(at(20, 5)[1], 0);
+  EXPECT_NEAR(at(20, 25)[1], 1, 1e-3F);
+}
+
+TEST_F(LayeredSequence, OpacityAndRangesCount) {
+  shot_.layers.push_back(solid(1, 1));
+  shot_.layers[1].opacity = 0.25;
+  run();
+  EXPECT_NEAR(at(20, 15)[0], 0.25F + 0.75F * grey(0), 0.005F);
+  shot_.layers[1].first_frame = 102;
+  options_.existing = ExistingFiles::kSkip;
+  run();
+  EXPECT_NEAR(at(20, 15)[0], grey(0), 0.005F);
+}
+
+TEST_F(LayeredSequence, WhatShowsNothingIsNotOpened) {
+  ShotDocument::Layer gone;
+  gone.take = "gone";
+  shot_.layers.insert(shot_.layers.begin(), gone);
+  EXPECT_THAT(refusal(), HasSubstr("gone"));
+  shot_.layers[0].last_frame = 100;
+  EXPECT_EQ(run().rendered, 1);
+  shot_.layers[0].last_frame.reset();
+  shot_.layers[0].clips = {{.screen = {.left = 0.7, .right = 0.7}}};
+  options_.existing = ExistingFiles::kOverwrite;
+  EXPECT_EQ(run().rendered, 1);
+  shot_.layers[0].clips.clear();
+  shot_.layers[0].opacity = 0;
+  EXPECT_EQ(run().rendered, 1);
+}
+
+TEST_F(LayeredSequence, WhatIsHiddenIsNotDecoded) {
+  EXPECT_GT(run().pixels_decoded, 0);
+  options_.existing = ExistingFiles::kOverwrite;
+  shot_.layers.push_back(solid(0.25, 1));
+  EXPECT_EQ(run().pixels_decoded, 0);
+  EXPECT_EQ(at(20, 15)[0], 0.25F);
+  constexpr ExrChannel kCoverage[] = {{"lf.coverage"}};
+  EXPECT_EQ(read_exr_channels(file(101), kCoverage, "").values[0], 0)
+      << "the channel is there in every frame";
+}
+
+TEST_F(LayeredSequence, AShotNeedsNoLightField) {
+  shot_.layers = {solid(0.5, 1)};
+  EXPECT_EQ(run().rendered, 1);
+  EXPECT_EQ(at(3, 3)[0], 0.5F);
+  constexpr ExrChannel kCoverage[] = {{"lf.coverage"}};
+  EXPECT_THROW(read_exr_channels(file(101), kCoverage, ""), Error);
+}
+
+TEST_F(LayeredSequence, EachLayersMissingFramesAreNamed) {
+  ShotDocument::Layer layer = later();
+  layer.start_seconds = 100;
+  shot_.layers.push_back(layer);
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1: the take has nothing to show"));
+  options_.missing = MissingFrames::kBlack;
+  EXPECT_EQ(run().rendered, 1);
+  EXPECT_THAT(said_, Contains(HasSubstr("layer 1: 1 frames are empty")));
+  EXPECT_NEAR(at(20, 15)[0], grey(0), 0.005F) << "the layer behind shows";
+}
+
+TEST_F(LayeredSequence, SameBytesForAnyNumberOfThreads) {
+  ShotDocument::Layer right = later();
+  right.clips = {{.screen = {.left = 0.3}, .feather = 0.2}};
+  shot_.layers.push_back(right);
+  shot_.layers.push_back(solid(0.1, 0.3));
+  shot_.merge = ShotDocument::Merge::kDepth;
+  std::string first;
+  options_.existing = ExistingFiles::kOverwrite;
+  for (const int in_flight : {1, 4}) {
+    options_.frames_in_flight = in_flight;
+    run();
+    const std::string bytes = read_file(file(101));
+    if (first.empty()) first = bytes;
+    EXPECT_EQ(bytes, first);
+  }
+}
+
+}  // namespace
+}  // namespace raystage

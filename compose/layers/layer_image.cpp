@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/layers/layer_image.h"
+
+#include <limits>
+#include <utility>
+
+namespace raystage {
+namespace {
+
+constexpr float kNowhere = std::numeric_limits<float>::infinity();
+
+}  // namespace
+
+LayerImage empty_image(int width, int height) {
+  LayerImage image;
+  image.width = width;
+  image.height = height;
+  image.rgba.assign(image.pixels() * 4, 0.0F);
+  image.z.assign(image.pixels(), kNowhere);
+  return image;
+}
+
+LayerImage layer_image(RenderedView view) {
+  LayerImage image;
+  image.width = view.width;
+  image.height = view.height;
+  image.rgba = std::move(view.rgba);
+  image.z = std::move(view.z);
+  image.aovs.push_back({"lf", {"coverage"}, false, 0, std::move(view.coverage)});
+  if (!view.cameras.empty()) {
+    image.aovs.push_back({"lf", {"cameras"}, false, 0, std::move(view.cameras)});
+  }
+  if (!view.nearest_ray.empty()) {
+    image.aovs.push_back({"lf", {"nearest"}, false, kNowhere, std::move(view.nearest_ray)});
+  }
+  image.statistics = view.statistics;
+  image.notes = std::move(view.notes);
+  return image;
+}
+
+ExrView exr_view(const LayerImage& image, const std::string& name) {
+  ExrView view{name, {}};
+  view.layers.push_back({"", {"R", "G", "B", "A"}, true, image.rgba, 0});
+  view.layers.push_back({"depth", {"Z"}, false, image.z, kNowhere});
+  for (const Aov& aov : image.aovs) {
+    view.layers.push_back({aov.layer, aov.channels, aov.is_colour, aov.values, aov.nothing});
+  }
+  return view;
+}
+
+}  // namespace raystage

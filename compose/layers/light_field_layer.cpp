@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/layers/light_field_layer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "render/methods.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+bool has_option(const Method& method, std::string_view name) {
+  return std::ranges::any_of(method.options, [&](const auto& o) { return o.name == name; });
+}
+
+/// How deep the scene is: as the method's options say, else as the take does.
+std::optional<DepthRange> scene_of(const Reconstruction& reconstruction, const Take& take) {
+  const Method& method = method_named(reconstruction.method);
+  const MethodOptions options(method.options, reconstruction.options, reconstruction.method);
+  DepthRange scene = take.document().depth_range.value_or(DepthRange{0, 0});
+  if (has_option(method, "near") && options.number("near") > 0) scene.near = options.number("near");
+  if (has_option(method, "far") && options.number("far") > 0) scene.far = options.number("far");
+  return scene.near > 0 && scene.far > 0 ? std::optional(scene) : std::nullopt;
+}
+
+Reconstruction reconstruction_of(const ShotDocument::Layer& layer, const Take& take,
+                                 const std::string& where, std::optional<HoleFill> fill,
+                                 const OptionValues& target) {
+  const Method& of_layer = method_named(layer.method);
+  const MethodOptions options(of_layer.options, layer.options, where + "/options");
+  if (of_layer.check != nullptr) of_layer.check(options, take);
+  Reconstruction reconstruction;
+  reconstruction.method = target.empty() ? layer.method : "auto";
+  reconstruction.options = target.empty() ? layer.options : target;
+  const Method& method = method_named(reconstruction.method);
+  // How deep the layer's scene is stays true whoever renders it.
+  for (const char* name : {"near", "far"}) {
+    if (has_option(method, name) && layer.options.contains(name)) {
+      reconstruction.options[name] = layer.options.at(name);
+    }
+  }
+  reconstruction.fill = fill.value_or(layer.fill);
+  const std::optional<DepthRange> scene = scene_of(reconstruction, take);
+  const bool best = layer.focal_plane.kind == ShotDocument::FocalPlane::Kind::kBest;
+  // Nobody asks for the plane; but `auto` has nothing else where it does not know the scene.
+  if (best && !scene && !method.on_focal_plane && method.name != "auto") return reconstruction;
+  reconstruction.focal_plane =
+      focal_plane_equation(layer.focal_plane, take.rig(), scene, where + "/focal_plane");
+  return reconstruction;
+}
+
+std::string pointer_of(const std::filesystem::path& shot_file, std::size_t index) {
+  return fmt::format("{}#/layers/{}", shot_file.string(), index);
+}
+
+}  // namespace
+
+Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, const Rig& rig,
+                                     const std::optional<DepthRange>& depth_range,
+                                     const std::string& where) {
+  using Kind = ShotDocument::FocalPlane::Kind;
+  switch (plane.kind) {
+    case Kind::kInfinity:
+      return {0, 0, 0, 1};
+    case Kind::kDepth:
+      return plane_in_front_of(rig, plane.depth);
+    case Kind::kBest:
+      if (!depth_range) {
+        throw Error::bad_input("the best focal plane is unknown: the take has no depth range",
+                               where,
+                               "Give the plane's depth in metres, or add depth_range to take.json");
+      }
+      return plane_in_front_of(rig, best_focal_depth(*depth_range));
+    case Kind::kEquation:
+      break;
+  }
+  const auto& e = plane.equation;
+  const Eigen::Vector4d equation(e[0], e[1], e[2], e[3]);
+  const double normal = equation.head<3>().norm();
+  if (!equation.allFinite() || (normal == 0 && equation[3] == 0)) {
+    throw Error::bad_input("the focal plane's equation is 0 or not finite", where,
+                           "Give a, b, c, d of a x + b y + c z + d = 0");
+  }
+  if (normal == 0) return {0, 0, 0, 1};
+  return equation / normal;
+}
+
+LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
+                                 const std::filesystem::path& shot_file,
+                                 std::optional<HoleFill> fill, const OptionValues& target)
+    : index_(index),
+      shot_file_(shot_file),
+      layer_(shot.layers[index]),
+      first_frame_(shot.first_frame),
+      fps_numerator_(shot.fps_numerator),
+      fps_denominator_(shot.fps_denominator),
+      take_((shot_file.parent_path() / layer_.take).lexically_normal()),
+      timeline_(read_timeline(take_)),
+      reconstruction_(
+          reconstruction_of(layer_, take_, pointer_of(shot_file, index), fill, target)) {
+  if (timeline_.ticks.empty()) {
+    throw Error::bad_input("the take's timeline is empty", take_.folder().string(),
+                           "Run `raystage sync` and look at what it prints");
+  }
+  // An archive that is missing should stop the job now and not at the first frame that needs it.
+  for (int camera = 0; camera < take_.camera_count(); ++camera) take_.archive(camera);
+  common_ = common_fingerprint();
+}
+
+Nanoseconds LightFieldLayer::take_time(int frame) const {
+  const double shot_seconds =
+      (static_cast<double>(frame) - first_frame_) * fps_denominator_ / fps_numerator_;
+  const double seconds = layer_.start_seconds + shot_seconds * layer_.speed;
+  constexpr double kLimit = 4e18;  // nanoseconds; keeps the sum below within int64
+  return timeline_.ticks.front().time_ns +
+         static_cast<Nanoseconds>(std::llround(
+             std::clamp(seconds * static_cast<double>(kNanosecondsPerSecond), -kLimit, kLimit)));
+}
+
+std::optional<int> LightFieldLayer::tick_at(int frame) const {
+  const auto tick = nearest_tick(timeline_.ticks, take_time(frame));
+  if (!tick || timeline_.ticks[*tick].present() == 0) return std::nullopt;
+  return static_cast<int>(*tick);
+}
+
+ShownInstant LightFieldLayer::shown_at(int frame, MissingFrames policy) const {
+  ShownInstant shown{tick_at(frame), false};
+  if (shown.tick || policy != MissingFrames::kHold) return shown;
+  const auto& ticks = timeline_.ticks;
+  const auto after =
+      std::upper_bound(ticks.begin(), ticks.end(), take_time(frame),
+                       [](Nanoseconds t, const FrameSelection& tick) { return t < tick.time_ns; });
+  shown.tick = nearest_present(std::max(0, static_cast<int>(after - ticks.begin()) - 1));
+  shown.held = shown.tick.has_value();
+  return shown;
+}
+
+std::optional<int> LightFieldLayer::nearest_present(int tick) const {
+  const auto present = [&](int i) {
+    return timeline_.ticks[static_cast<std::size_t>(i)].present() > 0;
+  };
+  const int count = static_cast<int>(timeline_.ticks.size());
+  for (int i = tick; i >= 0; --i) {
+    if (present(i)) return i;
+  }
+  for (int i = tick + 1; i < count; ++i) {
+    if (present(i)) return i;
+  }
+  return std::nullopt;
+}
+
+std::string LightFieldLayer::length_text() const {
+  return fmt::format(
+      "it lasts {:.3f} s from its first tick",
+      static_cast<double>(timeline_.ticks.back().time_ns - timeline_.ticks.front().time_ns) /
+          static_cast<double>(kNanosecondsPerSecond));
+}
+
+std::vector<std::filesystem::path> LightFieldLayer::files_read(const ShownInstant& shown) const {
+  const Method& method = method_named(reconstruction_.method);
+  if (method.files_read == nullptr || !shown.tick) return {};
+  const MethodOptions options(method.options, reconstruction_.options, method.name);
+  return method.files_read(options, take_, tick(shown));
+}
+
+void LightFieldLayer::check_files(int frame, const ShownInstant& shown) const {
+  for (const auto& file : files_read(shown)) {
+    if (std::filesystem::exists(file)) continue;
+    throw Error::bad_input(fmt::format("frame {} needs a file that is not there", frame),
+                           file.string(),
+                           "Put it there, or mend the options of method " + reconstruction_.method +
+                               " in " + shot_file_.string());
+  }
+}
+
+void LightFieldLayer::add_sources(const FrameSelection& tick, Fingerprint& print) const {
+  for (std::size_t camera = 0; camera < tick.frame.size(); ++camera) {
+    if (tick.frame[camera] < 0) {
+      print.text("source", "absent");
+      continue;
+    }
+    const FrameRecord& record = take_.archive(static_cast<int>(camera))
+                                    .frames()[static_cast<std::size_t>(tick.frame[camera])];
+    print.integer("source", record.time_ns);
+    print.integer("xxh3", static_cast<std::int64_t>(record.xxh3));
+  }
+}
+
+std::string LightFieldLayer::common_fingerprint() const {
+  Fingerprint print;
+  print.text("method", reconstruction_.method);
+  // With those not given, so that a new release's other ones render anew.
+  const MethodOptions options(method_named(reconstruction_.method).options, reconstruction_.options,
+                              reconstruction_.method);
+  for (const auto& [name, value] : options.values()) {
+    print.text("option", name);
+    if (const bool* flag = std::get_if<bool>(&value)) print.integer("value", *flag ? 1 : 0);
+    if (const double* number = std::get_if<double>(&value)) print.number("value", *number);
+    if (const std::string* text = std::get_if<std::string>(&value)) print.text("value", *text);
+  }
+  for (const double value : reconstruction_.focal_plane) print.number("plane", value);
+  print.text("fill", reconstruction_.fill == HoleFill::kPushPull ? "push_pull" : "none");
+  print.text("take", read_file(take_.folder() / "take.json"));
+  print.text("rig", read_file(take_.folder() / "rig.json"));
+  return print.hex();
+}
+
+void LightFieldLayer::add_to(Fingerprint& print, const ShownInstant& shown) const {
+  print.text("light field", common_);
+  if (!shown.tick) {
+    print.text("source", "none");
+    return;
+  }
+  for (const auto& file : files_read(shown)) print.text("file", read_file(file));
+  print.integer("time", tick(shown).time_ns);
+  add_sources(tick(shown), print);
+  const Method& method = method_named(reconstruction_.method);
+  if (method.looks_beside == nullptr ||
+      !method.looks_beside(MethodOptions(method.options, reconstruction_.options, method.name))) {
+    return;
+  }
+  for (const int beside : {*shown.tick - 1, *shown.tick + 1}) {
+    const auto i = static_cast<std::size_t>(beside);
+    if (beside < 0 || i >= timeline_.ticks.size()) continue;
+    print.integer("beside", beside - *shown.tick);
+    add_sources(timeline_.ticks[i], print);
+  }
+}
+
+void LightFieldLayer::describe(const ShownInstant& shown, ExrMetadata& metadata) const {
+  metadata.take_name = take_.document().name;
+  metadata.method = reconstruction_.method;
+  metadata.method_options = text_of(reconstruction_.options);
+  if (!shown.tick) return;
+  Nanoseconds utc = 0;
+  if (!__builtin_add_overflow(take_.document().epoch_utc, tick(shown).time_ns, &utc)) {
+    metadata.capture_utc = utc;
+  }
+  for (std::size_t camera = 0; camera < tick(shown).frame.size(); ++camera) {
+    if (tick(shown).frame[camera] < 0) {
+      metadata.absent_cameras.push_back(take_.document().cameras[camera].id);
+    }
+  }
+  // Only where shot frames and captures go one to one does the distance between two frames'
+  // exposures equal that of two captures.
+  const double fps = static_cast<double>(fps_numerator_) / fps_denominator_;
+  const double speed = std::abs(layer_.speed);
+  if (speed > 0 && std::abs(timeline_.fps * speed - fps) < 1e-3 * fps &&
+      std::abs(speed - 1) < 1e-9) {
+    metadata.capture_rate = timeline_.fps;
+  }
+}
+
+}  // namespace raystage

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/layers/merge.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+#include <vector>
+
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+/// The AOVs of all layers, by name, with nothing in them yet.
+std::vector<Aov> all_aovs(std::span<const MergedLayer> layers, std::size_t pixels) {
+  std::vector<Aov> all;
+  for (const MergedLayer& layer : layers) {
+    for (const Aov& aov : layer.image->aovs) {
+      const auto same = [&](const Aov& known) {
+        return known.layer == aov.layer && known.channels == aov.channels;
+      };
+      if (std::ranges::any_of(all, same)) continue;
+      all.push_back({aov.layer, aov.channels, aov.is_colour, aov.nothing, {}});
+      all.back().values.assign(pixels * aov.channels.size(), aov.nothing);
+    }
+  }
+  return all;
+}
+
+/// Of each merged AOV the layer's own; null where it has none.
+std::vector<const Aov*> aovs_of(const LayerImage& image, const std::vector<Aov>& all) {
+  std::vector<const Aov*> found;
+  for (const Aov& wanted : all) {
+    const auto own = std::ranges::find_if(image.aovs, [&](const Aov& aov) {
+      return aov.layer == wanted.layer && aov.channels == wanted.channels;
+    });
+    found.push_back(own == image.aovs.end() ? nullptr : &*own);
+  }
+  return found;
+}
+
+/// What is the same for all pixels of one merge.
+struct Merge {
+  std::span<const MergedLayer> layers;
+  MergeOrder order;
+  std::vector<std::vector<const Aov*>> aovs;  ///< of each layer
+  LayerImage& result;
+
+  /// Layers from front to back at a pixel, into `front_first`.
+  void sort(std::size_t pixel, std::vector<int>& front_first) const {
+    front_first.resize(layers.size());
+    std::iota(front_first.rbegin(), front_first.rend(), 0);
+    if (order == MergeOrder::kStated) return;
+    // By insertion: a handful of layers, most often in order already, and nothing to allocate.
+    const auto z = [&](int layer) {
+      return layers[static_cast<std::size_t>(layer)].image->z[pixel];
+    };
+    for (std::size_t i = 1; i < front_first.size(); ++i) {
+      for (std::size_t k = i; k > 0 && z(front_first[k]) < z(front_first[k - 1]); --k) {
+        std::swap(front_first[k], front_first[k - 1]);
+      }
+    }
+  }
+
+  /// Colours of a pixel, and which layer lies where half of its alpha is reached; -1: none.
+  int blend(std::size_t pixel, const std::vector<int>& front_first,
+            std::vector<float>& alphas) const {
+    std::array<float, 4> sum{};
+    float through = 1;  // of what lies behind
+    alphas.assign(layers.size(), 0.0F);
+    for (const int i : front_first) {
+      const MergedLayer& layer = layers[static_cast<std::size_t>(i)];
+      const float* rgba = layer.image->rgba.data() + 4 * pixel;
+      if (!layer.is_holdout) {
+        for (std::size_t c = 0; c < 4; ++c) sum[c] += through * rgba[c];
+        alphas[static_cast<std::size_t>(i)] = through * rgba[3];
+      }
+      through *= 1 - rgba[3];
+    }
+    std::copy(sum.begin(), sum.end(), result.rgba.data() + 4 * pixel);
+    float reached = 0;
+    for (const int i : front_first) {
+      reached += alphas[static_cast<std::size_t>(i)];
+      if (reached > 0 && 2 * reached >= sum[3]) return i;
+    }
+    return -1;
+  }
+
+  void tell(std::size_t pixel, int layer) const {
+    result.z[pixel] =
+        layer < 0 ? kInfinity : layers[static_cast<std::size_t>(layer)].image->z[pixel];
+    if (layer < 0) return;
+    for (std::size_t a = 0; a < result.aovs.size(); ++a) {
+      const Aov* from = aovs[static_cast<std::size_t>(layer)][a];
+      if (from == nullptr) continue;
+      const std::size_t width = from->channels.size();
+      std::copy_n(from->values.data() + pixel * width, width,
+                  result.aovs[a].values.data() + pixel * width);
+    }
+  }
+};
+
+LayerImage unmerged(std::span<const MergedLayer> layers) {
+  const LayerImage& first = *layers.front().image;
+  LayerImage result = empty_image(first.width, first.height);
+  result.aovs = all_aovs(layers, result.pixels());
+  for (const MergedLayer& layer : layers) {
+    for (const std::string& note : layer.image->notes) {
+      if (std::ranges::find(result.notes, note) == result.notes.end()) result.notes.push_back(note);
+    }
+  }
+  return result;
+}
+
+}  // namespace
+
+LayerImage merge(std::span<const MergedLayer> layers, MergeOrder order) {
+  LayerImage result = unmerged(layers);
+  Merge merge{layers, order, {}, result};
+  for (const MergedLayer& layer : layers) merge.aovs.push_back(aovs_of(*layer.image, result.aovs));
+  constexpr int kRowsPerTask = 8;
+  const auto width = static_cast<std::size_t>(result.width);
+  parallel_for(tbb::blocked_range<int>(0, result.height, kRowsPerTask),
+               [&](const tbb::blocked_range<int>& rows) {
+                 std::vector<int> front_first;
+                 std::vector<float> alphas;
+                 merge.sort(0, front_first);
+                 for (std::size_t pixel = static_cast<std::size_t>(rows.begin()) * width;
+                      pixel < static_cast<std::size_t>(rows.end()) * width; ++pixel) {
+                   if (order == MergeOrder::kDepth) merge.sort(pixel, front_first);
+                   merge.tell(pixel, merge.blend(pixel, front_first, alphas));
+                 }
+               });
+  return result;
+}
+
+LayerImage merge_reference(std::span<const MergedLayer> layers, MergeOrder order) {
+  struct Sample {
+    double z, alpha;
+    const LayerImage* image;
+  };
+  LayerImage result = unmerged(layers);
+  for (std::size_t pixel = 0; pixel < result.pixels(); ++pixel) {
+    std::vector<MergedLayer> rear_first(layers.begin(), layers.end());
+    if (order == MergeOrder::kDepth) {
+      std::stable_sort(rear_first.begin(), rear_first.end(),
+                       [&](const MergedLayer& a, const MergedLayer& b) {
+                         return a.image->z[pixel] > b.image->z[pixel];
+                       });
+    }
+    std::array<double, 4> sum{};
+    std::vector<Sample> samples;
+    for (const MergedLayer& layer : rear_first) {
+      const float* rgba = layer.image->rgba.data() + 4 * pixel;
+      const double through = 1 - static_cast<double>(rgba[3]);
+      for (std::size_t c = 0; c < 4; ++c) {
+        sum[c] = sum[c] * through + (layer.is_holdout ? 0 : static_cast<double>(rgba[c]));
+      }
+      for (Sample& behind : samples) behind.alpha *= through;
+      if (!layer.is_holdout) samples.push_back({layer.image->z[pixel], rgba[3], layer.image});
+    }
+    for (std::size_t c = 0; c < 4; ++c) result.rgba[4 * pixel + c] = static_cast<float>(sum[c]);
+    double reached = 0;
+    for (auto sample = samples.rbegin(); sample != samples.rend(); ++sample) {
+      reached += sample->alpha;
+      if (!(reached > 0 && 2 * reached >= sum[3])) continue;
+      result.z[pixel] = static_cast<float>(sample->z);
+      for (Aov& aov : result.aovs) {
+        for (const Aov& own : sample->image->aovs) {
+          if (own.layer != aov.layer || own.channels != aov.channels) continue;
+          const std::size_t width = own.channels.size();
+          std::copy_n(own.values.data() + pixel * width, width, aov.values.data() + pixel * width);
+        }
+      }
+      break;
+    }
+  }
+  return result;
+}
+
+}  // namespace raystage

@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+
+namespace raystage {
+
+/// RFC 4648, with padding.
+std::string base64(std::span<const std::byte> bytes);
+
+/// The bytes that base64 text stands for, its padding present or not; none for any other text.
+std::optional<std::string> bytes_from_base64(std::string_view text);
+
+}  // namespace raystage

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+// What version 2 of a shot adds; the rest stands in documents_test.cpp.
+#include "schemas/shot_document.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+json shot_of_today() {
+  return {{"schema", "raystage/shot/2"},
+          {"width", 960},
+          {"height", 540},
+          {"fps", 24},
+          {"first_frame", 1},
+          {"last_frame", 48},
+          {"camera",
+           {{"keys",
+             {{{"frame", 1},
+               {"position", {0, 1, 0}},
+               {"target", {0, 1, -5}},
+               {"focal_length_mm", 35},
+               {"orbit_deg", -10},
+               {"roll_deg", 1}},
+              {{"frame", 48},
+               {"orbit_deg", 10},
+               {"focus_m", 4},
+               {"f_number", 2},
+               {"shutter_deg", 180}}}},
+            {"film_back_mm", 24.5},
+            {"file", {{"path", "move.glb"}, {"camera_name", "main"}, {"frame_offset", 12}}},
+            {"orbit", {{"center", {0, 1, -5}}, {"axis", {0, 2, 0}}}},
+            {"vertigo", {{"target", {0, 1, -5}}, {"frame", 20}}},
+            {"stereo", {{"interaxial_m", 0.06}, {"convergence_m", 5}}}}},
+          {"layers", {{{"take", "take"}}}}};
+}
+
+std::string refusal(const json& document) {
+  try {
+    parse_shot(document.dump(), "f");
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "none";
+}
+
+TEST(ShotCameraDocument, ReadsEveryField) {
+  const ShotDocument::Camera camera = parse_shot(shot_of_today().dump(), "f").camera;
+  EXPECT_EQ(camera.film_back_mm, 24.5);
+  ASSERT_EQ(camera.keys.size(), 2U);
+  EXPECT_EQ(camera.keys[0].target, (std::array<double, 3>{0, 1, -5}));
+  EXPECT_EQ(camera.keys[0].focal_length_mm, 35);
+  EXPECT_EQ(camera.keys[0].roll_deg, 1);
+  EXPECT_FALSE(camera.keys[0].orientation.has_value());
+  EXPECT_FALSE(camera.keys[1].position.has_value());
+  EXPECT_EQ(camera.keys[1].orbit_deg, 10);
+  EXPECT_EQ(camera.keys[1].focus_m, 4);
+  EXPECT_EQ(camera.keys[1].f_number, 2);
+  EXPECT_EQ(camera.keys[1].shutter_deg, 180);
+  EXPECT_EQ(camera.file->path, "move.glb");
+  EXPECT_EQ(camera.file->camera_name, "main");
+  EXPECT_EQ(camera.file->rotation_order, "ZXY");
+  EXPECT_EQ(camera.file->frame_offset, 12);
+  EXPECT_EQ(camera.orbit->axis, (std::array<double, 3>{0, 2, 0}));
+  EXPECT_EQ(camera.vertigo->frame, 20);
+  EXPECT_EQ(camera.stereo->convergence_m, 5);
+}
+
+TEST(ShotCameraDocument, ComesBackAsItWas) {
+  const std::string once = format_shot(parse_shot(shot_of_today().dump(), "f"));
+  EXPECT_EQ(format_shot(parse_shot(once, "f")), once);
+  const json again = json::parse(once);
+  EXPECT_EQ(again["camera"]["keys"], shot_of_today()["camera"]["keys"]);
+  EXPECT_EQ(again["camera"]["stereo"], shot_of_today()["camera"]["stereo"]);
+  EXPECT_EQ(again["camera"]["vertigo"], shot_of_today()["camera"]["vertigo"]);
+}
+
+TEST(ShotCameraDocument, VersionOneIsReadAndWrittenAsVersionTwo) {
+  json old = shot_of_today();
+  old["schema"] = "raystage/shot/1";
+  EXPECT_THAT(refusal(old), HasSubstr("#/camera"));  // a list in version 1
+  old["camera"] = {{{"frame", 3},
+                    {"position", {1, 2, 3}},
+                    {"orientation", {1, 0, 0, 0}},
+                    {"horizontal_fov_deg", 40}}};
+  const ShotDocument shot = parse_shot(old.dump(), "f");
+  ASSERT_EQ(shot.camera.keys.size(), 1U);
+  EXPECT_EQ(shot.camera.keys[0].position, (std::array<double, 3>{1, 2, 3}));
+  EXPECT_EQ(shot.camera.keys[0].horizontal_fov_deg, 40);
+  EXPECT_EQ(shot.camera.film_back_mm, 36);
+  const json written = json::parse(format_shot(shot));
+  EXPECT_EQ(written["schema"], "raystage/shot/2");
+  EXPECT_EQ(written["camera"]["keys"], old["camera"]);
+  old["camera"][0]["roll_deg"] = 1;  // not known then
+  EXPECT_THAT(refusal(old), HasSubstr("#/camera/0/roll_deg"));
+}
+
+TEST(ShotCameraDocument, RefusesContradictions) {
+  json shot = shot_of_today();
+  shot["camera"]["keys"][0]["horizontal_fov_deg"] = 40;
+  EXPECT_THAT(refusal(shot), HasSubstr("#/camera/keys/0: found both"));
+  shot = shot_of_today();
+  shot["camera"]["keys"][1]["frame"] = 1;
+  EXPECT_THAT(refusal(shot), HasSubstr("#/camera/keys/1/frame: found 1 after 1"));
+  shot = shot_of_today();
+  shot["camera"]["orbit"]["axis"] = {0, 0, 0};
+  EXPECT_THAT(refusal(shot), HasSubstr("#/camera/orbit/axis: found an axis of length 0"));
+  shot = shot_of_today();
+  shot["camera"]["keys"][0]["orientation"] = {0, 0, 0, 0};
+  EXPECT_THAT(refusal(shot), HasSubstr("#/camera/keys/0/orientation"));
+  for (const char* newer : {"raystage/shot/3", "raystage/shot/02", "raystage/shot/0"}) {
+    shot = shot_of_today();
+    shot["schema"] = newer;
+    EXPECT_THAT(refusal(shot), HasSubstr("#/schema")) << newer;
+  }
+}
+
+TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
+  json shot = shot_of_today();
+  shot["merge"] = "depth";
+  shot["layers"] = {{{"name", "sky"}, {"solid", {{"color", {0.1, 0.2, 0.9}}, {"depth_m", 90}}}},
+                    {{"take", "a"},
+                     {"clips",
+                      {{{"plane", {1, 0, 0, 2}}, {"feather", 0.1}},
+                       {{"box", {{-1, 0, -5}, {1, 2, -3}}}, {"invert", true}},
+                       {{"screen", {{"left", 0.5}}}}}},
+                     {"opacity", 0.5},
+                     {"first_frame", 3},
+                     {"last_frame", 9}},
+                    {{"take", "b"}, {"holdout", true}}};
+  const ShotDocument document = parse_shot(shot.dump(), "f");
+  EXPECT_EQ(document.merge, ShotDocument::Merge::kDepth);
+  EXPECT_FALSE(document.layers[0].is_light_field());
+  EXPECT_EQ(document.layers[0].solid->depth_m, 90);
+  EXPECT_EQ(document.layers[0].solid->alpha, 1);
+  EXPECT_EQ(document.layers[1].clips[0].plane->at(3), 2);
+  EXPECT_EQ(document.layers[1].clips[1].box->at(1)[1], 2);
+  EXPECT_TRUE(document.layers[1].clips[1].inverted);
+  EXPECT_EQ(document.layers[1].clips[2].screen.left, 0.5);
+  EXPECT_EQ(document.layers[1].clips[2].screen.right, 1);
+  EXPECT_EQ(document.layers[1].last_frame, 9);
+  EXPECT_TRUE(document.layers[2].holdout);
+  const std::string once = format_shot(document);
+  EXPECT_EQ(format_shot(parse_shot(once, "f")), once);
+}
+
+TEST(ShotLayerDocument, RefusesWhatIsNoLayer) {
+  const auto of = [](const json& layer) {
+    json shot = shot_of_today();
+    shot["layers"] = {layer};
+    return refusal(shot);
+  };
+  EXPECT_THAT(of({{"name", "none"}}), HasSubstr("#/layers/0: found not exactly one of \"take\""));
+  EXPECT_THAT(of({{"take", "a"}, {"solid", {{"color", {0, 0, 0}}}}}), HasSubstr("not exactly one"));
+  EXPECT_THAT(of({{"solid", {{"color", {0, 0, 0}}}}, {"speed", 0}}),
+              HasSubstr("#/layers/0/speed: only light fields"));
+  EXPECT_THAT(of({{"take", "a"}, {"first_frame", 9}, {"last_frame", 3}}),
+              HasSubstr("#/layers/0/last_frame"));
+  const auto clip = [&](const json& c) { return of({{"take", "a"}, {"clips", {c}}}); };
+  EXPECT_THAT(clip({{"feather", 1}}), HasSubstr("#/layers/0/clips/0: found not exactly one"));
+  EXPECT_THAT(clip({{"plane", {0, 0, 0, 1}}}), HasSubstr("#/layers/0/clips/0/plane"));
+  EXPECT_THAT(clip({{"box", {{0, 0, 0}, {1, 0, 1}}}}), HasSubstr("a box without an inside"));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,190 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/shot_layer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <initializer_list>
+
+namespace raystage {
+namespace {
+
+using nlohmann::ordered_json;
+using FocalPlane = ShotDocument::FocalPlane;
+using Layer = ShotDocument::Layer;
+
+std::ptrdiff_t count_of(const Located& object, std::initializer_list<const char*> words) {
+  return std::ranges::count_if(words, [&](const char* word) { return object.has(word); });
+}
+
+FocalPlane focal_plane_from(const Located& plane) {
+  if (plane.value == "best") return {.kind = FocalPlane::Kind::kBest};
+  if (plane.value == "infinity") return {.kind = FocalPlane::Kind::kInfinity};
+  if (plane.has("depth_m")) {
+    return {.kind = FocalPlane::Kind::kDepth, .depth = plane.at("depth_m").get<double>()};
+  }
+  const Located equation = plane.at("equation");
+  FocalPlane result{.kind = FocalPlane::Kind::kEquation};
+  result.equation = equation.get<std::array<double, 4>>();
+  const auto& e = result.equation;
+  if (e[0] == 0 && e[1] == 0 && e[2] == 0) {
+    throw equation.refuse("found a plane without a normal: a, b and c are 0",
+                          "Write \"infinity\" for the plane at infinity");
+  }
+  return result;
+}
+
+ordered_json json_from(const FocalPlane& plane) {
+  switch (plane.kind) {
+    case FocalPlane::Kind::kInfinity:
+      return "infinity";
+    case FocalPlane::Kind::kDepth:
+      return {{"depth_m", plane.depth}};
+    case FocalPlane::Kind::kEquation:
+      return {{"equation", plane.equation}};
+    case FocalPlane::Kind::kBest:
+      break;
+  }
+  return "best";
+}
+
+ShotDocument::Solid solid_from(const Located& object) {
+  ShotDocument::Solid solid{.color = object.at("color").get<std::array<double, 3>>()};
+  solid.alpha = object.get("alpha", solid.alpha);
+  solid.depth_m = object.get_if<double>("depth_m");
+  return solid;
+}
+
+ordered_json json_from(const ShotDocument::Solid& solid) {
+  ordered_json object{{"color", solid.color}, {"alpha", solid.alpha}};
+  add_optional(object, "depth_m", solid.depth_m);
+  return object;
+}
+
+ShotDocument::Clip clip_from(const Located& object) {
+  if (count_of(object, {"plane", "box", "screen"}) != 1) {
+    throw object.refuse("found not exactly one of \"plane\", \"box\" and \"screen\"",
+                        "Use one clip for each; a layer is cut to all of its clips");
+  }
+  ShotDocument::Clip clip;
+  clip.feather = object.get("feather", clip.feather);
+  clip.inverted = object.get("invert", clip.inverted);
+  clip.plane = object.get_if<std::array<double, 4>>("plane");
+  clip.box = object.get_if<std::array<std::array<double, 3>, 2>>("box");
+  if (clip.plane) {
+    const auto& p = *clip.plane;
+    if (p[0] == 0 && p[1] == 0 && p[2] == 0) {
+      throw object.at("plane").refuse("found a plane without a normal: a, b and c are 0",
+                                      "Give the direction of the side that is kept");
+    }
+  }
+  if (clip.box) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      if ((*clip.box)[0][axis] < (*clip.box)[1][axis]) continue;
+      throw object.at("box").refuse("found a box without an inside",
+                                    "Give the corner of the least x, y and z first");
+    }
+  }
+  if (object.has("screen")) {
+    const Located screen = object.at("screen");
+    clip.screen.left = screen.get("left", clip.screen.left);
+    clip.screen.right = screen.get("right", clip.screen.right);
+    clip.screen.top = screen.get("top", clip.screen.top);
+    clip.screen.bottom = screen.get("bottom", clip.screen.bottom);
+  }
+  return clip;
+}
+
+ordered_json json_from(const ShotDocument::Clip& clip) {
+  ordered_json object;
+  if (clip.plane) {
+    object["plane"] = *clip.plane;
+  } else if (clip.box) {
+    object["box"] = *clip.box;
+  } else {
+    object["screen"] = {{"left", clip.screen.left},
+                        {"right", clip.screen.right},
+                        {"top", clip.screen.top},
+                        {"bottom", clip.screen.bottom}};
+  }
+  object["feather"] = clip.feather;
+  object["invert"] = clip.inverted;
+  return object;
+}
+
+void read_light_field(const Located& object, Layer& layer) {
+  layer.take = path_text(object.at("take"));
+  layer.method = object.get("method", layer.method);
+  if (object.has("options")) layer.options = options_from(object.at("options"));
+  if (object.has("focal_plane")) layer.focal_plane = focal_plane_from(object.at("focal_plane"));
+  if (object.get("fill", std::string()) == "push_pull") layer.fill = HoleFill::kPushPull;
+  layer.start_seconds = object.get("start_seconds", layer.start_seconds);
+  layer.speed = object.get("speed", layer.speed);
+}
+
+/// What only a light field has must not stand beside a solid, where it would do nothing.
+void refuse_light_field_words(const Located& object) {
+  for (const char* word : {"method", "options", "focal_plane", "fill", "start_seconds", "speed"}) {
+    if (!object.has(word)) continue;
+    throw object.at(word).refuse("only light fields have this, and the layer is a solid",
+                                 "Remove it, or give the layer a take instead");
+  }
+}
+
+}  // namespace
+
+Layer shot_layer_from(const Located& object) {
+  if (count_of(object, {"take", "solid"}) != 1) {
+    throw object.refuse("found not exactly one of \"take\" and \"solid\"",
+                        "Say what the layer shows");
+  }
+  Layer layer;
+  layer.name = object.get("name", layer.name);
+  if (object.has("take")) {
+    read_light_field(object, layer);
+  } else {
+    refuse_light_field_words(object);
+    layer.solid = solid_from(object.at("solid"));
+  }
+  if (object.has("clips")) {
+    const Located clips = object.at("clips");
+    for (std::size_t i = 0; i < clips.size(); ++i) layer.clips.push_back(clip_from(clips.at(i)));
+  }
+  layer.holdout = object.get("holdout", layer.holdout);
+  layer.opacity = object.get("opacity", layer.opacity);
+  layer.first_frame = object.get_if<int>("first_frame");
+  layer.last_frame = object.get_if<int>("last_frame");
+  if (layer.first_frame && layer.last_frame && *layer.first_frame > *layer.last_frame) {
+    throw object.at("last_frame")
+        .refuse(fmt::format("found {}, allowed: first_frame, which is {}, or later",
+                            *layer.last_frame, *layer.first_frame),
+                "Correct the range");
+  }
+  return layer;
+}
+
+ordered_json json_from(const Layer& layer) {
+  ordered_json object{{"name", layer.name}};
+  if (layer.solid) {
+    object["solid"] = json_from(*layer.solid);
+  } else {
+    object["take"] = layer.take;
+    object["method"] = layer.method;
+    object["options"] = json_from(layer.options);
+    object["focal_plane"] = json_from(layer.focal_plane);
+    object["fill"] = layer.fill == HoleFill::kPushPull ? "push_pull" : "none";
+    object["start_seconds"] = layer.start_seconds;
+    object["speed"] = layer.speed;
+  }
+  if (!layer.clips.empty()) {
+    auto& clips = object["clips"] = ordered_json::array();
+    for (const ShotDocument::Clip& clip : layer.clips) clips.push_back(json_from(clip));
+  }
+  if (layer.holdout) object["holdout"] = true;
+  if (layer.opacity != 1) object["opacity"] = layer.opacity;
+  add_optional(object, "first_frame", layer.first_frame);
+  add_optional(object, "last_frame", layer.last_frame);
+  return object;
+}
+
+}  // namespace raystage

@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// Any bytes as another program's camera: .chan where the first byte is 'c', glTF otherwise. What is
+// read has finite values, and comes back when it is written.
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "compose/camera/chan_file.h"
+#include "compose/camera/gltf_camera.h"
+#include "schemas/error.h"
+
+namespace {
+
+void read_chan(std::string_view text) {
+  std::vector<raystage::ChanLine> lines;
+  try {
+    lines = raystage::parse_chan(text, raystage::RotationOrder::kZxy, "input");
+  } catch (const raystage::Error&) {
+    return;
+  }
+  const auto again =
+      raystage::parse_chan(raystage::format_chan(lines, raystage::RotationOrder::kXyz),
+                           raystage::RotationOrder::kXyz, "again");
+  if (again.size() != lines.size()) std::abort();
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    if (again[i].frame != lines[i].frame || again[i].position != lines[i].position) std::abort();
+    // Angles of a billion turns have no digits left.
+    if (!(again[i].orientation.angularDistance(lines[i].orientation) < 1e-6)) std::abort();
+  }
+}
+
+void read_gltf(std::string_view bytes) {
+  try {
+    const auto camera = raystage::parse_gltf_camera(bytes, "nowhere/input.gltf", "");
+    for (const double part : {-1.0, 0.0, 0.3, 1.0, 2.0}) {
+      const double seconds = part * camera.last_seconds;
+      const raystage::Pose pose = camera.pose(seconds);
+      if (!pose.world_from_camera_rotation.allFinite()) std::abort();
+      if (!(std::abs(pose.world_from_camera_rotation.determinant() - 1) < 1e-6)) std::abort();
+      if (!(camera.vertical_fov(seconds) > 0)) std::abort();
+    }
+  } catch (const raystage::Error&) {
+  }
+}
+
+}  // namespace
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  if (size == 0) return 0;
+  const std::string_view rest(reinterpret_cast<const char*>(data) + 1, size - 1);
+  if (data[0] == 'c') {
+    read_chan(rest);
+  } else {
+    read_gltf(rest);
+  }
+  return 0;
+}

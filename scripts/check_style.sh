@@ -25,11 +25,15 @@ for source in "${affected[@]}"; do
   [ -e "$stamp" ] || todo+=("$source=$stamp")
 done
 echo "clang-tidy: ${#todo[@]} files to look at"
+if [ ${#todo[@]} -eq 0 ]; then
+  echo "clang-tidy has no complaint"
+  exit 0
+fi
 # Every file by itself, with nothing precompiled: it must include what it uses.
 commands="$build/clang-tidy"
 cmake -S . -B "$commands" -G Ninja -DCMAKE_BUILD_TYPE=Release -DRAYSTAGE_BENCHMARKS=ON \
   -DRAYSTAGE_PRECOMPILED_HEADERS=OFF >/dev/null
-[ ${#todo[@]} -eq 0 ] || printf '%s\n' "${todo[@]}" | xargs -P "$(nproc)" -I{} bash -c '
+printf '%s\n' "${todo[@]}" | xargs -P "$(nproc)" -I{} bash -c '
   pair="$1"; source="${pair%%=*}"; stamp="${pair#*=}"
   if clang-tidy-14 --quiet --extra-arg=-Wno-unknown-warning-option -p "$2" "$source" 2>"$stamp.log"; then
     rm -f "$stamp.log"; touch "$stamp"

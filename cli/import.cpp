@@ -58,7 +58,8 @@ void declare(CLI::App& app, Options& options) {
   app.add_flag("--restart-markers{default}", options.restart_markers,
                "Rewrite JPEG input with restart markers, so that rectangles decode alone; "
                "--restart-markers=MCUS sets the MCUs between two (default: as many as make up to "
-               "32 pixels). Pixels stay identical. Without it JPEG input is stored as it is")
+               "32 pixels, 16 in frames narrower than 640). Pixels stay identical. Without it JPEG "
+               "input is stored as it is")
       ->type_name("[=MCUS]");
   app.add_option("--quality", options.quality,
                  "JPEG quality of images that are encoded, libjpeg's scale 1-100 (default: 95)")

@@ -95,17 +95,24 @@ TEST_F(Slabs, AnyFocalPlaneEntersWhenRaysAreLookedUp) {
   const Take take = write(grid_take(3, 3));
   const VirtualCamera view = view_from({0.01, 0.01, 0.05}, 2, 45);
   const FrameSelection frames = select_frames(take, 0, 1);
+  const std::vector<Vector4d> planes{{0, 0, 0, 1},    {0, 0, 1, 1e9},   {0, 0, 1, 0.8},
+                                     {0, 0, 1, 1e-3}, {0.4, 0.2, 1, 3}, {0, 1, 0, 0.5},
+                                     {0, 0, 1, -0.05}};  // the last through the eye
   const LightFieldRenderer renderer(take, {});
-  std::int64_t decoded = 0;
-  for (const Vector4d& plane :
-       {Vector4d(0, 0, 0, 1), Vector4d(0, 0, 1, 1e9), Vector4d(0, 0, 1, 0.8),
-        Vector4d(0, 0, 1, 1e-3), Vector4d(0.4, 0.2, 1, 3), Vector4d(0, 1, 0, 0.5),
-        Vector4d(0, 0, 1, -0.05)}) {  // the last through the eye
+  const auto decoded = [&] {
+    std::int64_t pixels = 0;
+    for (const Vector4d& plane : planes) {
+      pixels += renderer.render(view, frames, {"slabs", plane}).statistics.pixels_decoded;
+    }
+    return pixels;
+  };
+  for (const Vector4d& plane : planes) {
     SCOPED_TRACE(plane.transpose());
     expect_equal(render_both(take, view, {.plane = plane}));
-    decoded += renderer.render(view, frames, {"slabs", plane}).statistics.pixels_decoded;
   }
-  EXPECT_EQ(decoded, 9 * 160 * 120);  // the slab of a regular array serves all planes
+  // The slab of a regular array serves all planes: each image is made in part, then as a whole.
+  EXPECT_LE(decoded(), 2 * 9 * 160 * 120);
+  EXPECT_EQ(decoded(), 0);
 }
 
 TEST_F(Slabs, DistortedAndToedInCamerasAreRectified) {
@@ -250,6 +257,10 @@ TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
     EXPECT_EQ(render({}).rgba, image.rgba);
   }
+  // Nodes' images that another view left in part, made whole.
+  const LightFieldRenderer used(take, {});
+  used.render(view_from({0, 0, 0.1}, 0, 15, 40, 30), frames, {"slabs", kPaintedPlane});
+  EXPECT_EQ(used.render(view, frames, {"slabs", kPaintedPlane}).rgba, image.rgba);
   RendererSettings little;
   little.kept_bytes = 1;
   little.cache_bytes = 1;
@@ -278,7 +289,10 @@ TEST_F(Slabs, CountsThePixelsThatTheViewDependsOn) {
   };
   const RenderStatistics fast = counted({}, false), slow = counted({}, true);
   EXPECT_GT(fast.pixels_needed, 1000);
-  EXPECT_LT(fast.pixels_needed, fast.pixels_decoded / 3);  // whole frames are rectified
+  EXPECT_LE(fast.pixels_needed, fast.pixels_decoded);
+  EXPECT_LT(fast.pixels_decoded,
+            2.2 * static_cast<double>(fast.pixels_needed));  // few: borders count
+  EXPECT_GT(slow.pixels_decoded, 5 * slow.pixels_needed);    // takes frames as a whole
   EXPECT_NEAR(static_cast<double>(fast.pixels_needed), static_cast<double>(slow.pixels_needed),
               0.02 * static_cast<double>(slow.pixels_needed));
   EXPECT_LT(counted({{"interpolation", "nearest"}}, false).pixels_needed, fast.pixels_needed);

@@ -45,7 +45,7 @@ Eigen::Vector4d plane_of(const ViewRequest& request) {
 
 /// One view's rendering, stage by stage: plan (which source pixels), decode, blend.
 class ApertureFrame {
-  static constexpr int kRowsPerBlock = 8, kColumnsPerBlock = 32;
+  static constexpr int kRowsPerBlock = 8, kColumnsPerBlock = 8;
 
  public:
   explicit ApertureFrame(const ViewRequest& request)

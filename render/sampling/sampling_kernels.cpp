@@ -88,11 +88,13 @@ void codes(const PixelRun& run, std::uint16_t* rgba) {
       drop_unmet(inverse_depth(run.slope, run.distance, begin, run.y, n), n, weights);
     }
     const SourceView* sources[3];
+    int count = 0;
     for (int c = 0; c < run.count; ++c) {
-      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[c]);
-      sources[c] = run.source[c];
+      if (run.source[c]->rgbx == nullptr) continue;  // sees nothing of this view
+      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
+      sources[count++] = run.source[c];
     }
-    add_samples<true>(sources, taps, run.count, n, sums);
+    add_samples<true>(sources, taps, count, n, sums);
     const hn::FixedTag<float, 4> d;
     const hn::RebindToSigned<decltype(d)> d32;
     const hn::Rebind<std::uint16_t, decltype(d)> d16;

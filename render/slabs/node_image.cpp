@@ -5,6 +5,7 @@
 #include <chrono>
 #include <cstring>
 
+#include "render/sampling/source_frames.h"
 #include "render/sampling/source_view.h"
 #include "render/view/plane_projection.h"
 #include "schemas/parallel.h"
@@ -31,68 +32,96 @@ std::size_t samples_of(const Slab& slab) {
   return static_cast<std::size_t>(slab.width) * (static_cast<std::size_t>(slab.height) + 1) + 1;
 }
 
+/// Samples of a row that are rectified together.
+constexpr int kSamplesPerPiece = 32;
+
+/// `body` for the run on each row that has samples, in parallel.
+template <class Body>
+void for_each_row(const NodeRows& rows, const PixelRun& run, const Body& body) {
+  constexpr int kRowsPerTask = 32;
+  raystage::parallel_for(tbb::blocked_range<int>(0, rows.height(), kRowsPerTask),
+                         [&](const tbb::blocked_range<int>& part) {
+                           for (int y = part.begin(); y < part.end(); ++y) {
+                             if (rows.row(y).is_empty()) continue;
+                             PixelRun of_row = run;
+                             of_row.begin = rows.row(y).begin;
+                             of_row.end = rows.row(y).end;
+                             of_row.y = y;
+                             body(of_row);
+                           }
+                         });
+}
+
 }  // namespace
 
 std::size_t node_image_bytes(const Slab& slab) {
   return samples_of(slab) * 4 * sizeof(std::uint16_t);
 }
 
+std::shared_ptr<const NodeImage> NodeImageSlot::image() const {
+  const std::scoped_lock lock(mutex_);
+  return image_;
+}
+
+void NodeImageSlot::keep(std::shared_ptr<const NodeImage> image) const {
+  const std::scoped_lock lock(mutex_);
+  if (image_ && image_->made.covers(image->made)) return;
+  image_ = std::move(image);
+}
+
 std::shared_ptr<const NodeImage> make_node_image(const Instant& instant, const Slab& slab,
                                                  int column, int row, const NodeSources& sources,
-                                                 const Eigen::Vector4d& focal_plane) {
+                                                 const Eigen::Vector4d& focal_plane,
+                                                 const NodeRows& rows) {
   auto image = std::make_shared<NodeImage>();
   image->width = slab.width;
   image->height = slab.height;
+  image->made = rows;
   image->bytes = node_image_bytes(slab);
   image->rgba = std::make_unique_for_overwrite<std::uint16_t[]>(samples_of(slab) * 4);
   const std::size_t used =
       static_cast<std::size_t>(slab.width) * static_cast<std::size_t>(slab.height) * 4;
   std::fill_n(image->rgba.get() + used, samples_of(slab) * 4 - used, std::uint16_t{0});
 
-  const auto start = std::chrono::steady_clock::now();
-  const auto count = static_cast<std::size_t>(sources.count);
   const VirtualCamera node = slab.node_view(column, row);
   const PlaneProjection projection(node, plane_for(sources, focal_plane));
-  std::array<std::shared_ptr<const DecodedFrame>, 3> frames;
-  std::array<SourceView, 3> views;
-  PixelRun run;
-  run.end = slab.width;
-  run.count = sources.count;
-  run.total = {0, 0, 1};
-  for (std::size_t i = 0; i < count; ++i) {
-    const auto camera = static_cast<std::size_t>(sources.camera[i]);
-    const int frame = instant.frame_of_camera[camera];
-    const auto layout = instant.cache->layout(sources.camera[i], frame);
-    frames[i] = instant.cache->fetch(sources.camera[i], frame,
-                                     McuMask(static_cast<std::size_t>(layout->mcu_count()), 1),
-                                     image->pixels_decoded);
-    const Rig::Camera& source = instant.rig->cameras[camera];
-    views[i] = source_view_of(source.model, projection.ideal_from_pixel(source.pose));
-    views[i].rgbx = frames[i]->rgbx.get();
-    run.source[i] = &views[i];
-    run.share[i] = {0, 0, sources.weight[i]};
-  }
-  const auto decoded = std::chrono::steady_clock::now();
-  image->decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
-  run.slope = {projection.slope().x(), projection.slope().y(), projection.slope().z()};
-  run.distance = projection.distance();
-  run.at_infinity = projection.at_infinity();
-  if (!run.at_infinity &&
-      run.distance == 0) {  // the node lies on the plane: it sees no point of it
+  if (!projection.at_infinity() &&
+      projection.distance() == 0) {  // the node lies on the plane: it sees no point of it
     std::fill_n(image->rgba.get(), used, std::uint16_t{0});
     return image;
   }
-  constexpr int kRowsPerTask = 32;
-  raystage::parallel_for(
-      tbb::blocked_range<int>(0, slab.height, kRowsPerTask),
-      [&](const tbb::blocked_range<int>& rows) {
-        PixelRun of_row = run;
-        for (int y = rows.begin(); y < rows.end(); ++y) {
-          of_row.y = y;
-          codes_of_run(of_row, image->rgba.get() + static_cast<std::size_t>(y) *
-                                                       static_cast<std::size_t>(slab.width) * 4);
-        }
-      });
+  const auto start = std::chrono::steady_clock::now();
+  SourceFrames frames(instant, projection, false);
+  const std::vector<int> cameras(sources.camera.begin(), sources.camera.begin() + sources.count);
+  frames.open(cameras);
+  PixelRun run;
+  run.count = sources.count;
+  run.total = {0, 0, 1};
+  run.slope = {projection.slope().x(), projection.slope().y(), projection.slope().z()};
+  run.distance = projection.distance();
+  run.at_infinity = projection.at_infinity();
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    run.source[i] = &frames.view(cameras[i]);
+    run.share[i] = {0, 0, sources.weight[i]};
+  }
+  if (!frames.all_whole()) {
+    for_each_row(rows, run, [](const PixelRun& of_row) { mark_run(of_row); });
+  }
+  RenderStatistics decoding;
+  frames.decode(decoding);
+  const auto decoded = std::chrono::steady_clock::now();
+  image->pixels_decoded = decoding.pixels_decoded;
+  image->decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
+  for_each_row(rows, run, [&](PixelRun piece) {
+    // Kernels round from where a run begins: pieces always begin at the same samples.
+    const int first = piece.begin / kSamplesPerPiece * kSamplesPerPiece, end = piece.end;
+    std::uint16_t* const of_row = image->rgba.get() + static_cast<std::size_t>(piece.y) *
+                                                          static_cast<std::size_t>(slab.width) * 4;
+    for (piece.begin = first; piece.begin < end; piece.begin += kSamplesPerPiece) {
+      piece.end = std::min(piece.begin + kSamplesPerPiece, slab.width);
+      codes_of_run(piece, of_row + static_cast<std::size_t>(piece.begin) * 4);
+    }
+  });
   return image;
 }
 

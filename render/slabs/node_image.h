@@ -4,8 +4,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <string>
 
+#include "render/slabs/node_rows.h"
 #include "render/slabs/node_sources.h"
 #include "render/view/instant.h"
 
@@ -21,6 +23,7 @@ struct NodeImage {
   /// shadows. One row and one sample of padding follow, so that a bilinear tap may read past the
   /// last.
   std::unique_ptr<std::uint16_t[]> rgba;
+  NodeRows made;                    ///< the rest has no meaning
   std::size_t bytes = 0;            ///< of memory held
   std::int64_t pixels_decoded = 0;  ///< for it
   double decode_ms = 0;             ///< wall-clock, for it
@@ -29,11 +32,27 @@ struct NodeImage {
 /// Memory that an image of the slab's nodes takes.
 std::size_t node_image_bytes(const Slab& slab);
 
-/// Rectifies; where several cameras stand in for the node, they are blended where its rays meet
+/// Where a node's image is kept (KeptResults): as much of it as one view reads, for that one; the
+/// whole as soon as another view reads more of the same instant. Thread-safe.
+class NodeImageSlot {
+ public:
+  /// Null before the first.
+  std::shared_ptr<const NodeImage> image() const;
+  /// The image from now on, unless one is kept that holds as much.
+  void keep(std::shared_ptr<const NodeImage> image) const;
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::shared_ptr<const NodeImage> image_;
+};
+
+/// Rectifies the samples of `rows`, decoding what they read; each is the same however many others
+/// are made. Where several cameras stand in for the node, they are blended where its rays meet
 /// `focal_plane` (focal plane reconstruction from where the node is). `sources.count` above 0.
 std::shared_ptr<const NodeImage> make_node_image(const Instant& instant, const Slab& slab,
                                                  int column, int row, const NodeSources& sources,
-                                                 const Eigen::Vector4d& focal_plane);
+                                                 const Eigen::Vector4d& focal_plane,
+                                                 const NodeRows& rows);
 
 /// What the image depends on, for KeptResults: frames, weights, node and image plane; the focal
 /// plane only where the node is not a camera itself.

@@ -127,27 +127,69 @@ class SlabFrame {
       if (!needed[i]) held_[i].reset();
       if (needed[i] && !held_[i]) missing.push_back(static_cast<int>(i));
     }
-    std::vector<std::shared_ptr<const NodeImage>> fetched(missing.size());
+    std::vector<std::shared_ptr<const NodeImageSlot>> slots(missing.size());
+    bool all_whole = true;
+    for (std::size_t i = 0; i < missing.size(); ++i) {
+      slots[i] = slot_of(missing[i]);
+      const auto image = slots[i]->image();
+      all_whole = all_whole && image && image->made.is_whole();
+    }
+    if (!all_whole) find_runs_of_nodes();
     std::vector<std::int64_t> decoded(missing.size());
     raystage::parallel_for(std::size_t{0}, missing.size(), [&](std::size_t i) {
-      const int column = missing[i] % slab_.columns, row = missing[i] / slab_.columns;
-      const NodeSources& sources = nodes_[static_cast<std::size_t>(missing[i])];
-      const Eigen::Vector4d& plane = request_.focal_plane;
-      fetched[i] = request_.kept.get<NodeImage>(
-          node_image_key(request_.instant, slab_, column, row, sources, plane),
-          [&](std::size_t& bytes) {
-            auto made = make_node_image(request_.instant, slab_, column, row, sources, plane);
-            bytes = made->bytes;
-            decoded[i] = made->pixels_decoded;
-            return made;
-          });
+      held_[static_cast<std::size_t>(missing[i])] = image_of(missing[i], *slots[i], decoded[i]);
     });
     for (std::size_t i = 0; i < missing.size(); ++i) {
-      held_[static_cast<std::size_t>(missing[i])] = fetched[i];
       statistics.pixels_decoded += decoded[i];
       const NodeSources& sources = nodes_[static_cast<std::size_t>(missing[i])];
       for (std::size_t c = 0; c < static_cast<std::size_t>(sources.count); ++c) {
         camera_used_[static_cast<std::size_t>(sources.camera[c])] = true;
+      }
+    }
+  }
+
+  std::shared_ptr<const NodeImageSlot> slot_of(int node) const {
+    return request_.kept.get<NodeImageSlot>(
+        node_image_key(request_.instant, slab_, node % slab_.columns, node / slab_.columns,
+                       nodes_[static_cast<std::size_t>(node)], request_.focal_plane),
+        [&](std::size_t& bytes) {
+          bytes = node_image_bytes(slab_);
+          return std::make_shared<NodeImageSlot>();
+        });
+  }
+
+  /// A node's image that holds all that the view reads of it, in any of its bands.
+  std::shared_ptr<const NodeImage> image_of(int node, const NodeImageSlot& slot,
+                                            std::int64_t& pixels_decoded) const {
+    auto image = slot.image();
+    if (image && image->made.is_whole()) return image;
+    NodeRows read(slab_.width, slab_.height);
+    for (const RunOfNode& part : runs_of_nodes_[static_cast<std::size_t>(node)]) {
+      SlabRun run = functions_.run(*part.run, part.y);
+      run.interpolation = interpolation_;
+      read.add(run, part.corner);
+    }
+    if (image && image->made.covers(read)) return image;
+    if (image) read = NodeRows::all(slab_.width, slab_.height);
+    image = make_node_image(request_.instant, slab_, node % slab_.columns, node / slab_.columns,
+                            nodes_[static_cast<std::size_t>(node)], request_.focal_plane, read);
+    pixels_decoded = image->pixels_decoded;
+    slot.keep(image);
+    return image;
+  }
+
+  /// Which runs read a node's image, once for the view.
+  void find_runs_of_nodes() {
+    if (!runs_of_nodes_.empty()) return;
+    runs_of_nodes_.resize(nodes_.size());
+    for (int y = 0; y < request_.view.height; ++y) {
+      for (const SlabRays::Run& run : runs_[static_cast<std::size_t>(y)]) {
+        const std::array<int, 4> nodes = nodes_of(run);
+        for (int corner = 0; corner < 4; ++corner) {
+          const int node = nodes[static_cast<std::size_t>(corner)];
+          if (node >= 0)
+            runs_of_nodes_[static_cast<std::size_t>(node)].push_back({&run, y, corner});
+        }
       }
     }
   }
@@ -215,6 +257,11 @@ class SlabFrame {
     }
   }
 
+  struct RunOfNode {
+    const SlabRays::Run* run;
+    int y, corner;
+  };
+
   const ViewRequest& request_;
   const PlaneProjection& projection_;
   const Slab& slab_;
@@ -224,6 +271,7 @@ class SlabFrame {
   SlabRays rays_;
   SlabRuns functions_;
   std::vector<std::vector<SlabRays::Run>> runs_;        // per row of the view
+  std::vector<std::vector<RunOfNode>> runs_of_nodes_;   // by node
   std::vector<std::shared_ptr<const NodeImage>> held_;  // by node, those of the band
   std::vector<bool> camera_used_;
 };

@@ -39,7 +39,9 @@ void copy_markers(jpeg_decompress_struct& source, jpeg_compress_struct& target) 
 
 }  // namespace
 
-int default_restart_interval(int mcu_width) { return std::max(1, 32 / mcu_width); }
+int default_restart_interval(int frame_width, int mcu_width) {
+  return std::max(1, (frame_width < 640 ? 16 : 32) / mcu_width);
+}
 
 std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettings& settings) {
   check(image, settings);
@@ -58,10 +60,10 @@ std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettin
     info.dct_method = JDCT_ISLOW;
     info.comp_info[0].h_samp_factor = settings.chroma == JpegEncodeSettings::Chroma::k444 ? 1 : 2;
     info.comp_info[0].v_samp_factor = settings.chroma == JpegEncodeSettings::Chroma::k420 ? 2 : 1;
-    info.restart_interval =
-        static_cast<unsigned>(settings.restart_interval >= 0
-                                  ? settings.restart_interval
-                                  : default_restart_interval(8 * info.comp_info[0].h_samp_factor));
+    info.restart_interval = static_cast<unsigned>(
+        settings.restart_interval >= 0
+            ? settings.restart_interval
+            : default_restart_interval(image.width, 8 * info.comp_info[0].h_samp_factor));
     jpeg_start_compress(&info, TRUE);
     while (info.next_scanline < info.image_height) {
       // libjpeg's interface is not const, yet only reads.
@@ -79,7 +81,8 @@ std::vector<std::byte> add_restart_markers(std::span<const std::byte> jpeg, int 
                                            std::string_view name) {
   check_restart_interval(restart_interval);
   const JpegLayout layout = parse_jpeg_layout(jpeg, name);
-  if (restart_interval < 0) restart_interval = default_restart_interval(layout.mcu_width);
+  if (restart_interval < 0)
+    restart_interval = default_restart_interval(layout.width, layout.mcu_width);
   std::vector<std::byte> bytes;
   libjpeg::Decompressor source;
   libjpeg::Compressor target;

@@ -17,10 +17,10 @@ struct JpegEncodeSettings {
   int restart_interval = -1;
 };
 
-/// MCUs that make segments 32 pixels wide, a whole MCU at least: fine enough that a rectangle costs
-/// little more than itself (docs/formats/jpeg.md has the bytes it takes). It need not divide the
-/// MCU row.
-int default_restart_interval(int mcu_width);
+/// MCUs that make segments 32 pixels wide, 16 in frames narrower than 640, a whole MCU at least:
+/// fine enough that a camera's part of a view costs little more than itself (docs/formats/jpeg.md
+/// has the bytes it takes). It need not divide the MCU row.
+int default_restart_interval(int frame_width, int mcu_width);
 
 /// Encodes 8-bit RGB once. Throws Error (bad input) for sizes outside 1-65500 or wrong settings.
 std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettings& settings);

@@ -74,11 +74,16 @@ TEST(EncodeJpeg, RestartMarkersDoNotChangePixels) {
     EXPECT_EQ(decoder.decode(encode_jpeg(image, {90, Chroma::k420, interval}), "x"), plain);
 }
 
-TEST(EncodeJpeg, SegmentsAre32PixelsWideByDefault) {
-  const RgbImage image = test_images::make(Kind::kMixed, 130, 77);
-  EXPECT_EQ(parse_jpeg_layout(encode_jpeg(image, {90, Chroma::k444, -1}), "x").restart_interval, 4);
-  EXPECT_EQ(parse_jpeg_layout(encode_jpeg(image, {90, Chroma::k420, -1}), "x").restart_interval, 2);
-  EXPECT_EQ(default_restart_interval(32), 1);
+TEST(EncodeJpeg, SegmentsAre32PixelsWideByDefaultAndHalfThatInSmallFrames) {
+  const auto interval = [](int width, Chroma chroma) {
+    const RgbImage image = test_images::make(Kind::kMixed, width, 77);
+    return parse_jpeg_layout(encode_jpeg(image, {90, chroma, -1}), "x").restart_interval;
+  };
+  EXPECT_EQ(interval(640, Chroma::k444), 4);
+  EXPECT_EQ(interval(640, Chroma::k420), 2);
+  EXPECT_EQ(interval(639, Chroma::k444), 2);
+  EXPECT_EQ(interval(639, Chroma::k420), 1);
+  EXPECT_EQ(default_restart_interval(640, 32), 1);
 }
 
 TEST(EncodeJpeg, RefusesWhatItCannotEncode) {
@@ -97,7 +102,8 @@ void expect_same_picture(const Bytes& before, int interval, const std::string& w
   SCOPED_TRACE(what);
   const Bytes after = add_restart_markers(before, interval, what);
   const JpegLayout layout = parse_jpeg_layout(after, "x");
-  const int expected = interval < 0 ? default_restart_interval(layout.mcu_width) : interval;
+  const int expected =
+      interval < 0 ? default_restart_interval(layout.width, layout.mcu_width) : interval;
   EXPECT_EQ(layout.restart_interval, layout.baseline_ycc ? expected : 0);
   EXPECT_EQ(coefficients(before), coefficients(after));
   JpegDecoder decoder;

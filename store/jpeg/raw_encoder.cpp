@@ -118,9 +118,9 @@ void RawJpegEncoder::State::start(const RawImage& image) {
   }
   info.comp_info[0].h_samp_factor = horizontal;
   info.comp_info[0].v_samp_factor = vertical;
-  info.restart_interval = static_cast<unsigned>(settings.restart_interval >= 0
-                                                    ? settings.restart_interval
-                                                    : default_restart_interval(8 * horizontal));
+  info.restart_interval = static_cast<unsigned>(
+      settings.restart_interval >= 0 ? settings.restart_interval
+                                     : default_restart_interval(image.width, 8 * horizontal));
   info.raw_data_in = is_yuv(image.format) ? TRUE : FALSE;
   jpeg_start_compress(&info, TRUE);
 }

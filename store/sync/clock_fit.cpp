@@ -242,6 +242,14 @@ void share_periods(std::span<const CameraLine> group) {
 
 }  // namespace
 
+double ClockFit::slots_spanned() const {
+  const auto has_slot = [](std::int64_t slot) { return slot != kNoSlot; };
+  const auto first = std::ranges::find_if(slots, has_slot);
+  if (first == slots.end()) return 0;
+  const auto last = std::find_if(slots.rbegin(), slots.rend(), has_slot);
+  return static_cast<double>(*last) - static_cast<double>(*first) + 1;
+}
+
 double ClockFit::group_shift(std::size_t frame) const {
   double sum = 0;
   for (const PhaseBreak& b : breaks)

@@ -28,13 +28,16 @@ struct ClockFit {
   double jitter = 0;                       ///< robust sigma of the residuals, ns
   double early_limit = 0, late_limit = 0;  ///< residuals beyond are outliers, ns
   double period_sigma = 0;                 ///< standard error of the period, ns
-  /// Whether the camera holds one rate: false where more than a tenth of its frames are outliers or
-  /// the jitter is above a fifth of the period.
+  /// Whether the camera holds one rate: false where more than a tenth of its frames are outliers,
+  /// the jitter is above a fifth of the period, fewer than one slot in 20 has a frame, or the rate
+  /// is above 10 kHz.
   bool regular = false;
 
   bool is_outlier(std::size_t frame) const {
     return slots[frame] == kNoSlot || residual[frame] < early_limit || residual[frame] > late_limit;
   }
+  /// From the first frame with a slot to the last, both included; 0: none has one.
+  double slots_spanned() const;
   /// Breaks before a frame, added up, ns: those of the group, or the camera's own.
   double group_shift(std::size_t frame) const;
   double own_shift(std::size_t frame) const;

@@ -220,6 +220,36 @@ TEST(ClockFit, ACameraThatRestartsJumpsAlone) {
   EXPECT_NEAR(jump.step, 20e6, 0.3e6);
 }
 
+// What a recorder sees that did not run for a while: the frames of that time at once.
+TEST(ClockFit, AHeapOfFramesIsNoRhythm) {
+  const auto is_regular = [](int before, int in_heap, int after) {
+    std::vector<double> times;
+    double time = 0;
+    for (int i = 0; i < before; ++i, time += 33.3e6) times.push_back(time);
+    time += 200e6;
+    for (int i = 0; i < in_heap; ++i, time += 40e3) times.push_back(time + (i % 3) * 3e3);
+    time += 15.1e6;
+    for (int i = 0; i < after; ++i, time += 33.3e6) times.push_back(time);
+    return fit_clocks({times}, {0}).cameras[0].regular;
+  };
+  for (const auto& [before, in_heap, after] :
+       {std::array{0, 20, 0}, {0, 5, 1}, {3, 9, 3}, {5, 19, 4}, {1, 12, 2}, {5, 8, 0}}) {
+    EXPECT_FALSE(is_regular(before, in_heap, after)) << before << " " << in_heap << " " << after;
+  }
+  EXPECT_TRUE(is_regular(20, 1, 20));
+}
+
+// A cable that was out for most of a take leaves a camera's rate what it is.
+TEST(ClockFit, ALongGapLeavesTheRhythm) {
+  std::vector<double> times;
+  for (int i = 0; i < 900; ++i) {
+    if (i < 40 || i > 860) times.push_back(i * 33.3e6 + (i % 5) * 1e4);
+  }
+  const ClockFit fit = fit_clocks({times}, {0}).cameras[0];
+  EXPECT_TRUE(fit.regular);
+  EXPECT_NEAR(fit.lattice.period, 33.3e6, 1e3);
+}
+
 TEST(CountFrames, LateFramesMoveBackExtraOnesHaveNoSlot) {
   const Lattice lattice{0, 100};
   const Scatter even{-0.05, 0, 0.05};

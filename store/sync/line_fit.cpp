@@ -12,6 +12,9 @@ constexpr double kHuber = 2;          // sigmas; 99 % efficient where jitter is 
 constexpr double kOutlier = 6;        // sigmas of the side it lies on
 constexpr double kLeastJitter = 500;  // ns: what stamps in whole microseconds scatter
 constexpr double kTail = 1.6449;      // sigmas of the 95 % quantile
+// Frames that waited in a queue come out in a heap: its spacing is no rate, however even it is.
+constexpr double kLeastPeriod = 1e5;  // ns
+constexpr double kSparsest = 20;      // slots for each frame
 
 double weight_of(const ClockFit& fit, std::size_t i) {
   if (fit.is_outlier(i)) return 0;
@@ -142,8 +145,9 @@ void update_residuals(const CameraLine& camera) {
   fit.late_limit = middle + kOutlier * std::max((high - middle) / kTail, least);
   std::size_t outliers = 0;
   for (std::size_t i = 0; i < fit.slots.size(); ++i) outliers += fit.is_outlier(i) ? 1 : 0;
-  fit.regular =
-      counted >= 2 && 10 * outliers <= fit.slots.size() && fit.jitter < fit.lattice.period / 5;
+  fit.regular = counted >= 2 && 10 * outliers <= fit.slots.size() &&
+                fit.jitter < fit.lattice.period / 5 && fit.lattice.period >= kLeastPeriod &&
+                fit.slots_spanned() <= kSparsest * static_cast<double>(counted);
 }
 
 void fit_least_squares(std::span<const CameraLine> group) {

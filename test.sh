@@ -54,7 +54,7 @@ case "$what" in
     sanitizer_options
     cmake --preset asan >build/asan.configure.log 2>&1 || { cat build/asan.configure.log; exit 1; }
     cmake --build build/asan -j "$jobs" --target sanitizer_quick
-    run_tests asan -L '^(schemas|jpeg|store|frames|fixity|camera|frame_exr)$'
+    run_tests asan -L '^(schemas|jpeg|store|frames|fixity|frame_exr)$'
     step "clang-format and clang-tidy"
     scripts/check_style.sh build/check
     step "done"

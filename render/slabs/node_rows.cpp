@@ -7,8 +7,9 @@
 namespace raystage {
 namespace {
 
-/// Pixels of the view that are looked at as one: straight in the image, a box around them.
-constexpr int kPixelsPerBox = 16;
+/// Pixels of the view that are looked at as one, a box around what they read: as long a run as lies
+/// along a row of the image, or else so many.
+constexpr int kPixelsPerBox = 16, kRowsPerBox = 3;
 
 /// Samples by which the kernels' positions may differ from those here.
 constexpr double kRounding = 1.0 / 16;
@@ -61,26 +62,27 @@ bool NodeRows::is_whole() const {
 }
 
 void NodeRows::add(const SlabRun& run, int corner) {
-  for (int begin = run.begin; begin < run.end; begin += kPixelsPerBox) {
-    add_piece(run, corner, begin, std::min(begin + kPixelsPerBox, run.end));
-  }
+  if (run.begin < run.end) add_piece(run, corner, run.begin, run.end);
 }
 
 void NodeRows::add_piece(const SlabRun& run, int corner, int begin, int end) {
   const double x0 = begin + 0.5, x1 = end - 0.5;
   const double ahead0 = value(run.ahead, x0, run.y), ahead1 = value(run.ahead, x1, run.y);
   if (!(ahead0 > 0) && !(ahead1 > 0)) return;  // linear: nowhere in between either
-  if (!(ahead0 > 0) || !(ahead1 > 0)) {
+  const bool is_long = end - begin > kPixelsPerBox;
+  const auto halve = [&] {
     const int middle = begin + (end - begin) / 2;
     add_piece(run, corner, begin, middle);
     add_piece(run, corner, middle, end);
-    return;
-  }
+  };
+  if (!(ahead0 > 0) || !(ahead1 > 0)) return halve();
+  if (is_long && run.interpolation == SlabInterpolation::kNearest) return halve();
   const bool right = (corner & 1) != 0, lower = (corner & 2) != 0;
   if (!counts(run, run.column, right, x0, x1) || !counts(run, run.row, lower, x0, x1)) return;
   const auto &u = run.u[right ? 1 : 0], &v = run.v[lower ? 1 : 0];
   const Span columns = samples(value(u, x0, run.y) / ahead0, value(u, x1, run.y) / ahead1, width_);
   const Span rows = samples(value(v, x0, run.y) / ahead0, value(v, x1, run.y) / ahead1, height());
+  if (is_long && rows.end - rows.begin > kRowsPerBox) return halve();
   if (columns.is_empty()) return;
   for (int y = rows.begin; y < rows.end; ++y) {
     Span& span = spans_[static_cast<std::size_t>(y)];

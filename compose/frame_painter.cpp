@@ -56,9 +56,55 @@ FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory, bool 
   }
 }
 
+FramePainter::Geometry FramePainter::geometry_of(const PlannedFrame& frame) const {
+  Geometry geometry;
+  geometry.scene = plan_.geometry_at(frame.frame, geometry.mesh_of_layer);
+  if (!geometry.scene.meshes.empty()) {
+    geometry.scene.lights.surroundings = surroundings_of(frame, geometry.scene.lights);
+  }
+  return geometry;
+}
+
+Surroundings FramePainter::surroundings_of(const PlannedFrame& frame, const Lights& behind) const {
+  Surroundings seen_behind = behind.surroundings;
+  // The first light is asked first: it lies in front.
+  for (std::size_t l = plan_.light_field_lights().size(); l-- > 0;) {
+    const ShotPlan::LayerLight& light = plan_.light_field_lights()[l];
+    const ShownInstant& shown = frame.shown[light.layer];
+    if (!shown.tick) continue;
+    const LightFieldLayer& light_field = *plan_.light_field(light.layer);
+    const LightFieldRenderer& renderer = *renderers_[light.layer];
+    const FrameSelection& tick = light_field.tick(shown);
+    seen_behind = [&renderer, &tick, &light_field, behind_it = std::move(seen_behind),
+                   strength = static_cast<float>(light.strength), ambient = behind.ambient](
+                      std::span<const WorldRay> rays, std::span<const float> spread,
+                      std::span<Eigen::Vector3f> seen) {
+      std::ranges::fill(seen, ambient);
+      if (behind_it) behind_it(rays, spread, seen);
+      std::vector<RaySample> samples(rays.size());
+      renderer.query(rays, tick, light_field.reconstruction(), samples);
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        const auto& rgba = samples[i].rgba;
+        seen[i] = strength * Eigen::Vector3f(rgba[0], rgba[1], rgba[2]) + (1 - rgba[3]) * seen[i];
+      }
+    };
+  }
+  return seen_behind;
+}
+
 LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& frame,
-                                        const VirtualCamera& camera) const {
+                                        const VirtualCamera& camera,
+                                        const Geometry& geometry) const {
   const ShotDocument::Layer& document = plan_.shot().layers[layer];
+  if (document.geometry) {
+    LayerImage image;
+    tbb::this_task_arena::isolate([&] {
+      image =
+          render_geometry(geometry.scene, static_cast<std::size_t>(geometry.mesh_of_layer[layer]),
+                          camera, document.geometry->samples);
+    });
+    return image;
+  }
   if (document.solid) return solid_image(*document.solid, camera.width, camera.height);
   if (!frame.shown[layer].tick) return empty_image(camera.width, camera.height);
   const LightFieldLayer& light_field = *plan_.light_field(layer);
@@ -77,11 +123,12 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const VirtualCamera& c
   std::vector<LayerImage> front_first;
   std::vector<bool> is_holdout;
   RenderStatistics statistics;
+  const Geometry geometry = geometry_of(frame);
   const bool stated = plan_.shot().merge == ShotDocument::Merge::kStated;
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
     if (!plan_.is_visible(i, frame.frame)) continue;
     const ShotDocument::Layer& document = plan_.shot().layers[i];
-    LayerImage image = layer_image_of(i, frame, camera);
+    LayerImage image = layer_image_of(i, frame, camera, geometry);
     add_up(image.statistics, statistics);
     tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera, image); });
     if (document.opacity < 1) {
@@ -110,26 +157,43 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const VirtualCamera& c
 }
 
 void FramePainter::complete(LayerImage& image) const {
-  const bool has_light_field =
-      std::ranges::any_of(plan_.shot().layers, &ShotDocument::Layer::is_light_field);
-  if (!has_light_field) return;
-  const auto ensure = [&](const char* channel, float nothing) {
-    for (const Aov& aov : image.aovs) {
-      if (aov.layer == "lf" && aov.channels.front() == channel) return;
-    }
-    image.aovs.push_back({"lf", {channel}, false, nothing, PixelValues(image.pixels(), nothing)});
+  const auto& layers = plan_.shot().layers;
+  std::vector<Aov> wanted;
+  const auto want = [&](const char* layer, const std::vector<std::string>& channels,
+                        bool is_colour = false, float nothing = 0) {
+    wanted.push_back({layer, channels, is_colour, nothing, {}});
   };
-  ensure("coverage", 0);
-  if (!coverage_measures_) return;
-  ensure("cameras", 0);
-  ensure("nearest", std::numeric_limits<float>::infinity());
+  if (std::ranges::any_of(layers, &ShotDocument::Layer::is_light_field)) {
+    want("lf", {"coverage"});
+    if (coverage_measures_) {
+      want("lf", {"cameras"});
+      want("lf", {"nearest"}, false, std::numeric_limits<float>::infinity());
+    }
+  }
+  if (std::ranges::any_of(layers, [](const auto& layer) { return layer.geometry.has_value(); })) {
+    want("P", {"X", "Y", "Z"});
+    want("N", {"X", "Y", "Z"});
+    want("albedo", {"R", "G", "B"}, true);
+  }
+  // In one order, whichever layer was in front.
+  std::vector<Aov> all;
+  for (Aov& aov : wanted) {
+    const auto own = std::ranges::find_if(image.aovs, [&](const Aov& of_image) {
+      return of_image.layer == aov.layer && of_image.channels == aov.channels;
+    });
+    if (own != image.aovs.end()) {
+      all.push_back(std::move(*own));
+      continue;
+    }
+    aov.values.assign(image.pixels() * aov.channels.size(), aov.nothing);
+    all.push_back(std::move(aov));
+  }
+  image.aovs = std::move(all);
 }
 
 void FramePainter::read_ahead(const PlannedFrame& frame) const {
   for (std::size_t i = 0; i < plan_.layers(); ++i) {
-    if (renderers_[i] == nullptr || !frame.shown[i].tick || !plan_.is_visible(i, frame.frame)) {
-      continue;
-    }
+    if (renderers_[i] == nullptr || !frame.shown[i].tick) continue;
     renderers_[i]->read_ahead(plan_.light_field(i)->tick(frame.shown[i]));
   }
 }

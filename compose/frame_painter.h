@@ -31,8 +31,16 @@ class FramePainter {
   std::size_t decoded_bytes_held() const;
 
  private:
+  /// The geometry of a frame; `mesh_of_layer` as ShotPlan::geometry_at.
+  struct Geometry {
+    GeometryScene scene;
+    std::vector<int> mesh_of_layer;
+  };
+  Geometry geometry_of(const PlannedFrame& frame) const;
+  /// What rays see that leave the geometry: light fields, then what `behind` says.
+  Surroundings surroundings_of(const PlannedFrame& frame, const Lights& behind) const;
   LayerImage layer_image_of(std::size_t layer, const PlannedFrame& frame,
-                            const VirtualCamera& camera) const;
+                            const VirtualCamera& camera, const Geometry& geometry) const;
   /// Adds what other frames have and this one does not.
   void complete(LayerImage& image) const;
 

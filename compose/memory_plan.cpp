@@ -27,6 +27,9 @@ constexpr std::size_t kMeasuresBytesPerPixelBesideView = 16;
 /// A layer's picture that waits to be merged, and what merging writes.
 constexpr std::size_t kLayerBytesPerPixel = 28;
 
+/// P, N and albedo of a mesh's picture, and of the merged one with their EXR samples.
+constexpr std::size_t kGeometryBytesPerPixel = 36, kGeometryBytesPerPixelMerged = 72;
+
 std::size_t pixels_of(const ShotDocument& shot) {
   return static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height);
 }
@@ -55,12 +58,21 @@ std::size_t most_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> 
   return most;
 }
 
+std::size_t geometry_bytes_per_pixel(const ShotPlan& plan) {
+  std::size_t bytes = 0;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.geometry(i) != nullptr) bytes += kGeometryBytesPerPixel;
+  }
+  return bytes > 0 ? bytes + kGeometryBytesPerPixelMerged : 0;
+}
+
 /// What a frame takes beside what is shared: its views, both eyes of which make one file.
 std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                         bool coverage_measures) {
   const std::size_t beside = kBytesPerPixelBesideView +
                              (coverage_measures ? kMeasuresBytesPerPixelBesideView : 0) +
-                             (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0);
+                             (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) +
+                             geometry_bytes_per_pixel(plan);
   return plan.eyes().size() *
          (pixels_of(plan.shot()) * beside + most_view_bytes(plan, frames, coverage_measures));
 }
@@ -127,13 +139,15 @@ std::string size_text(double bytes) {
 MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                        const MemoryRequest& request) {
   const std::size_t per_frame = frame_bytes(plan, frames, request.coverage_measures);
-  const std::size_t budget = request.bytes > 0 ? request.bytes : available_memory() / 2;
-  if (budget < per_frame + kMinCache) {
-    throw Error::bad_input(fmt::format("one frame needs {} of memory and {} are granted",
-                                       size_text(static_cast<double>(per_frame + kMinCache)),
-                                       size_text(static_cast<double>(budget))),
-                           "", "Raise --memory");
+  const std::size_t granted = request.bytes > 0 ? request.bytes : available_memory() / 2;
+  const std::size_t geometry = plan.geometry_bytes(), least = geometry + per_frame + kMinCache;
+  if (granted < least) {
+    throw Error::bad_input(
+        fmt::format("one frame needs {} of memory and {} are granted",
+                    size_text(static_cast<double>(least)), size_text(static_cast<double>(granted))),
+        "", "Raise --memory");
   }
+  const std::size_t budget = granted - geometry;
   const auto fits = [&](std::size_t in_flight) {
     return in_flight * per_frame + std::max(kMinCache, decoded_at_once(plan, frames, in_flight)) <=
            budget;

@@ -12,6 +12,9 @@
 namespace raystage {
 namespace {
 
+/// What textures may take; they are loaded in tiles, in the detail that is looked at.
+constexpr std::size_t kTextureBytes = std::size_t{256} << 20;
+
 ShotDocument shot_with(ShotDocument shot, const ShotPlanOptions& options) {
   if (!options.layout.empty()) shot.output.layout = options.layout;
   return shot;
@@ -99,16 +102,70 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
   check_exr_compression(shot_.output.compression);
   if (!shot_.output.data_compression.empty()) check_exr_compression(shot_.output.data_compression);
   exr_layout_named(shot_.output.layout);
-  for (std::size_t i = 0; i < layers(); ++i) {
+  for (const ShotDocument::Layer& layer : shot_.layers) {
     clips_.emplace_back();
-    for (const ShotDocument::Clip& clip : shot_.layers[i].clips) {
-      clips_.back().push_back(clip_from(clip));
-    }
-    light_fields_.emplace_back();
-    if (!shot_.layers[i].is_light_field() || !shows_in(i, options.frames)) continue;
-    light_fields_.back() =
-        std::make_unique<const LightFieldLayer>(shot_, i, shot_file, options.fill, options.target);
+    for (const ShotDocument::Clip& clip : layer.clips) clips_.back().push_back(clip_from(clip));
   }
+  find_layer_lights();
+  for (std::size_t i = 0; i < layers(); ++i) {
+    light_fields_.emplace_back();
+    geometries_.emplace_back();
+    if (!shows_in(i, options.frames)) continue;
+    if (shot_.layers[i].is_light_field()) {
+      light_fields_.back() = std::make_unique<const LightFieldLayer>(shot_, i, shot_file,
+                                                                     options.fill, options.target);
+    } else if (shot_.layers[i].geometry) {
+      open_geometry(i);
+    }
+  }
+}
+
+void ShotPlan::find_layer_lights() {
+  for (std::size_t i = 0; i < shot_.lights.size(); ++i) {
+    const ShotDocument::Light& light = shot_.lights[i];
+    if (light.light_field.empty()) continue;
+    const auto layer =
+        std::ranges::find(shot_.layers, light.light_field, &ShotDocument::Layer::name);
+    if (layer == shot_.layers.end() || !layer->is_light_field()) {
+      throw Error::bad_input(
+          fmt::format("the light is to be the layer \"{}\", {}", light.light_field,
+                      layer == shot_.layers.end() ? "which is not there" : "which has no take"),
+          fmt::format("{}#/lights/{}", shot_file_.string(), i), "Name a layer with a take");
+    }
+    layer_lights_.push_back(
+        {static_cast<std::size_t>(layer - shot_.layers.begin()), light.strength});
+  }
+}
+
+void ShotPlan::open_geometry(std::size_t layer) {
+  const std::filesystem::path folder = shot_file_.parent_path();
+  if (!textures_) {
+    textures_ = std::make_unique<Textures>(kTextureBytes);
+    lights_ = lights_from(shot_.lights, folder, *textures_);
+    raystage::add_to(common_, shot_.lights, folder);
+  }
+  geometries_[layer] = std::make_unique<const GeometryLayer>(
+      *shot_.layers[layer].geometry, folder,
+      fmt::format("{}#/layers/{}/geometry", shot_file_.string(), layer), *textures_);
+}
+
+GeometryScene ShotPlan::geometry_at(int frame, std::vector<int>& mesh_of_layer) const {
+  GeometryScene scene;
+  scene.textures = textures_.get();
+  scene.lights = lights_;
+  mesh_of_layer.assign(layers(), -1);
+  for (std::size_t i = 0; i < layers(); ++i) {
+    if (!geometries_[i] || !is_visible(i, frame)) continue;
+    mesh_of_layer[i] = static_cast<int>(scene.meshes.size());
+    scene.meshes.push_back(geometries_[i]->placed(frame));
+  }
+  return scene;
+}
+
+std::size_t ShotPlan::geometry_bytes() const {
+  std::size_t bytes = textures_ ? kTextureBytes : 0;
+  for (const auto& geometry : geometries_) bytes += geometry ? geometry->bytes() : 0;
+  return bytes;
 }
 
 bool ShotPlan::is_visible(std::size_t layer, int frame) const {
@@ -118,14 +175,25 @@ bool ShotPlan::is_visible(std::size_t layer, int frame) const {
          keeps_something(clips_[layer]);
 }
 
+bool ShotPlan::is_needed(std::size_t layer, int frame) const {
+  if (is_visible(layer, frame)) return true;
+  if (std::ranges::find(layer_lights_, layer, &LayerLight::layer) == layer_lights_.end()) {
+    return false;
+  }
+  for (std::size_t i = 0; i < layers(); ++i) {
+    if (shot_.layers[i].geometry && is_visible(i, frame)) return true;
+  }
+  return false;
+}
+
 bool ShotPlan::shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const {
   if (frames) {
-    return std::ranges::any_of(*frames, [&](int frame) { return is_visible(layer, frame); });
+    return std::ranges::any_of(*frames, [&](int frame) { return is_needed(layer, frame); });
   }
-  const ShotDocument::Layer& document = shot_.layers[layer];
-  const int first = std::max(shot_.first_frame, document.first_frame.value_or(shot_.first_frame));
-  const int last = std::min(shot_.last_frame, document.last_frame.value_or(shot_.last_frame));
-  return first <= last && is_visible(layer, first);
+  for (int frame = shot_.first_frame; frame <= shot_.last_frame; ++frame) {
+    if (is_needed(layer, frame)) return true;
+  }
+  return false;
 }
 
 std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFrames policy) const {
@@ -136,7 +204,7 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
     if (light_field == nullptr) continue;
     std::vector<int> missing;
     for (PlannedFrame& one : planned) {
-      if (!is_visible(i, one.frame)) continue;
+      if (!is_needed(i, one.frame)) continue;
       one.shown[i] = light_field->shown_at(one.frame, policy);
       if (!one.shown[i].tick || one.shown[i].held) missing.push_back(one.frame);
     }
@@ -167,10 +235,12 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   print.integer("frame", frame.frame);
   for (const Eye eye : eyes()) add_camera(exr_camera(frame.frame, eye), print);
   for (std::size_t i = 0; i < layers(); ++i) {
-    if (!is_visible(i, frame.frame)) continue;
+    if (!is_needed(i, frame.frame)) continue;
     print.integer("layer", static_cast<std::int64_t>(i));
+    print.integer("visible", is_visible(i, frame.frame) ? 1 : 0);
     add_layer(shot_.layers[i], print);
     if (light_fields_[i]) light_fields_[i]->add_to(print, frame.shown[i]);
+    if (geometries_[i]) geometries_[i]->add_to(print, frame.frame);
   }
   return print.hex();
 }

@@ -10,6 +10,8 @@
 
 #include "compose/camera/shot_camera.h"
 #include "compose/exr/header.h"
+#include "compose/geometry/geometry_layer.h"
+#include "compose/geometry/geometry_view.h"
 #include "compose/layers/clip.h"
 #include "compose/layers/fingerprint.h"
 #include "compose/layers/light_field_layer.h"
@@ -35,12 +37,12 @@ struct ShotPlanOptions {
   OptionValues target =
       {};  ///< not empty: the method `auto` with these options, for every light field
   std::string layout = "";  ///< not empty: of the EXR files
-  /// Light fields are opened that show in one of these; none: in a frame of the shot.
+  /// Light fields and meshes are opened that show in one of these; none: in a frame of the shot.
   std::optional<std::vector<int>> frames = {};
 };
 
-/// A shot with its takes opened and everything checked that can be before rendering. Takes of
-/// layers that show nothing are left alone.
+/// A shot with its takes and meshes opened and everything checked that can be before rendering.
+/// Those of layers that show nothing are left alone.
 class ShotPlan {
  public:
   /// Throws Error (bad input): the shot, its camera or a light field cannot be used, unknown
@@ -51,9 +53,24 @@ class ShotPlan {
   std::size_t layers() const { return shot_.layers.size(); }
   /// Of a layer; null: it is none, or shows nothing.
   const LightFieldLayer* light_field(std::size_t layer) const { return light_fields_[layer].get(); }
+  /// Of a layer; null: it is none, or shows nothing.
+  const GeometryLayer* geometry(std::size_t layer) const { return geometries_[layer].get(); }
+  /// All meshes that are visible at a frame where they stand, and what lights them.
+  /// `mesh_of_layer`: index into its meshes of each layer; -1 for others.
+  GeometryScene geometry_at(int frame, std::vector<int>& mesh_of_layer) const;
+  /// What meshes take, with their textures at most.
+  std::size_t geometry_bytes() const;
   std::span<const Clip> clips(std::size_t layer) const { return clips_[layer]; }
   /// Whether a layer can show anything at a frame: in its range, of some opacity, not clipped away.
   bool is_visible(std::size_t layer, int frame) const;
+  /// Whether a light field is asked for rays at a frame: visible, or a light on visible geometry.
+  bool is_needed(std::size_t layer, int frame) const;
+  /// Layers whose light fields are lights, in the order in which they are asked, with strengths.
+  struct LayerLight {
+    std::size_t layer = 0;
+    double strength = 1;
+  };
+  const std::vector<LayerLight>& light_field_lights() const { return layer_lights_; }
 
   /// The views of a frame: left and right, or one.
   std::vector<Eye> eyes() const { return camera_.eyes(); }
@@ -78,6 +95,8 @@ class ShotPlan {
   ExrCamera exr_camera(int frame, Eye eye) const;
 
  private:
+  void find_layer_lights();
+  void open_geometry(std::size_t layer);
   bool shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
 
   std::filesystem::path shot_file_;
@@ -85,6 +104,10 @@ class ShotPlan {
   ShotCamera camera_;
   std::vector<std::vector<Clip>> clips_;
   std::vector<std::unique_ptr<const LightFieldLayer>> light_fields_;
+  std::unique_ptr<Textures> textures_;  ///< null: no mesh is visible
+  std::vector<std::unique_ptr<const GeometryLayer>> geometries_;
+  Lights lights_;
+  std::vector<LayerLight> layer_lights_;
   Fingerprint common_;
 };
 

@@ -7,6 +7,7 @@
 #include "schemas/document.h"
 #include "schemas/frame_rate.h"
 #include "schemas/shot_camera.h"
+#include "schemas/shot_geometry.h"
 #include "schemas/shot_layer.h"
 
 namespace raystage {
@@ -49,6 +50,12 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
   const Located layers = document.at("layers");
   for (std::size_t i = 0; i < layers.size(); ++i)
     shot.layers.push_back(shot_layer_from(layers.at(i)));
+  if (document.has("lights")) {
+    const Located lights = document.at("lights");
+    for (std::size_t i = 0; i < lights.size(); ++i) {
+      shot.lights.push_back(shot_light_from(lights.at(i)));
+    }
+  }
   if (document.get("merge", std::string()) == "depth") shot.merge = ShotDocument::Merge::kDepth;
   if (document.has("output")) {
     const Located output = document.at("output");
@@ -74,6 +81,10 @@ std::string format_shot(const ShotDocument& shot) {
   json["camera"] = json_from(shot.camera);
   auto& layers = json["layers"] = ordered_json::array();
   for (const ShotDocument::Layer& layer : shot.layers) layers.push_back(json_from(layer));
+  if (!shot.lights.empty()) {
+    auto& lights = json["lights"] = nlohmann::ordered_json::array();
+    for (const ShotDocument::Light& light : shot.lights) lights.push_back(json_from(light));
+  }
   json["merge"] = shot.merge == ShotDocument::Merge::kDepth ? "depth" : "stated";
   auto& output = json["output"] = {{"compression", shot.output.compression}};
   if (!shot.output.data_compression.empty()) {

@@ -76,11 +76,43 @@ struct ShotDocument {
     double feather = 0;  ///< metres; of a screen a share of the picture's width
     bool inverted = false;
   };
+  /// In place of what a mesh's file says of its surfaces.
+  struct Material {
+    std::string kind = "diffuse";                     ///< diffuse | mirror | glossy
+    std::optional<std::array<double, 3>> color = {};  ///< scene-linear; none: the file's
+    std::string texture = {};                         ///< relative to the shot's folder
+    double roughness = 0.2;                           ///< of glossy ones, (0, 1]
+  };
+  struct TransformKey {
+    double frame = 0;
+    std::optional<std::array<double, 3>> position = {};     ///< world, metres
+    std::optional<std::array<double, 4>> orientation = {};  ///< world_from_object: w, x, y, z
+    std::optional<double> scale = {};                       ///< metres a unit of the file
+  };
+  struct Geometry {
+    std::string file;  ///< glTF, OBJ, PLY ..., relative to the shot's folder
+    std::optional<Material> material = {};
+    std::vector<TransformKey> keys = {};  ///< by increasing frame; none: as in the file
+    int samples = 16;                     ///< rays a pixel, a square number
+  };
+  /// What lights geometry; one of these.
+  struct Light {
+    std::optional<std::array<double, 3>> ambient = {};    ///< radiance from everywhere
+    std::optional<std::array<double, 3>> direction = {};  ///< in which the light goes, world
+    std::array<double, 3> color{1, 1, 1};  ///< what a white diffuse surface that faces it shows
+    bool shadows = true;
+    std::string environment = {};  ///< picture all around, relative to the shot's folder
+    double turn_deg = 0;           ///< of the environment about the y axis, counter-clockwise
+    std::string light_field = {};  ///< name of a layer that answers rays where it saw them
+    double strength = 1;           ///< of the environment or light field
+    int rays = 0;                  ///< by which diffuse surfaces gather it, each sample
+  };
   struct Layer {
     std::string name;
-    /// A light field's: folder of the take, relative to the shot's folder. Empty: it is a solid.
+    /// A light field's: folder of the take, relative to the shot's folder. Empty: something else.
     std::string take;
     std::optional<Solid> solid = {};
+    std::optional<Geometry> geometry = {};
     std::vector<Clip> clips = {};
     bool holdout = false;  ///< cuts what lies behind it, and shows nothing of itself
     double opacity = 1;
@@ -111,6 +143,7 @@ struct ShotDocument {
     kDepth    ///< the nearer the farther, at every pixel
   };
   std::vector<Layer> layers;  ///< the rearmost first; at least one
+  std::vector<Light> lights;  ///< of all geometry
   Merge merge = Merge::kStated;
   Output output;
 };

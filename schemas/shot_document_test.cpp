@@ -170,5 +170,66 @@ TEST(ShotLayerDocument, RefusesWhatIsNoLayer) {
   EXPECT_THAT(clip({{"box", {{0, 0, 0}, {1, 0, 1}}}}), HasSubstr("a box without an inside"));
 }
 
+json shot_with_geometry() {
+  json shot = shot_of_today();
+  shot["layers"] = {{{"name", "room"}, {"take", "a"}},
+                    {{"name", "ball"},
+                     {"geometry",
+                      {{"file", "meshes/ball.glb"},
+                       {"samples", 25},
+                       {"material", {{"kind", "glossy"}, {"roughness", 0.3}, {"texture", "t.png"}}},
+                       {"keys",
+                        {{{"frame", 1}, {"position", {0, 1, -5}}, {"scale", 0.01}},
+                         {{"frame", 48}, {"orientation", {1, 0, 0, 0}}}}}}}}};
+  shot["lights"] = {{{"ambient", {0.1, 0.1, 0.2}}},
+                    {{"direction", {0, -1, 0}}, {"color", {2, 2, 1}}, {"shadows", false}},
+                    {{"environment", "sky.exr"}, {"turn_deg", 90}, {"rays", 4}},
+                    {{"light_field", "room"}, {"strength", 0.5}}};
+  return shot;
+}
+
+TEST(ShotGeometryDocument, MeshesAndLightsComeBack) {
+  const ShotDocument document = parse_shot(shot_with_geometry().dump(), "f");
+  ASSERT_TRUE(document.layers[1].geometry);
+  const ShotDocument::Geometry& geometry = *document.layers[1].geometry;
+  EXPECT_EQ(geometry.file, "meshes/ball.glb");
+  EXPECT_EQ(geometry.samples, 25);
+  EXPECT_EQ(geometry.material->kind, "glossy");
+  EXPECT_EQ(geometry.material->roughness, 0.3);
+  EXPECT_FALSE(geometry.material->color);
+  EXPECT_EQ(geometry.keys[0].scale, 0.01);
+  EXPECT_FALSE(geometry.keys[1].position);
+  ASSERT_EQ(document.lights.size(), 4U);
+  EXPECT_EQ(document.lights[0].ambient->at(2), 0.2);
+  EXPECT_FALSE(document.lights[1].shadows);
+  EXPECT_EQ(document.lights[2].rays, 4);
+  EXPECT_EQ(document.lights[3].light_field, "room");
+  const std::string once = format_shot(document);
+  EXPECT_EQ(format_shot(parse_shot(once, "f")), once);
+}
+
+TEST(ShotGeometryDocument, RefusesWhatMeansNothing) {
+  const auto of = [](const json& geometry) {
+    json shot = shot_with_geometry();
+    shot["layers"][1]["geometry"] = geometry;
+    return refusal(shot);
+  };
+  EXPECT_THAT(of({{"samples", 4}}), HasSubstr("file"));
+  EXPECT_THAT(of({{"file", "a.obj"}, {"samples", 5}}), HasSubstr("/geometry/samples"));
+  EXPECT_THAT(of({{"file", "a.obj"}, {"material", {{"roughness", 0.3}}}}),
+              HasSubstr("only glossy materials"));
+  EXPECT_THAT(of({{"file", "a.obj"}, {"keys", {{{"frame", 2}}, {{"frame", 2}}}}}),
+              HasSubstr("/keys/1/frame: found 2 after 2"));
+  const auto light = [](const json& one) {
+    json shot = shot_with_geometry();
+    shot["lights"] = {one};
+    return refusal(shot);
+  };
+  EXPECT_THAT(light({{"strength", 1}}), HasSubstr("#/lights/0: found not exactly one"));
+  EXPECT_THAT(light({{"ambient", {1, 1, 1}}, {"rays", 4}}), HasSubstr("#/lights/0/rays: only"));
+  EXPECT_THAT(light({{"direction", {0, 0, 0}}}), HasSubstr("length 0"));
+  EXPECT_THAT(light({{"ambient", {1, -1, 1}}}), HasSubstr("#/lights/0/ambient"));
+}
+
 }  // namespace
 }  // namespace raystage

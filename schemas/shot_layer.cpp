@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <initializer_list>
 
+#include "schemas/shot_geometry.h"
+
 namespace raystage {
 namespace {
 
@@ -122,11 +124,11 @@ void read_light_field(const Located& object, Layer& layer) {
   layer.speed = object.get("speed", layer.speed);
 }
 
-/// What only a light field has must not stand beside a solid, where it would do nothing.
+/// What only a light field has must not stand beside something else, where it would do nothing.
 void refuse_light_field_words(const Located& object) {
   for (const char* word : {"method", "options", "focal_plane", "fill", "start_seconds", "speed"}) {
     if (!object.has(word)) continue;
-    throw object.at(word).refuse("only light fields have this, and the layer is a solid",
+    throw object.at(word).refuse("only light fields have this, and the layer is none",
                                  "Remove it, or give the layer a take instead");
   }
 }
@@ -134,8 +136,8 @@ void refuse_light_field_words(const Located& object) {
 }  // namespace
 
 Layer shot_layer_from(const Located& object) {
-  if (count_of(object, {"take", "solid"}) != 1) {
-    throw object.refuse("found not exactly one of \"take\" and \"solid\"",
+  if (count_of(object, {"take", "geometry", "solid"}) != 1) {
+    throw object.refuse("found not exactly one of \"take\", \"geometry\" and \"solid\"",
                         "Say what the layer shows");
   }
   Layer layer;
@@ -144,7 +146,8 @@ Layer shot_layer_from(const Located& object) {
     read_light_field(object, layer);
   } else {
     refuse_light_field_words(object);
-    layer.solid = solid_from(object.at("solid"));
+    if (object.has("solid")) layer.solid = solid_from(object.at("solid"));
+    if (object.has("geometry")) layer.geometry = shot_geometry_from(object.at("geometry"));
   }
   if (object.has("clips")) {
     const Located clips = object.at("clips");
@@ -167,6 +170,8 @@ ordered_json json_from(const Layer& layer) {
   ordered_json object{{"name", layer.name}};
   if (layer.solid) {
     object["solid"] = json_from(*layer.solid);
+  } else if (layer.geometry) {
+    object["geometry"] = json_from(*layer.geometry);
   } else {
     object["take"] = layer.take;
     object["method"] = layer.method;

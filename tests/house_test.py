@@ -49,8 +49,9 @@ ROOMS = {
     "compose/camera": [],
     "compose/exr": [],
     "compose/layers": ["compose/exr"],
-    "compose": ["compose/camera", "compose/exr", "compose/layers"],
-    "compose/preview": ["compose", "compose/camera", "compose/exr", "compose/layers"],
+    "compose/geometry": ["compose/camera", "compose/exr", "compose/layers"],
+    "compose": ["compose/camera", "compose/exr", "compose/geometry", "compose/layers"],
+    "compose/preview": ["compose", "compose/camera", "compose/exr", "compose/geometry", "compose/layers"],
 }
 
 

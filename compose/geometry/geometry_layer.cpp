@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/geometry/geometry_layer.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <fstream>
+#include <numbers>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3f;
+
+Vector3f color_from(const std::array<double, 3>& c) {
+  return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+}
+
+template <class T>
+void add_values(Fingerprint& print, const char* label, const std::vector<T>& values) {
+  print.text(label, {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(T)});
+}
+
+void add_file(Fingerprint& print, const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::string chunk(std::size_t{1} << 20, '\0');
+  do {
+    stream.read(chunk.data(), static_cast<std::streamsize>(chunk.size()));
+    print.text("file", {chunk.data(), static_cast<std::size_t>(stream.gcount())});
+  } while (stream);
+}
+
+/// The shot's material in place of the file's.
+void replace_materials(Mesh& mesh, const ShotDocument::Material& by,
+                       const std::filesystem::path& folder) {
+  using Kind = Material::Kind;
+  for (Material& material : mesh.materials) {
+    material.kind = by.kind == "mirror"   ? Kind::kMirror
+                    : by.kind == "glossy" ? Kind::kGlossy
+                                          : Kind::kDiffuse;
+    material.roughness = static_cast<float>(by.roughness);
+    if (by.color) material.color = color_from(*by.color);
+    if (!by.texture.empty()) material.texture = (folder / by.texture).lexically_normal();
+  }
+}
+
+std::string fingerprint_of(const Mesh& mesh) {
+  Fingerprint print;
+  add_values(print, "positions", mesh.positions);
+  add_values(print, "normals", mesh.normals);
+  add_values(print, "uvs", mesh.uvs);
+  add_values(print, "corners", mesh.corners);
+  add_values(print, "object_of", mesh.object_of);
+  for (const Mesh::Object& object : mesh.objects) {
+    print.text("object", object.name).integer("material", object.material);
+  }
+  for (const Material& material : mesh.materials) {
+    print.integer("kind", static_cast<int>(material.kind)).number("roughness", material.roughness);
+    for (const float c : material.color) print.number("color", c);
+    if (!material.texture.empty()) add_file(print, material.texture);
+  }
+  return print.hex();
+}
+
+}  // namespace
+
+GeometryLayer::GeometryLayer(const ShotDocument::Geometry& geometry,
+                             const std::filesystem::path& folder, const std::string& where,
+                             Textures& textures)
+    : placement_(geometry, where), samples_(geometry.samples) {
+  const std::filesystem::path file = (folder / geometry.file).lexically_normal();
+  Mesh mesh = read_mesh(file);
+  if (geometry.material) replace_materials(mesh, *geometry.material, folder);
+  for (const Material& material : mesh.materials) {
+    textures_.push_back(material.texture.empty() ? nullptr : textures.open(material.texture));
+  }
+  fingerprint_ = fingerprint_of(mesh);
+  scene_ = std::make_unique<const MeshScene>(std::move(mesh), file.string());
+}
+
+PlacedMesh GeometryLayer::placed(double frame) const {
+  const Eigen::Affine3d world_from_object = placement_.world_from_object(frame);
+  return {scene_.get(), textures_, world_from_object, world_from_object.inverse()};
+}
+
+void GeometryLayer::add_to(Fingerprint& print, double frame) const {
+  print.text("geometry", fingerprint_).integer("samples", samples_);
+  const Eigen::Affine3d placed = placement_.world_from_object(frame);
+  for (const double value : placed.matrix().reshaped()) print.number("placed", value);
+}
+
+Lights lights_from(const std::vector<ShotDocument::Light>& lights,
+                   const std::filesystem::path& folder, Textures& textures) {
+  struct Environment {
+    Textures::Handle picture;
+    float strength;
+    double sine, cosine;  // of the turn
+  };
+  Lights result;
+  std::vector<Environment> environments;
+  for (const ShotDocument::Light& light : lights) {
+    if (light.ambient) {
+      result.ambient += color_from(*light.ambient);
+    } else if (light.direction) {
+      const auto& d = *light.direction;
+      result.directional.push_back({-Eigen::Vector3d(d[0], d[1], d[2]).stableNormalized(),
+                                    color_from(light.color), light.shadows});
+    } else if (!light.light_field.empty()) {
+      result.gathered_rays = std::max(result.gathered_rays, light.rays);
+    } else {
+      const double turn = light.turn_deg * std::numbers::pi / 180;
+      environments.push_back({textures.open((folder / light.environment).lexically_normal()),
+                              static_cast<float>(light.strength), std::sin(turn), std::cos(turn)});
+      result.gathered_rays = std::max(result.gathered_rays, light.rays);
+    }
+  }
+  if (environments.empty()) return result;
+  result.surroundings = [environments, ambient = result.ambient, &textures](
+                            std::span<const WorldRay> rays, std::span<const float> spread,
+                            std::span<Vector3f> seen) {
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      seen[i] = ambient;
+      const Eigen::Vector3d& d = rays[i].direction;
+      for (const Environment& e : environments) {
+        const Eigen::Vector3d turned(e.cosine * d.x() - e.sine * d.z(), d.y(),
+                                     e.sine * d.x() + e.cosine * d.z());
+        seen[i] += e.strength * textures.around(e.picture, turned, spread[i]);
+      }
+    }
+  };
+  return result;
+}
+
+void add_to(Fingerprint& print, const std::vector<ShotDocument::Light>& lights,
+            const std::filesystem::path& folder) {
+  for (const ShotDocument::Light& light : lights) {
+    for (const auto& values : {light.ambient, light.direction, std::optional(light.color)}) {
+      for (const double value : values.value_or(std::array<double, 3>{})) {
+        print.number("light", value);
+      }
+    }
+    print.integer("shadows", light.shadows ? 1 : 0).number("turn", light.turn_deg);
+    print.number("strength", light.strength).integer("rays", light.rays);
+    print.text("light_field", light.light_field);
+    if (!light.environment.empty()) add_file(print, folder / light.environment);
+  }
+}
+
+}  // namespace raystage

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/geometry/mesh.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::HasSubstr;
+
+class MeshFile : public ::testing::Test {
+ protected:
+  std::filesystem::path write(const std::string& name, const std::string& text) {
+    std::ofstream(folder_.path() / name) << text;
+    return folder_.path() / name;
+  }
+  std::string refusal(const std::filesystem::path& file) {
+    try {
+      read_mesh(file);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "none";
+  }
+  TestFolder folder_;
+};
+
+TEST_F(MeshFile, ObjWithMaterialsAndObjects) {
+  write("m.mtl", "newmtl red\nKd 0.8 0.1 0.05\nnewmtl wood\nKd 1 1 1\nmap_Kd maps/wood.png\n");
+  const Mesh mesh = read_mesh(write("m.obj",
+                                    "mtllib m.mtl\n"
+                                    "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 -2\n"
+                                    "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
+                                    "o table\nusemtl wood\nf 1/1 2/2 3/3 4/4\n"
+                                    "o cup\nusemtl red\nf 1 2 5\n"));
+  EXPECT_EQ(mesh.corners.size(), 3U);  // the square as two
+  ASSERT_EQ(mesh.objects.size(), 2U);
+  const auto material_of = [&](const std::string& name) {
+    const auto object = std::ranges::find(mesh.objects, name, &Mesh::Object::name);
+    return object == mesh.objects.end()
+               ? Material{.kind = Material::Kind::kMirror}
+               : mesh.materials[static_cast<std::size_t>(object->material)];
+  };
+  const Material wood = material_of("table");
+  EXPECT_EQ(wood.texture, folder_.path() / "maps/wood.png");
+  const Material red = material_of("cup");
+  EXPECT_TRUE(red.texture.empty());
+  EXPECT_NEAR(red.color.x(), 0.8F, 1e-6F);
+  EXPECT_EQ(red.kind, Material::Kind::kDiffuse);
+  EXPECT_EQ(mesh.uvs.size(), mesh.positions.size());
+}
+
+/// Nodes stand in nodes; several may show one mesh.
+TEST_F(MeshFile, GltfNodesArePlacedAndNamed) {
+  const char* const kTriangle =  // 3 x vec3 float: (0,0,0) (1,0,0) (0,1,0)
+      "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+  const Mesh mesh = read_mesh(
+      write("m.gltf", std::string(R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],
+       "nodes":[{"name":"top","translation":[10,0,0],"children":[1,2]},
+                {"name":"left","mesh":0,"translation":[0,2,0]},
+                {"name":"right","mesh":0,"scale":[3,3,3]}],
+       "materials":[{"pbrMetallicRoughness":{"baseColorFactor":[0.2,0.4,0.6,1],
+                     "metallicFactor":1,"roughnessFactor":0.3}}],
+       "meshes":[{"primitives":[{"attributes":{"POSITION":0},"material":0}]}],
+       "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3",
+                     "min":[0,0,0],"max":[1,1,0]}],
+       "bufferViews":[{"buffer":0,"byteLength":36}],
+       "buffers":[{"byteLength":36,"uri":"data:application/octet-stream;base64,)") +
+                          kTriangle + R"("}]})"));
+  ASSERT_EQ(mesh.objects.size(), 2U);
+  EXPECT_EQ(mesh.objects[0].name, "left");
+  EXPECT_EQ(mesh.objects[1].name, "right");
+  double most_x = 0, most_y = 0;
+  for (const Eigen::Vector3d& p : mesh.positions) {
+    most_x = std::max(most_x, p.x());
+    most_y = std::max(most_y, p.y());
+  }
+  EXPECT_EQ(most_x, 13);
+  EXPECT_EQ(most_y, 3);
+  const Material& metal = mesh.materials[static_cast<std::size_t>(mesh.objects[0].material)];
+  EXPECT_EQ(metal.kind, Material::Kind::kGlossy);
+  EXPECT_NEAR(metal.roughness, 0.3F, 1e-6F);
+  EXPECT_NEAR(metal.color.y(), 0.4F, 1e-6F);
+}
+
+TEST_F(MeshFile, PlyHasNoMaterial) {
+  const Mesh mesh = read_mesh(write("m.ply",
+                                    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\n"
+                                    "property float y\nproperty float z\nelement face 1\n"
+                                    "property list uchar int vertex_indices\nend_header\n"
+                                    "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"));
+  EXPECT_EQ(mesh.corners.size(), 1U);
+  EXPECT_TRUE(mesh.normals.empty());
+  EXPECT_EQ(mesh.materials[static_cast<std::size_t>(mesh.objects[0].material)].kind,
+            Material::Kind::kDiffuse);
+}
+
+TEST_F(MeshFile, SaysWhatIsWrong) {
+  EXPECT_THAT(refusal(folder_.path() / "none.obj"), HasSubstr("there is no such mesh"));
+  EXPECT_THAT(refusal(write("text.obj", "hello\n")), HasSubstr("text.obj"));
+  EXPECT_THAT(refusal(write("cut.gltf", "{\"asset\": {")), HasSubstr("cut.gltf"));
+  EXPECT_THAT(refusal(write("nan.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n")),
+              HasSubstr("not finite"));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/geometry/textures.h"
+
+#include <dlfcn.h>
+
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+/// The module stays loaded: what it made lives in it.
+OpenTextureLookup* load_module() {
+  std::error_code error;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path file = program.parent_path() / kTextureModule;
+  void* const module = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+  void* const entry = module == nullptr ? nullptr : dlsym(module, kOpenTextureLookup);
+  if (entry == nullptr) {
+    const char* const why = dlerror();
+    throw Error::failed(std::string("textures cannot be read: ") + (why != nullptr ? why : ""),
+                        file.string(), "Reinstall raystage");
+  }
+  return reinterpret_cast<OpenTextureLookup*>(entry);
+}
+
+}  // namespace
+
+Textures::Handle Textures::open(const std::filesystem::path& file) {
+  if (!std::filesystem::exists(file)) {
+    throw Error::bad_input("there is no such texture", file.string(),
+                           "Correct the path; a mesh file's textures are relative to it");
+  }
+  if (!lookup_) lookup_.reset(load_module()(cache_bytes_));
+  return lookup_->open(file);
+}
+
+}  // namespace raystage

@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shots with geometry in them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "compose/sequence_test_data.h"
+#include "images/exr/exr_channels.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::HasSubstr;
+
+/// The wall's take, and a white square of 1 m in front of the camera.
+class GeometrySequence : public testing::SequenceTest {
+ protected:
+  void SetUp() override {
+    SequenceTest::SetUp();
+    options_.frames = {101};
+    options_.existing = ExistingFiles::kOverwrite;
+    std::ofstream(folder_.path() / "square.obj")
+        << "o sign\nv -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n";
+    shot_.layers.push_back(square(-2));
+    shot_.lights = {{.ambient = {{0.5, 0.5, 0.5}}}};
+  }
+
+  static ShotDocument::Layer square(double z, const std::string& kind = "diffuse") {
+    ShotDocument::Layer layer;
+    layer.name = "square";
+    ShotDocument::Geometry geometry{.file = "square.obj"};
+    geometry.material = ShotDocument::Material{.kind = kind, .color = {{1, 1, 1}}};
+    geometry.keys = {{.frame = 101, .position = {{0.03, -0.03, z}}}};
+    geometry.samples = 4;
+    layer.geometry = geometry;
+    return layer;
+  }
+  float value(const char* channel, int x, int y) const {
+    const ExrChannel channels[] = {{channel}};
+    return read_exr_channels(file(101), channels, "").values[static_cast<std::size_t>(y * 40 + x)];
+  }
+};
+
+TEST_F(GeometrySequence, StandsInTheLightFieldByDepth) {
+  shot_.merge = ShotDocument::Merge::kDepth;
+  run();
+  EXPECT_NEAR(value("R", 20, 15), 0.5, 1e-3);
+  EXPECT_NEAR(value("Z", 20, 15), 2, 1e-4);
+  EXPECT_NEAR(value("P.Z", 20, 15), -2, 1e-4);
+  EXPECT_NEAR(value("N.Z", 20, 15), 1, 1e-6);
+  EXPECT_NEAR(value("albedo.G", 20, 15), 1, 1e-3);
+  EXPECT_EQ(value("lf.coverage", 20, 15), 0);
+  EXPECT_NEAR(value("R", 1, 1), grey(0), 0.005);
+  EXPECT_NEAR(value("lf.coverage", 1, 1), 1, 1e-3);
+  EXPECT_EQ(value("N.Z", 1, 1), 0);
+  // The light field is looked up 3 m before the array.
+  shot_.layers[1] = square(-3.5);
+  run();
+  EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005);
+  shot_.layers[1] = square(-2);
+  std::swap(shot_.layers[0], shot_.layers[1]);
+  shot_.merge = ShotDocument::Merge::kStated;
+  run();
+  EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005) << "the rearmost is stated first";
+}
+
+TEST_F(GeometrySequence, HasTheSameChannelsInFramesThatDoNotShowIt) {
+  shot_.layers[1].first_frame = 103;
+  run();
+  EXPECT_EQ(value("N.Z", 20, 15), 0);
+  EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005);
+}
+
+TEST_F(GeometrySequence, AMirrorShowsTheLightField) {
+  // The square stands behind the camera's back of the wall: it looks back at it through a mirror.
+  shot_.layers[0].name = "wall";
+  shot_.layers[0].opacity = 0;  // a light only
+  shot_.layers[1] = square(-2, "mirror");
+  // Turned by 135 degrees about x its reflections go on towards the wall, downwards.
+  shot_.layers[1].geometry->keys[0].orientation = {{0.7934, -0.6088, 0, 0}};
+  shot_.lights = {{.ambient = {{0.01, 0.02, 0.03}}}, {.light_field = "wall"}};
+  run();
+  EXPECT_NEAR(value("R", 20, 15), grey(0), 0.01);
+  EXPECT_EQ(value("R", 1, 1), 0);
+  // At 45 degrees they leave upwards, where no camera looked.
+  shot_.layers[1].geometry->keys[0].orientation = {{0.9239, -0.3827, 0, 0}};
+  run();
+  EXPECT_NEAR(value("R", 20, 15), 0.01, 1e-3);
+  EXPECT_NEAR(value("B", 20, 15), 0.03, 1e-3);
+}
+
+TEST_F(GeometrySequence, KnowsWhatMakesAFileOutOfDate) {
+  run();
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().skipped, 1);
+  const auto expect_new = [&](const char* what) {
+    EXPECT_EQ(run().rendered, 1) << what;
+    EXPECT_EQ(run().skipped, 1) << what;
+  };
+  shot_.lights[0].ambient = {{0.5, 0.5, 0.6}};
+  expect_new("a light");
+  shot_.layers[1].geometry->keys[0].scale = 1.5;
+  expect_new("a key");
+  shot_.layers[1].geometry->material->color = {{1, 1, 0.5}};
+  expect_new("a material");
+  shot_.layers[1].geometry->samples = 9;
+  expect_new("samples");
+  std::ofstream(folder_.path() / "square.obj", std::ios::app) << "v 2 2 2\nf 1 2 5\n";
+  expect_new("the mesh");
+  std::filesystem::rename(folder_.path() / "square.obj", folder_.path() / "moved.obj");
+  shot_.layers[1].geometry->file = "moved.obj";
+  EXPECT_EQ(run().skipped, 1) << "not where the file lies";
+}
+
+TEST_F(GeometrySequence, SaysWhatIsWrongBeforeAnythingIsRendered) {
+  shot_.layers[1].geometry->file = "none.obj";
+  EXPECT_THAT(refusal(), HasSubstr("there is no such mesh"));
+  shot_.layers[1].first_frame = 102;  // not asked for
+  EXPECT_EQ(run().rendered, 1);
+  shot_.layers[1] = square(-2);
+  shot_.layers[1].geometry->material->texture = "none.png";
+  EXPECT_THAT(refusal(), HasSubstr("there is no such texture"));
+  shot_.layers[1] = square(-2);
+  shot_.lights = {{.light_field = "nobody"}};
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/lights/0: the light is to be the layer \"nobody\""));
+  shot_.lights = {{.light_field = "square"}};
+  EXPECT_THAT(refusal(), HasSubstr("has no take"));
+  shot_.lights = {{.environment = "none.exr"}};
+  EXPECT_THAT(refusal(), HasSubstr("there is no such texture"));
+  shot_.lights.clear();
+  shot_.layers[1].geometry->keys[0].orientation = {{0, 0, 0, 0}};
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1/geometry/keys/0"));
+}
+
+TEST_F(GeometrySequence, IsCountedInMemory) {
+  options_.memory_bytes = std::size_t{200} << 20;  // less than what textures may take
+  EXPECT_THAT(refusal(), HasSubstr("of memory"));
+  options_.memory_bytes = std::size_t{600} << 20;
+  EXPECT_EQ(run().rendered, 1);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,139 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/shot_geometry.h"
+
+#include <fmt/format.h>
+
+namespace raystage {
+namespace {
+
+using nlohmann::ordered_json;
+using Geometry = ShotDocument::Geometry;
+using Light = ShotDocument::Light;
+using Material = ShotDocument::Material;
+using TransformKey = ShotDocument::TransformKey;
+using Three = std::array<double, 3>;
+
+Material material_from(const Located& object) {
+  Material material;
+  material.kind = object.get("kind", material.kind);
+  material.color = object.get_if<Three>("color");
+  if (object.has("texture")) material.texture = path_text(object.at("texture"));
+  material.roughness = object.get("roughness", material.roughness);
+  if (object.has("roughness") && material.kind != "glossy") {
+    throw object.at("roughness")
+        .refuse("only glossy materials have this", "Remove it, or write \"kind\": \"glossy\"");
+  }
+  return material;
+}
+
+ordered_json json_from(const Material& material) {
+  ordered_json object{{"kind", material.kind}};
+  add_optional(object, "color", material.color);
+  if (!material.texture.empty()) object["texture"] = material.texture;
+  if (material.kind == "glossy") object["roughness"] = material.roughness;
+  return object;
+}
+
+TransformKey transform_key_from(const Located& object) {
+  TransformKey key;
+  key.frame = object.at("frame").get<double>();
+  key.position = object.get_if<Three>("position");
+  key.orientation = object.get_if<std::array<double, 4>>("orientation");
+  key.scale = object.get_if<double>("scale");
+  return key;
+}
+
+ordered_json json_from(const TransformKey& key) {
+  ordered_json object{{"frame", key.frame}};
+  add_optional(object, "position", key.position);
+  add_optional(object, "orientation", key.orientation);
+  add_optional(object, "scale", key.scale);
+  return object;
+}
+
+}  // namespace
+
+Geometry shot_geometry_from(const Located& object) {
+  Geometry geometry;
+  geometry.file = path_text(object.at("file"));
+  if (object.has("material")) geometry.material = material_from(object.at("material"));
+  if (object.has("keys")) {
+    const Located keys = object.at("keys");
+    for (std::size_t i = 0; i < keys.size(); ++i) {
+      geometry.keys.push_back(transform_key_from(keys.at(i)));
+      if (i == 0 || geometry.keys[i].frame > geometry.keys[i - 1].frame) continue;
+      throw keys.at(i).at("frame").refuse(
+          fmt::format("found {} after {}", geometry.keys[i].frame, geometry.keys[i - 1].frame),
+          "Order keys by frame, each frame once");
+    }
+  }
+  geometry.samples = object.get("samples", geometry.samples);
+  return geometry;
+}
+
+ordered_json json_from(const Geometry& geometry) {
+  ordered_json object{{"file", geometry.file}};
+  if (geometry.material) object["material"] = json_from(*geometry.material);
+  if (!geometry.keys.empty()) {
+    auto& keys = object["keys"] = ordered_json::array();
+    for (const TransformKey& key : geometry.keys) keys.push_back(json_from(key));
+  }
+  object["samples"] = geometry.samples;
+  return object;
+}
+
+Light shot_light_from(const Located& object) {
+  const int kinds = (object.has("ambient") ? 1 : 0) + (object.has("direction") ? 1 : 0) +
+                    (object.has("environment") ? 1 : 0) + (object.has("light_field") ? 1 : 0);
+  if (kinds != 1) {
+    throw object.refuse(
+        "found not exactly one of \"ambient\", \"direction\", \"environment\" and \"light_field\"",
+        "Say what kind of light it is; use one light for each");
+  }
+  const auto only = [&](std::initializer_list<const char*> kinds_with,
+                        std::initializer_list<const char*> words) {
+    for (const char* kind : kinds_with) {
+      if (object.has(kind)) return;
+    }
+    for (const char* word : words) {
+      if (!object.has(word)) continue;
+      throw object.at(word).refuse(
+          fmt::format("only a light with \"{}\" has this",
+                      fmt::join(kinds_with.begin(), kinds_with.end(), "\" or \"")),
+          "Remove it");
+    }
+  };
+  only({"direction"}, {"color", "shadows"});
+  only({"environment"}, {"turn_deg"});
+  only({"environment", "light_field"}, {"strength", "rays"});
+  Light light;
+  light.ambient = object.get_if<Three>("ambient");
+  light.direction = object.get_if<Three>("direction");
+  if (light.direction == Three{0, 0, 0}) {
+    throw object.at("direction").refuse("found a direction of length 0", "Say where light goes");
+  }
+  light.color = object.get("color", light.color);
+  light.shadows = object.get("shadows", light.shadows);
+  if (object.has("environment")) light.environment = path_text(object.at("environment"));
+  light.turn_deg = object.get("turn_deg", light.turn_deg);
+  light.light_field = object.get("light_field", light.light_field);
+  light.strength = object.get("strength", light.strength);
+  light.rays = object.get("rays", light.rays);
+  return light;
+}
+
+ordered_json json_from(const Light& light) {
+  if (light.ambient) return {{"ambient", *light.ambient}};
+  if (light.direction) {
+    return {{"direction", *light.direction}, {"color", light.color}, {"shadows", light.shadows}};
+  }
+  if (!light.light_field.empty()) {
+    return {{"light_field", light.light_field}, {"strength", light.strength}, {"rays", light.rays}};
+  }
+  return {{"environment", light.environment},
+          {"turn_deg", light.turn_deg},
+          {"strength", light.strength},
+          {"rays", light.rays}};
+}
+
+}  // namespace raystage

@@ -4,9 +4,11 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <iterator>
 #include <limits>
 #include <utility>
 
+#include "compose/layers/cryptomatte.h"
 #include "compose/layers/merge.h"
 
 namespace raystage {
@@ -101,7 +103,7 @@ LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& f
     tbb::this_task_arena::isolate([&] {
       image =
           render_geometry(geometry.scene, static_cast<std::size_t>(geometry.mesh_of_layer[layer]),
-                          camera, document.geometry->samples);
+                          camera, document.geometry->samples, ids_of(layer));
     });
     return image;
   }
@@ -129,6 +131,9 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const VirtualCamera& c
     if (!plan_.is_visible(i, frame.frame)) continue;
     const ShotDocument::Layer& document = plan_.shot().layers[i];
     LayerImage image = layer_image_of(i, frame, camera, geometry);
+    if (plan_.shot().output.cryptomatte && image.ids.empty()) {
+      make_one_object(image, ids_of(i).front());
+    }
     add_up(image.statistics, statistics);
     tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera, image); });
     if (document.opacity < 1) {
@@ -189,6 +194,16 @@ void FramePainter::complete(LayerImage& image) const {
     all.push_back(std::move(aov));
   }
   image.aovs = std::move(all);
+  if (!plan_.shot().output.cryptomatte) return;
+  if (image.ids.empty()) image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
+  std::ranges::move(cryptomatte_aovs(image), std::back_inserter(image.aovs));
+  image.ids = {};
+}
+
+std::vector<float> FramePainter::ids_of(std::size_t layer) const {
+  std::vector<float> ids;
+  for (const std::string& name : plan_.object_names(layer)) ids.push_back(object_id(name));
+  return ids;
 }
 
 void FramePainter::read_ahead(const PlannedFrame& frame) const {

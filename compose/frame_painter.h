@@ -41,6 +41,8 @@ class FramePainter {
   Surroundings surroundings_of(const PlannedFrame& frame, const Lights& behind) const;
   LayerImage layer_image_of(std::size_t layer, const PlannedFrame& frame,
                             const VirtualCamera& camera, const Geometry& geometry) const;
+  /// Cryptomatte's, of the layer's objects; none where nobody asks.
+  std::vector<float> ids_of(std::size_t layer) const;
   /// Adds what other frames have and this one does not.
   void complete(LayerImage& image) const;
 

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shots with geometry in them.
+#include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfStringAttribute.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <fstream>
 
+#include "compose/layers/cryptomatte.h"
 #include "compose/sequence_test_data.h"
 #include "images/exr/exr_channels.h"
 
@@ -70,6 +73,35 @@ TEST_F(GeometrySequence, HasTheSameChannelsInFramesThatDoNotShowIt) {
   run();
   EXPECT_EQ(value("N.Z", 20, 15), 0);
   EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005);
+}
+
+TEST_F(GeometrySequence, NamesItsObjectsInACryptomatte) {
+  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.layers[0].name = "wall";
+  shot_.output.cryptomatte = true;
+  for (const char* layout : {"standard", "single"}) {
+    shot_.output.layout = layout;
+    run();
+    const Imf::MultiPartInputFile exr(file(101).c_str());
+    const auto& manifest = exr.header(0).typedAttribute<Imf::StringAttribute>(
+        "cryptomatte/" + cryptomatte_key() + "/manifest");
+    EXPECT_THAT(manifest.value(), HasSubstr("square/sign"));
+    EXPECT_EQ(value("CryptoObject00.R", 20, 15), object_id("square/sign"));
+    EXPECT_NEAR(value("CryptoObject00.G", 20, 15), 1, 1e-5);
+    EXPECT_EQ(value("CryptoObject00.R", 1, 1), object_id("wall"));
+    // The square's edge: half of the pixel's samples hit it.
+    int shared = 0;
+    for (int x = 0; x < 40; ++x) {
+      const float first = value("CryptoObject00.G", x, 15),
+                  second = value("CryptoObject00.A", x, 15);
+      EXPECT_NEAR(first + second, 1, 1e-2) << x;
+      if (second == 0) continue;
+      ++shared;
+      EXPECT_NEAR(first, 0.5, 1e-2);
+      EXPECT_NE(value("CryptoObject00.R", x, 15), value("CryptoObject00.B", x, 15));
+    }
+    EXPECT_EQ(shared, 2);
+  }
 }
 
 TEST_F(GeometrySequence, AMirrorShowsTheLightField) {

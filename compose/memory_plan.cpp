@@ -30,6 +30,9 @@ constexpr std::size_t kLayerBytesPerPixel = 28;
 /// P, N and albedo of a mesh's picture, and of the merged one with their EXR samples.
 constexpr std::size_t kGeometryBytesPerPixel = 36, kGeometryBytesPerPixelMerged = 72;
 
+/// Six ids and shares: of a layer, and of the picture with its channels and their EXR samples.
+constexpr std::size_t kIdBytesPerPixel = 48, kIdBytesPerPixelMerged = 144;
+
 std::size_t pixels_of(const ShotDocument& shot) {
   return static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height);
 }
@@ -63,7 +66,11 @@ std::size_t geometry_bytes_per_pixel(const ShotPlan& plan) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.geometry(i) != nullptr) bytes += kGeometryBytesPerPixel;
   }
-  return bytes > 0 ? bytes + kGeometryBytesPerPixelMerged : 0;
+  if (bytes > 0) bytes += kGeometryBytesPerPixelMerged;
+  if (plan.shot().output.cryptomatte) {
+    bytes += plan.layers() * kIdBytesPerPixel + kIdBytesPerPixelMerged;
+  }
+  return bytes;
 }
 
 /// What a frame takes beside what is shared: its views, both eyes of which make one file.

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "compose/frame_range.h"
+#include "compose/layers/cryptomatte.h"
 #include "schemas/error.h"
 
 namespace raystage {
@@ -61,6 +62,7 @@ Fingerprint common_fingerprint(const ShotDocument& shot) {
   print.integer("fps_n", shot.fps_numerator).integer("fps_d", shot.fps_denominator);
   print.text("compression", shot.output.compression);
   print.text("data_compression", shot.output.data_compression).text("layout", shot.output.layout);
+  print.integer("cryptomatte", shot.output.cryptomatte ? 1 : 0);
   print.integer("merge", shot.merge == ShotDocument::Merge::kDepth ? 1 : 0);
   return print;
 }
@@ -116,6 +118,23 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
                                                                      options.fill, options.target);
     } else if (shot_.layers[i].geometry) {
       open_geometry(i);
+    }
+  }
+  name_objects();
+}
+
+void ShotPlan::name_objects() {
+  object_names_.resize(layers());
+  if (!shot_.output.cryptomatte) return;
+  for (std::size_t i = 0; i < layers(); ++i) {
+    const std::string& name = shot_.layers[i].name;
+    const std::string layer = name.empty() ? fmt::format("layer{}", i) : name;
+    if (!geometries_[i]) {
+      if (!shot_.layers[i].geometry) object_names_[i] = {layer};
+      continue;
+    }
+    for (const Mesh::Object& object : geometries_[i]->mesh().objects) {
+      object_names_[i].push_back(layer + "/" + object.name);
     }
   }
 }
@@ -239,6 +258,7 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
     print.integer("layer", static_cast<std::int64_t>(i));
     print.integer("visible", is_visible(i, frame.frame) ? 1 : 0);
     add_layer(shot_.layers[i], print);
+    for (const std::string& name : object_names_[i]) print.text("object", name);
     if (light_fields_[i]) light_fields_[i]->add_to(print, frame.shown[i]);
     if (geometries_[i]) geometries_[i]->add_to(print, frame.frame);
   }
@@ -264,6 +284,15 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
   metadata.layout = exr_layout_named(shot_.output.layout);
   metadata.compression = shot_.output.compression;
   metadata.data_compression = shot_.output.data_compression;
+  if (shot_.output.cryptomatte) {
+    std::vector<std::string> names;
+    for (const auto& of_layer : object_names_) {
+      names.insert(names.end(), of_layer.begin(), of_layer.end());
+    }
+    metadata.cryptomatte_key = cryptomatte_key();
+    metadata.cryptomatte_name = kCryptomatteName;
+    metadata.cryptomatte_manifest = cryptomatte_manifest(names);
+  }
   for (std::size_t i = 0; i < layers(); ++i) {
     if (!light_fields_[i] || !is_visible(i, frame.frame)) continue;
     light_fields_[i]->describe(frame.shown[i], metadata);

@@ -58,6 +58,11 @@ class ShotPlan {
   /// All meshes that are visible at a frame where they stand, and what lights them.
   /// `mesh_of_layer`: index into its meshes of each layer; -1 for others.
   GeometryScene geometry_at(int frame, std::vector<int>& mesh_of_layer) const;
+  /// For Cryptomatte: of each object of a layer that may be visible; none where nobody asks.
+  /// "LAYER/OBJECT" of meshes, else "LAYER".
+  const std::vector<std::string>& object_names(std::size_t layer) const {
+    return object_names_[layer];
+  }
   /// What meshes take, with their textures at most.
   std::size_t geometry_bytes() const;
   std::span<const Clip> clips(std::size_t layer) const { return clips_[layer]; }
@@ -96,6 +101,7 @@ class ShotPlan {
 
  private:
   void find_layer_lights();
+  void name_objects();
   void open_geometry(std::size_t layer);
   bool shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
 
@@ -106,6 +112,7 @@ class ShotPlan {
   std::vector<std::unique_ptr<const LightFieldLayer>> light_fields_;
   std::unique_ptr<Textures> textures_;  ///< null: no mesh is visible
   std::vector<std::unique_ptr<const GeometryLayer>> geometries_;
+  std::vector<std::vector<std::string>> object_names_;
   Lights lights_;
   std::vector<LayerLight> layer_lights_;
   Fingerprint common_;

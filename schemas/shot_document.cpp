@@ -62,6 +62,7 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
     shot.output.compression = output.get("compression", shot.output.compression);
     shot.output.data_compression = output.get("data_compression", shot.output.data_compression);
     shot.output.layout = output.get("layout", shot.output.layout);
+    shot.output.cryptomatte = output.get("cryptomatte", shot.output.cryptomatte);
   }
   return shot;
 }
@@ -91,6 +92,7 @@ std::string format_shot(const ShotDocument& shot) {
     output["data_compression"] = shot.output.data_compression;
   }
   output["layout"] = shot.output.layout;
+  if (shot.output.cryptomatte) output["cryptomatte"] = true;
   return format_json(json);
 }
 

@@ -130,6 +130,7 @@ struct ShotDocument {
     std::string compression = "piz";  ///< none | rle | zips | zip | piz
     std::string data_compression;     ///< of parts of data; empty: the same
     std::string layout = "standard";  ///< standard | single | nuke
+    bool cryptomatte = false;         ///< object ids
   };
   std::string name;
   int width = 0, height = 0;

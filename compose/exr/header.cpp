@@ -167,6 +167,13 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   if (!metadata.notes.empty()) {
     header.insert("lf:notes", Imf::StringVectorAttribute(metadata.notes));
   }
+  if (!metadata.cryptomatte_key.empty()) {
+    const std::string prefix = "cryptomatte/" + metadata.cryptomatte_key + "/";
+    add_string(header, (prefix + "name").c_str(), metadata.cryptomatte_name);
+    add_string(header, (prefix + "hash").c_str(), "MurmurHash3_32");
+    add_string(header, (prefix + "conversion").c_str(), "uint32_to_float32");
+    add_string(header, (prefix + "manifest").c_str(), metadata.cryptomatte_manifest);
+  }
   add_string(header, "lf:fingerprint", metadata.fingerprint);
   add_string(header, "lf:version", metadata.program_version);
   add_string(header, "software", "Raystage " + metadata.program_version);

@@ -29,6 +29,9 @@ struct ExrMetadata {
   std::string method, fingerprint, program_version;
   std::string method_options;      ///< NAME=VALUE,... as given; left out when empty
   std::vector<std::string> notes;  ///< RenderedView::notes
+  /// Of Cryptomatte: attributes `cryptomatte/KEY/name`, `hash`, `conversion` and `manifest`; left
+  /// out where the key is empty.
+  std::string cryptomatte_key, cryptomatte_name, cryptomatte_manifest;
   ExrLayout layout = ExrLayout::kStandard;
   std::string compression = "piz";  ///< of colours: none | rle | zips | zip | piz
   std::string data_compression;     ///< of parts that hold data only; empty: the same

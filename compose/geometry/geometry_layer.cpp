@@ -117,11 +117,11 @@ Lights lights_from(const std::vector<ShotDocument::Light>& lights,
     }
   }
   if (environments.empty()) return result;
-  result.surroundings = [environments, ambient = result.ambient, &textures](
-                            std::span<const WorldRay> rays, std::span<const float> spread,
-                            std::span<Vector3f> seen) {
+  result.surroundings = [environments, &textures](std::span<const WorldRay> rays,
+                                                  std::span<const float> spread,
+                                                  std::span<Vector3f> seen) {
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      seen[i] = ambient;
+      seen[i].setZero();
       const Eigen::Vector3d& d = rays[i].direction;
       for (const Environment& e : environments) {
         const Eigen::Vector3d turned(e.cosine * d.x() - e.sine * d.z(), d.y(),

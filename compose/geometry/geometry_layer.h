@@ -27,6 +27,7 @@ class GeometryLayer {
 
   PlacedMesh placed(double frame) const;
   int samples() const { return samples_; }
+  const Mesh& mesh() const { return scene_->mesh(); }
   std::size_t bytes() const { return scene_->bytes(); }
 
   /// What determines its pixels at a frame: contents of the mesh's and textures' files, materials,
@@ -41,8 +42,8 @@ class GeometryLayer {
   std::string fingerprint_;
 };
 
-/// Lights of a shot as rays see them, but for light fields. `textures` must live on. Throws Error (bad input), with
-/// `where` in it, where an environment cannot be read.
+/// Lights of a shot as rays see them, but for light fields. `textures` must live on. Throws Error
+/// (bad input), with `where` in it, where an environment cannot be read.
 Lights lights_from(const std::vector<ShotDocument::Light>& lights,
                    const std::filesystem::path& folder, Textures& textures);
 

@@ -2,6 +2,7 @@
 #include "compose/geometry/geometry_view.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -42,13 +43,14 @@ struct ShadowRay {
 class Rows {
  public:
   Rows(const GeometryScene& scene, std::size_t mesh, const VirtualCamera& camera, int samples,
-       int begin, int end, LayerImage& image)
+       int begin, int end, std::span<const float> ids, LayerImage& image)
       : scene_(scene),
         mesh_(mesh),
         camera_(camera),
         per_side_(static_cast<int>(std::lround(std::sqrt(samples)))),
         begin_(begin),
         end_(end),
+        ids_(ids),
         image_(image),
         light_(static_cast<std::size_t>((end - begin) * camera.width), Vector3f::Zero()) {}
 
@@ -56,6 +58,7 @@ class Rows {
     start();
     const std::vector<SurfaceHit> hits = look_from_camera();
     tell(hits);
+    if (!ids_.empty()) tell_objects(hits);
     std::vector<Path> wave = std::move(paths_);
     shade(wave, hits, std::vector<std::uint32_t>(wave.size(), static_cast<std::uint32_t>(mesh_)),
           true);
@@ -291,6 +294,32 @@ class Rows {
     }
   }
 
+  /// Which objects' are the samples of each pixel; those of a pixel follow each other.
+  void tell_objects(const std::vector<SurfaceHit>& hits) {
+    const std::vector<std::uint32_t>& object_of = scene_.meshes[mesh_].scene->mesh().object_of;
+    std::vector<std::array<float, 2>> seen;
+    for (std::size_t i = 0; i < paths_.size();) {
+      const std::uint32_t pixel = paths_[i].pixel;
+      seen.clear();
+      for (; i < paths_.size() && paths_[i].pixel == pixel; ++i) {
+        if (!hits[i].is_hit()) continue;
+        const float id = ids_[object_of[hits[i].triangle]];
+        const auto same = std::ranges::find_if(seen, [&](const auto& s) { return s[0] == id; });
+        if (same == seen.end()) {
+          seen.push_back({id, 1});
+        } else {
+          (*same)[1] += 1;
+        }
+      }
+      std::ranges::stable_sort(seen, [](const auto& a, const auto& b) { return a[1] > b[1]; });
+      float* ids = &image_.ids[2 * kIdRanks * (first_pixel() + pixel)];
+      for (std::size_t rank = 0; rank < std::min(kIdRanks, seen.size()); ++rank) {
+        ids[2 * rank] = seen[rank][0];
+        ids[2 * rank + 1] = seen[rank][1] / static_cast<float>(nearest_[pixel].hits);
+      }
+    }
+  }
+
   void write() {
     const auto samples = static_cast<float>(per_side_ * per_side_);
     for (std::size_t i = 0; i < light_.size(); ++i) {
@@ -318,6 +347,7 @@ class Rows {
   std::size_t mesh_;
   const VirtualCamera& camera_;
   int per_side_, begin_, end_;
+  std::span<const float> ids_;
   LayerImage& image_;
   std::vector<Vector3f> light_;  // of each pixel, summed over its samples
   std::vector<Nearest> nearest_;
@@ -327,8 +357,9 @@ class Rows {
 }  // namespace
 
 LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
-                           const VirtualCamera& camera, int samples) {
+                           const VirtualCamera& camera, int samples, std::span<const float> ids) {
   LayerImage image = empty_image(camera.width, camera.height);
+  if (!ids.empty()) image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
   const auto add = [&](const char* name, const std::vector<std::string>& channels, bool is_colour) {
     image.aovs.push_back({name, channels, is_colour, 0, {}});
     image.aovs.back().values.assign(image.pixels() * 3, 0.0F);
@@ -339,7 +370,8 @@ LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
   // Always the same rows together: how Embree goes through a packet may depend on all of it.
   raystage::parallel_for(0, (camera.height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
     const int begin = task * kRowsPerTask;
-    Rows(scene, mesh, camera, samples, begin, std::min(begin + kRowsPerTask, camera.height), image)
+    Rows(scene, mesh, camera, samples, begin, std::min(begin + kRowsPerTask, camera.height), ids,
+         image)
         .render();
   });
   return image;

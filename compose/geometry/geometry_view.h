@@ -22,7 +22,9 @@ struct GeometryScene {
 /// the rays that hit it; Z, `P` (world, metres) and `N` (shading normal, world) of the nearest of
 /// these; `albedo`: their mean. The same bytes for any number of threads, except for what
 /// `lights.surroundings` does.
+/// `ids`: of the mesh's objects, for LayerImage::ids; empty: none are told.
 LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
-                           const VirtualCamera& camera, int samples);
+                           const VirtualCamera& camera, int samples,
+                           std::span<const float> ids = {});
 
 }  // namespace raystage

@@ -26,7 +26,9 @@ using Surroundings = std::function<void(std::span<const WorldRay> rays,
 
 /// What lights the geometry of a shot.
 struct Lights {
-  Eigen::Vector3f ambient = Eigen::Vector3f::Zero();  ///< the same from everywhere
+  /// The same from everywhere: for diffuse surfaces that do not gather, and for rays that leave
+  /// where there are no surroundings.
+  Eigen::Vector3f ambient = Eigen::Vector3f::Zero();
   std::vector<DirectionalLight> directional;
   Surroundings surroundings;  ///< null: `ambient` all around
   /// Rays by which a diffuse surface gathers light from its surroundings; 0: it does not.

@@ -19,12 +19,18 @@ struct Aov {
   PixelValues values;
 };
 
+/// Objects that are told apart in one pixel: six, as Cryptomatte's readers expect.
+inline constexpr std::size_t kIdRanks = 6;
+
 /// What a layer shows of a frame, row-major from the top left.
 struct LayerImage {
   int width = 0, height = 0;
   PixelValues rgba;  ///< scene-linear, in the working space, premultiplied
   PixelValues z;     ///< planar depth, metres; +infinity where A is 0 or nothing has a depth
   std::vector<Aov> aovs;
+  /// Not asked for: empty. Else kIdRanks pairs a pixel: an object's id, and its share of A; by
+  /// falling share, 0 where there are no more.
+  PixelValues ids;
   RenderStatistics statistics;
   std::vector<std::string> notes;
 

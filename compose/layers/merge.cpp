@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <utility>
 #include <vector>
@@ -91,6 +92,34 @@ struct Merge {
     return -1;
   }
 
+  /// What is seen of which objects. `alphas`: as blend() left them.
+  void add_ids(std::size_t pixel, const std::vector<float>& alphas,
+               std::vector<std::array<float, 2>>& seen) const {
+    if (result.ids.empty()) return;
+    seen.clear();
+    float whole = 0;
+    for (std::size_t i = 0; i < layers.size(); ++i) {
+      if (!(alphas[i] > 0)) continue;
+      whole += alphas[i];
+      const float* ids = layers[i].image->ids.data() + 2 * kIdRanks * pixel;
+      for (std::size_t rank = 0; rank < kIdRanks && ids[2 * rank + 1] > 0; ++rank) {
+        const float id = ids[2 * rank], share = alphas[i] * ids[2 * rank + 1];
+        const auto same = std::ranges::find_if(seen, [&](const auto& s) { return s[0] == id; });
+        if (same == seen.end()) {
+          seen.push_back({id, share});
+        } else {
+          (*same)[1] += share;
+        }
+      }
+    }
+    std::ranges::stable_sort(seen, [](const auto& a, const auto& b) { return a[1] > b[1]; });
+    float* ids = result.ids.data() + 2 * kIdRanks * pixel;
+    for (std::size_t rank = 0; rank < std::min(kIdRanks, seen.size()); ++rank) {
+      ids[2 * rank] = seen[rank][0];
+      ids[2 * rank + 1] = seen[rank][1] / whole;
+    }
+  }
+
   void tell(std::size_t pixel, int layer) const {
     result.z[pixel] =
         layer < 0 ? kInfinity : layers[static_cast<std::size_t>(layer)].image->z[pixel];
@@ -109,6 +138,7 @@ LayerImage unmerged(std::span<const MergedLayer> layers) {
   const LayerImage& first = *layers.front().image;
   LayerImage result = empty_image(first.width, first.height);
   result.aovs = all_aovs(layers, result.pixels());
+  if (!first.ids.empty()) result.ids.assign(result.pixels() * 2 * kIdRanks, 0.0F);
   for (const MergedLayer& layer : layers) {
     for (const std::string& note : layer.image->notes) {
       if (std::ranges::find(result.notes, note) == result.notes.end()) result.notes.push_back(note);
@@ -129,11 +159,13 @@ LayerImage merge(std::span<const MergedLayer> layers, MergeOrder order) {
                [&](const tbb::blocked_range<int>& rows) {
                  std::vector<int> front_first;
                  std::vector<float> alphas;
+                 std::vector<std::array<float, 2>> seen;
                  merge.sort(0, front_first);
                  for (std::size_t pixel = static_cast<std::size_t>(rows.begin()) * width;
                       pixel < static_cast<std::size_t>(rows.end()) * width; ++pixel) {
                    if (order == MergeOrder::kDepth) merge.sort(pixel, front_first);
                    merge.tell(pixel, merge.blend(pixel, front_first, alphas));
+                   merge.add_ids(pixel, alphas, seen);
                  }
                });
   return result;
@@ -165,6 +197,24 @@ LayerImage merge_reference(std::span<const MergedLayer> layers, MergeOrder order
       if (!layer.is_holdout) samples.push_back({layer.image->z[pixel], rgba[3], layer.image});
     }
     for (std::size_t c = 0; c < 4; ++c) result.rgba[4 * pixel + c] = static_cast<float>(sum[c]);
+    if (!result.ids.empty()) {
+      std::map<float, double> shares;  // of objects
+      for (const Sample& sample : samples) {
+        for (std::size_t rank = 0; rank < kIdRanks; ++rank) {
+          const float* id = sample.image->ids.data() + 2 * (kIdRanks * pixel + rank);
+          if (sample.alpha * double{id[1]} > 0) shares[id[0]] += sample.alpha * double{id[1]};
+        }
+      }
+      double whole = 0;
+      for (const Sample& sample : samples) whole += sample.alpha;
+      for (std::size_t rank = 0; rank < kIdRanks && !shares.empty(); ++rank) {
+        const auto most =
+            std::ranges::max_element(shares, {}, [](const auto& share) { return share.second; });
+        result.ids[2 * (kIdRanks * pixel + rank)] = most->first;
+        result.ids[2 * (kIdRanks * pixel + rank) + 1] = static_cast<float>(most->second / whole);
+        shares.erase(most);
+      }
+    }
     double reached = 0;
     for (auto sample = samples.rbegin(); sample != samples.rend(); ++sample) {
       reached += sample->alpha;

@@ -24,7 +24,8 @@ struct MergedLayer {
 /// "Over" of premultiplied colours (Porter and Duff, "Compositing digital images", SIGGRAPH 1984):
 /// C = C_front + (1 - A_front) C_behind, for alphas, too. Z and AOVs are those of the sample behind
 /// which less than half of the pixel's alpha lies: where A is 0, of none. A layer that lacks an AOV
-/// says nothing of it. `layers`: at least one, the rearmost first.
+/// says nothing of it. Ids, which all layers have or none, are all that is seen, each object with
+/// what is seen of it. `layers`: at least one, the rearmost first.
 LayerImage merge(std::span<const MergedLayer> layers, MergeOrder order);
 
 /// The slow, obvious way: pixel by pixel, all samples in a list.

@@ -33,6 +33,17 @@ LayerImage any_image(int width, int height, unsigned seed, bool with_normals) {
     image.rgba[4 * i + 3] = alpha;
     image.z[i] = alpha == 0 ? kInfinity : std::floor(share(random) * 4);
   }
+  image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    if (image.rgba[4 * i + 3] == 0) continue;
+    const float share_of_first = 0.5F + 0.5F * share(random);
+    float* ids = &image.ids[2 * kIdRanks * i];
+    ids[0] = 1 + std::floor(share(random) * 3);
+    ids[1] = share_of_first;
+    if (share_of_first == 1) continue;
+    ids[2] = ids[0] + 10;
+    ids[3] = 1 - share_of_first;
+  }
   image.aovs.push_back({"lf", {"coverage"}, false, 0, {}});
   for (std::size_t i = 0; i < image.pixels(); ++i) image.aovs[0].values.push_back(share(random));
   if (with_normals) {
@@ -116,6 +127,13 @@ TEST(Merge, AgreesWithTheReference) {
         RC_ASSERT(std::abs(fast.rgba[4 * i + c] - slow.rgba[4 * i + c]) < 1e-6F);
       }
       elsewhere += fast.z[i] != slow.z[i];
+      for (std::size_t rank = 0; rank < kIdRanks; ++rank) {
+        const std::size_t at = 2 * (kIdRanks * i + rank);
+        RC_ASSERT(std::abs(fast.ids[at + 1] - slow.ids[at + 1]) < 1e-5F);
+        if (rank > 0 && fast.ids[at - 1] - fast.ids[at + 1] < 1e-5F) continue;  // alike: any order
+        if (rank + 1 < kIdRanks && fast.ids[at + 1] - fast.ids[at + 3] < 1e-5F) continue;
+        RC_ASSERT(fast.ids[at] == slow.ids[at]);
+      }
     }
     RC_ASSERT(elsewhere == 0);
     for (std::size_t a = 0; a < fast.aovs.size(); ++a) {

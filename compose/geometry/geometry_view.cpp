@@ -85,8 +85,9 @@ class Rows {
     for (int y = begin_; y < end_; ++y) {
       for (int x = 0; x < camera_.width; ++x) {
         for (int s = 0; s < samples; ++s) {
-          const double px = x + (s % per_side_ + 0.5) / per_side_;
-          const double py = y + (s / per_side_ + 0.5) / per_side_;
+          const int column = s % per_side_, row = s / per_side_;
+          const double px = x + (column + 0.5) / per_side_;
+          const double py = y + (row + 0.5) / per_side_;
           const Vector3d ahead((px - k.cx) / k.fx, (k.cy - py) / k.fy, -1);
           Path path;
           path.ray = {camera_.pose.position,

@@ -58,16 +58,18 @@ FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory, bool 
   }
 }
 
-FramePainter::Geometry FramePainter::geometry_of(const PlannedFrame& frame) const {
+FramePainter::Geometry FramePainter::geometry_of(const PlannedFrame& frame,
+                                                 const ExrCamera& camera) const {
   Geometry geometry;
   geometry.scene = plan_.geometry_at(frame.frame, geometry.mesh_of_layer);
   if (!geometry.scene.meshes.empty()) {
-    geometry.scene.lights.surroundings = surroundings_of(frame, geometry.scene.lights);
+    geometry.scene.lights.surroundings = surroundings_of(frame, camera, geometry.scene.lights);
   }
   return geometry;
 }
 
-Surroundings FramePainter::surroundings_of(const PlannedFrame& frame, const Lights& behind) const {
+Surroundings FramePainter::surroundings_of(const PlannedFrame& frame, const ExrCamera& camera,
+                                           const Lights& behind) const {
   Surroundings seen_behind = behind.surroundings;
   // The first light is asked first: it lies in front.
   for (std::size_t l = plan_.light_field_lights().size(); l-- > 0;) {
@@ -77,14 +79,15 @@ Surroundings FramePainter::surroundings_of(const PlannedFrame& frame, const Ligh
     const LightFieldLayer& light_field = *plan_.light_field(light.layer);
     const LightFieldRenderer& renderer = *renderers_[light.layer];
     const FrameSelection& tick = light_field.tick(shown);
-    seen_behind = [&renderer, &tick, &light_field, behind_it = std::move(seen_behind),
+    seen_behind = [&renderer, &tick, how = light_field.reconstruction_for(camera),
+                   behind_it = std::move(seen_behind),
                    strength = static_cast<float>(light.strength), ambient = behind.ambient](
                       std::span<const WorldRay> rays, std::span<const float> spread,
                       std::span<Eigen::Vector3f> seen) {
       std::ranges::fill(seen, ambient);
       if (behind_it) behind_it(rays, spread, seen);
       std::vector<RaySample> samples(rays.size());
-      renderer.query(rays, tick, light_field.reconstruction(), samples);
+      renderer.query(rays, tick, how, samples);
       for (std::size_t i = 0; i < rays.size(); ++i) {
         const auto& rgba = samples[i].rgba;
         seen[i] = strength * Eigen::Vector3f(rgba[0], rgba[1], rgba[2]) + (1 - rgba[3]) * seen[i];
@@ -95,37 +98,36 @@ Surroundings FramePainter::surroundings_of(const PlannedFrame& frame, const Ligh
 }
 
 LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& frame,
-                                        const VirtualCamera& camera,
-                                        const Geometry& geometry) const {
+                                        const ExrCamera& camera, const Geometry& geometry) const {
   const ShotDocument::Layer& document = plan_.shot().layers[layer];
   if (document.geometry) {
     LayerImage image;
     tbb::this_task_arena::isolate([&] {
       image =
           render_geometry(geometry.scene, static_cast<std::size_t>(geometry.mesh_of_layer[layer]),
-                          camera, document.geometry->samples, ids_of(layer));
+                          camera.view, document.geometry->samples, ids_of(layer));
     });
     return image;
   }
-  if (document.solid) return solid_image(*document.solid, camera.width, camera.height);
-  if (!frame.shown[layer].tick) return empty_image(camera.width, camera.height);
+  if (document.solid) return solid_image(*document.solid, camera.view.width, camera.view.height);
+  if (!frame.shown[layer].tick) return empty_image(camera.view.width, camera.view.height);
   const LightFieldLayer& light_field = *plan_.light_field(layer);
   RenderedView view;
   // Isolated: while this thread waits for its frame's tiles it must not begin another frame,
   // which would keep this one waiting.
   tbb::this_task_arena::isolate([&] {
-    view = renderers_[layer]->render(camera, light_field.tick(frame.shown[layer]),
-                                     light_field.reconstruction());
+    view = renderers_[layer]->render(camera.view, light_field.tick(frame.shown[layer]),
+                                     light_field.reconstruction_for(camera));
   });
   return layer_image(std::move(view));
 }
 
-LayerImage FramePainter::paint(const PlannedFrame& frame, const VirtualCamera& camera,
+LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camera,
                                const std::stop_token& stop) const {
   std::vector<LayerImage> front_first;
   std::vector<bool> is_holdout;
   RenderStatistics statistics;
-  const Geometry geometry = geometry_of(frame);
+  const Geometry geometry = geometry_of(frame, camera);
   const bool stated = plan_.shot().merge == ShotDocument::Merge::kStated;
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
     if (!plan_.is_visible(i, frame.frame)) continue;
@@ -135,7 +137,7 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const VirtualCamera& c
       make_one_object(image, ids_of(i).front());
     }
     add_up(image.statistics, statistics);
-    tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera, image); });
+    tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
     if (document.opacity < 1) {
       for (float& value : image.rgba) value *= static_cast<float>(document.opacity);
     }
@@ -145,7 +147,7 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const VirtualCamera& c
   }
   LayerImage result;
   if (front_first.empty()) {
-    result = empty_image(camera.width, camera.height);
+    result = empty_image(camera.view.width, camera.view.height);
   } else if (front_first.size() == 1 && !is_holdout[0]) {
     result = std::move(front_first[0]);
   } else {

@@ -22,7 +22,7 @@ class FramePainter {
   /// request the measures. Layers are rendered from the front; where the shot states their order,
   /// and those in front hide all, the others are left alone. What remains once `stop` is requested
   /// is not painted.
-  LayerImage paint(const PlannedFrame& frame, const VirtualCamera& camera,
+  LayerImage paint(const PlannedFrame& frame, const ExrCamera& camera,
                    const std::stop_token& stop) const;
 
   /// Asks the disk for what a frame will need.
@@ -36,11 +36,12 @@ class FramePainter {
     GeometryScene scene;
     std::vector<int> mesh_of_layer;
   };
-  Geometry geometry_of(const PlannedFrame& frame) const;
+  Geometry geometry_of(const PlannedFrame& frame, const ExrCamera& camera) const;
   /// What rays see that leave the geometry: light fields, then what `behind` says.
-  Surroundings surroundings_of(const PlannedFrame& frame, const Lights& behind) const;
-  LayerImage layer_image_of(std::size_t layer, const PlannedFrame& frame,
-                            const VirtualCamera& camera, const Geometry& geometry) const;
+  Surroundings surroundings_of(const PlannedFrame& frame, const ExrCamera& camera,
+                               const Lights& behind) const;
+  LayerImage layer_image_of(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
+                            const Geometry& geometry) const;
   /// Cryptomatte's, of the layer's objects; none where nobody asks.
   std::vector<float> ids_of(std::size_t layer) const;
   /// Adds what other frames have and this one does not.

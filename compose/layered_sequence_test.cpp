@@ -137,6 +137,37 @@ TEST_F(LayeredSequence, EachLayersMissingFramesAreNamed) {
   EXPECT_NEAR(at(20, 15)[0], grey(0), 0.005F) << "the layer behind shows";
 }
 
+TEST_F(LayeredSequence, FocusesWhereTheCameraDoes) {
+  shot_.layers[0].focal_plane.kind = ShotDocument::FocalPlane::Kind::kCamera;
+  EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/0: the focal plane is to be the camera's"));
+  shot_.camera.keys[0].focus_m = 2;
+  shot_.camera.keys[1].focus_m = 4.5;
+  options_.frames = {101, 106};
+  run();
+  constexpr ExrChannel kZ[] = {{"Z"}};
+  EXPECT_NEAR(read_exr_channels(file(101), kZ, "").values[15 * 40 + 20], 2, 1e-4);
+  EXPECT_NEAR(read_exr_channels(file(106), kZ, "").values[15 * 40 + 20], 4.5, 1e-4);
+}
+
+TEST_F(LayeredSequence, TheApertureIsTheCameras) {
+  shot_.layers[0].method = "aperture";
+  shot_.layers[0].focal_plane.kind = ShotDocument::FocalPlane::Kind::kCamera;
+  shot_.camera.keys[0].focus_m = 3;
+  shot_.camera.film_back_mm = 24;
+  const auto lens = [&] {
+    write_shot(shot_, shot_file());
+    const ShotPlan plan(shot_file());
+    return plan.light_field(0)->reconstruction_for(plan.exr_camera(101, Eye::kBoth)).options;
+  };
+  EXPECT_FALSE(lens().contains("f_number"));
+  shot_.camera.keys[0].f_number = 0.5;
+  EXPECT_EQ(std::get<double>(lens().at("f_number")), 0.5);
+  EXPECT_EQ(std::get<double>(lens().at("film_width")), 24);
+  EXPECT_EQ(run().rendered, 1);
+  shot_.layers[0].options["radius"] = 0.1;
+  EXPECT_FALSE(lens().contains("f_number")) << "the layer says it itself";
+}
+
 TEST_F(LayeredSequence, SameBytesForAnyNumberOfThreads) {
   ShotDocument::Layer right = later();
   right.clips = {{.screen = {.left = 0.3}, .feather = 0.2}};

@@ -244,7 +244,7 @@ class SequenceRun {
     std::vector<ExrCamera> cameras;
     for (const Eye eye : eyes) {
       cameras.push_back(plan_.exr_camera(frame.frame, eye));
-      pictures.push_back(painter_.paint(frame, cameras.back().view, stop_));
+      pictures.push_back(painter_.paint(frame, cameras.back(), stop_));
       if (stop_.stop_requested()) return;
     }
     // Of the finished list: views refer to its pictures.

@@ -239,9 +239,14 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
 
 void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
   for (const PlannedFrame& frame : frames) {
-    camera_.state(frame.frame);
+    const CameraState state = camera_.state(frame.frame);
     for (std::size_t i = 0; i < layers(); ++i) {
-      if (light_fields_[i]) light_fields_[i]->check_files(frame.frame, frame.shown[i]);
+      if (!light_fields_[i]) continue;
+      light_fields_[i]->check_files(frame.frame, frame.shown[i]);
+      if (!light_fields_[i]->focuses_as_camera() || state.focus_m) continue;
+      throw Error::bad_input("the focal plane is to be the camera's, which has no focus_m",
+                             fmt::format("{}#/layers/{}", shot_file_.string(), i),
+                             "Give focus_m in a key of the camera, or another focal plane");
     }
   }
 }

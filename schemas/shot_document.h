@@ -54,7 +54,13 @@ struct ShotDocument {
     std::optional<Stereo> stereo = {};
   };
   struct FocalPlane {
-    enum class Kind { kBest, kDepth, kInfinity, kEquation } kind = Kind::kBest;
+    enum class Kind {
+      kBest,
+      kDepth,
+      kInfinity,
+      kEquation,
+      kCamera  ///< at the shot camera's focus distance, across its axis
+    } kind = Kind::kBest;
     double depth = 0;                            ///< kDepth: metres in front of the array
     std::array<double, 4> equation{0, 0, 0, 1};  ///< kEquation: a x + b y + c z + d = 0, world
   };

@@ -22,6 +22,7 @@ std::ptrdiff_t count_of(const Located& object, std::initializer_list<const char*
 FocalPlane focal_plane_from(const Located& plane) {
   if (plane.value == "best") return {.kind = FocalPlane::Kind::kBest};
   if (plane.value == "infinity") return {.kind = FocalPlane::Kind::kInfinity};
+  if (plane.value == "camera") return {.kind = FocalPlane::Kind::kCamera};
   if (plane.has("depth_m")) {
     return {.kind = FocalPlane::Kind::kDepth, .depth = plane.at("depth_m").get<double>()};
   }
@@ -40,6 +41,8 @@ ordered_json json_from(const FocalPlane& plane) {
   switch (plane.kind) {
     case FocalPlane::Kind::kInfinity:
       return "infinity";
+    case FocalPlane::Kind::kCamera:
+      return "camera";
     case FocalPlane::Kind::kDepth:
       return {{"depth_m", plane.depth}};
     case FocalPlane::Kind::kEquation:

@@ -65,6 +65,7 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
   using Kind = ShotDocument::FocalPlane::Kind;
   switch (plane.kind) {
     case Kind::kInfinity:
+    case Kind::kCamera:  // until a camera is there
       return {0, 0, 0, 1};
     case Kind::kDepth:
       return plane_in_front_of(rig, plane.depth);
@@ -109,6 +110,20 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
   // An archive that is missing should stop the job now and not at the first frame that needs it.
   for (int camera = 0; camera < take_.camera_count(); ++camera) take_.archive(camera);
   common_ = common_fingerprint();
+}
+
+Reconstruction LightFieldLayer::reconstruction_for(const ExrCamera& camera) const {
+  Reconstruction result = reconstruction_;
+  if (!focuses_as_camera() || !camera.focus_m) return result;
+  const Pose& pose = camera.view.pose;
+  const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
+  const double distance = -ahead.dot(pose.position) - *camera.focus_m;
+  result.focal_plane << ahead, distance;
+  const bool has_lens = result.options.contains("f_number") || result.options.contains("radius");
+  if (result.method != "aperture" || !camera.f_number || has_lens) return result;
+  result.options["f_number"] = *camera.f_number;
+  result.options["film_width"] = camera.film_back_mm;
+  return result;
 }
 
 Nanoseconds LightFieldLayer::take_time(int frame) const {

@@ -45,6 +45,12 @@ class LightFieldLayer {
   const Take& take() const { return take_; }
   const Timeline& timeline() const { return timeline_; }
   const Reconstruction& reconstruction() const { return reconstruction_; }
+  /// As a camera of the shot focuses, where the layer's focal plane is to be the camera's: there,
+  /// and `aperture` with its f-number. Otherwise reconstruction().
+  Reconstruction reconstruction_for(const ExrCamera& camera) const;
+  bool focuses_as_camera() const {
+    return layer_.focal_plane.kind == ShotDocument::FocalPlane::Kind::kCamera;
+  }
   const FrameSelection& tick(const ShownInstant& shown) const {
     return timeline_.ticks[static_cast<std::size_t>(*shown.tick)];
   }

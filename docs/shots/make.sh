@@ -1,0 +1,27 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# Makes two takes of the simulated stage and renders every shot of this folder from them.
+# Usage: docs/shots/make.sh [OUTPUT_FOLDER] [SIMULATE_OPTION...]      (default: shots-output)
+#   `raystage` must be on the PATH, e.g. PATH=$PWD/build/release/bin:$PATH after ./demo.sh. Takes that
+#   are there already are used again.
+set -euo pipefail
+here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
+out="${1:-shots-output}"
+shift || true
+mkdir -p "$out/takes"
+cp "$here"/*.json "$here"/*.chan "$here"/*.obj "$out"
+seed=1
+for take in stage other; do
+  if [ ! -e "$out/takes/$take/take.json" ]; then
+    raystage simulate -q -o "$out/takes/$take" --seed "$seed" "$@"
+    raystage sync -q "$out/takes/$take" >/dev/null
+  fi
+  seed=2
+done
+for shot in "$out"/*.json; do
+  name="$(basename "$shot" .json)"
+  raystage render -q "$shot" -o "$out/$name/$name.####.exr" --existing skip
+  raystage preview "$out/$name/$name.####.exr" --contact-sheet "$out/$name.png" \
+    --frames 1,8,16,24 --columns 4 --thumbnail 320 >/dev/null
+done
+echo "$out: a folder and a contact sheet for each shot"

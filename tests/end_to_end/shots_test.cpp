@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every shot of docs/shots, in small.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "compose/exr/file.h"
+#include "images/exr/exr_channels.h"
+#include "schemas/shot_document.h"
+#include "schemas/test_folder.h"
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage {
+namespace {
+
+using testing::CommandResult;
+using testing::run;
+
+const std::filesystem::path kShots = std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "docs/shots";
+
+class Shots : public ::testing::Test {
+ protected:
+  /// Takes of 16 cameras and 3 s beside copies of the shots.
+  void SetUp() override {
+    for (const auto& file : std::filesystem::directory_iterator(kShots)) {
+      std::filesystem::copy(file.path(), folder_.path() / file.path().filename());
+    }
+    for (const std::string take : {"stage", "other"}) {
+      const std::string seed = take == "stage" ? "1" : "2";
+      const CommandResult made = here(
+          "raystage simulate -q --rows 4 --columns 4 --spacing-mm 120 --width 160 --height 120 "
+          "--seconds 3 --truth-views 0 -o takes/" +
+          take + " --seed " + seed + " && raystage sync -q takes/" + take);
+      ASSERT_EQ(made.exit_code, 0) << made.err;
+    }
+  }
+  CommandResult here(const std::string& command) const {
+    return run("cd '" + folder_.path().string() + "' && " + command);
+  }
+  ExrImage rendered(const std::string& shot, const char* number) const {
+    return read_exr(folder_.path() / shot / (std::string("f.") + number + ".exr"));
+  }
+  void check(const std::string& name) const;
+
+  TestFolder folder_;
+};
+
+void Shots::check(const std::string& name) const {
+  const ShotDocument shot = read_shot(kShots / (name + ".json"));
+  const CommandResult render =
+      here("raystage render -q " + name + ".json --frames 1,24 -o '" + name + "/f.####.exr'");
+  ASSERT_EQ(render.exit_code, 0) << render.err;
+  const ExrImage first = rendered(name, "0001"), last = rendered(name, "0024");
+  ASSERT_EQ(first.width, shot.width);
+  double covered = 0, light = 0, difference = 0;
+  for (std::size_t i = 0; i < first.rgba.size(); ++i) {
+    ASSERT_TRUE(std::isfinite(first.rgba[i]));
+    (i % 4 == 3 ? covered : light) += double{first.rgba[i]};
+    if (i % 4 != 3) difference += std::abs(double{first.rgba[i]} - double{last.rgba[i]});
+  }
+  const auto pixels = static_cast<double>(first.width) * first.height;
+  EXPECT_GT(covered, 0.9 * pixels);
+  EXPECT_GT(light, 3 * 0.05 * pixels);
+  EXPECT_GT(difference, 3 * 0.005 * pixels) << "nothing moves";
+  if (!shot.camera.stereo) return;
+  constexpr ExrChannel kRight[] = {{"right.R"}};
+  ASSERT_EQ(
+      here("raystage render -q " + name + ".json --layout single --frames 1 -o both.exr").exit_code,
+      0);
+  const auto right = read_exr_channels(folder_.path() / "both.exr", kRight, "").values;
+  double apart = 0;
+  for (std::size_t i = 0; i < right.size(); ++i) {
+    apart += std::abs(double{right[i]} - double{first.rgba[4 * i]});
+  }
+  EXPECT_GT(apart, 0.005 * pixels);
+}
+
+TEST_F(Shots, EachRenders) {
+  int shots = 0;
+  for (const auto& file : std::filesystem::directory_iterator(kShots)) {
+    if (file.path().extension() != ".json") continue;
+    SCOPED_TRACE(file.path().filename());
+    check(file.path().stem());
+    ++shots;
+  }
+  EXPECT_GE(shots, 9);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -19,6 +19,7 @@ foreach(folder IN LISTS oiio_includes)
   endif()
 endforeach()
 set_target_properties(OpenImageIO::OpenImageIO PROPERTIES INTERFACE_INCLUDE_DIRECTORIES "${oiio_includes}")
+pkg_check_modules(OCIO REQUIRED IMPORTED_TARGET OpenColorIO)            # PkgConfig::OCIO
 find_package(assimp 5.2 CONFIG REQUIRED)           # assimp::assimp
 find_package(embree 3 CONFIG REQUIRED)             # embree
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # PkgConfig::TURBOJPEG

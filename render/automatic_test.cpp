@@ -383,7 +383,7 @@ TEST_F(Automatic, PixelsThatTheCameraDidNotSeeAreNoTruth) {
   geometry.intrinsics.distortion.k1 = 0.4;  // a pinhole's corners lie beyond the frame
   const CameraModel model(geometry);
   DecodedFrame frame{96, 64, std::make_unique<std::uint16_t[]>((96 * 65 + 1) * 4), {}, 0};
-  std::fill_n(frame.rgbx.get(), (96 * 65 + 1) * 4, 65535);
+  std::fill_n(frame.rgba.get(), (96 * 65 + 1) * 4, 65535);
   const IdealPicture picture = ideal_picture(frame, model, 1, BlendSpace::kPerceptual);
   EXPECT_EQ(picture.within.front(), 0);
   EXPECT_EQ(picture.image.pixels.front(), 0);

@@ -8,6 +8,7 @@
 #include <map>
 #include <mutex>
 #include <numeric>
+#include <optional>
 
 #include "render/depth/depth.h"
 #include "render/fill/push_pull.h"
@@ -27,13 +28,22 @@ struct LightFieldRenderer::State {
   State(const Take& of_take, const RendererSettings& with_settings)
       : take(of_take),
         settings(with_settings),
-        cache(of_take, with_settings.cache_bytes, with_settings.blend_space),
+        cache(of_take, cache_bytes(with_settings), with_settings.blend_space, with_settings.matte),
         kept(with_settings.kept ? with_settings.kept
-                                : std::make_shared<KeptResults>(with_settings.kept_bytes)) {}
+                                : std::make_shared<KeptResults>(with_settings.kept_bytes)) {
+    if (settings.matte) {
+      opaque.emplace(take, settings.cache_bytes - cache_bytes(settings), settings.blend_space);
+    }
+  }
+
+  static std::size_t cache_bytes(const RendererSettings& settings) {
+    return settings.matte ? settings.cache_bytes / 4 * 3 : settings.cache_bytes;
+  }
 
   const Take& take;
   RendererSettings settings;
   FrameCache cache;
+  std::optional<FrameCache> opaque;  // the frames without their matte
   std::shared_ptr<KeptResults> kept;
   BufferPool buffers;
   std::vector<int> members;  // cameras not left out
@@ -74,6 +84,7 @@ struct LightFieldRenderer::State {
     instant.time_ns = frames.time_ns;
     instant.rig = &take.rig();
     instant.cache = &cache;
+    instant.opaque = opaque ? &*opaque : nullptr;
     instant.look = cache.new_look();
     instant.frame_of_camera = frames_of_members(frames);
     instant.frames_beside = frames_beside(frames.time_ns);
@@ -332,6 +343,8 @@ void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
 
 int LightFieldRenderer::frames_read_ahead() const { return state_->cache.frames_read_ahead(); }
 
-std::size_t LightFieldRenderer::decoded_bytes_held() const { return state_->cache.bytes_held(); }
+std::size_t LightFieldRenderer::decoded_bytes_held() const {
+  return state_->cache.bytes_held() + (state_->opaque ? state_->opaque->bytes_held() : 0);
+}
 
 }  // namespace raystage

@@ -31,7 +31,10 @@ struct Reconstruction {
 
 struct RendererSettings {
   std::size_t cache_bytes = std::size_t{1} << 30;  ///< decoded source frames kept in memory
-  std::size_t kept_bytes = std::size_t{1} << 30;   ///< what methods work out once for many views
+  /// What shows of the frames; null: all. `depth` looks for surfaces in the frames as they were
+  /// taken, for which a quarter of the cache is set aside; what it finds serves every matte.
+  std::shared_ptr<const FrameMatte> matte = nullptr;
+  std::size_t kept_bytes = std::size_t{1} << 30;  ///< what methods work out once for many views
   /// Where that is kept, shared with other renderers of the same take and cameras; null: in a place
   /// of its own, of `kept_bytes`.
   std::shared_ptr<KeptResults> kept = nullptr;

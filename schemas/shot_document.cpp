@@ -63,6 +63,12 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
     shot.output.data_compression = output.get("data_compression", shot.output.data_compression);
     shot.output.layout = output.get("layout", shot.output.layout);
     shot.output.cryptomatte = output.get("cryptomatte", shot.output.cryptomatte);
+    if (output.has("color")) {
+      const Located color = output.at("color");
+      shot.output.color.space = color.get("space", shot.output.color.space);
+      if (color.has("config")) shot.output.color.config = path_text(color.at("config"));
+      shot.output.color.rec709_space = color.get("rec709_space", shot.output.color.rec709_space);
+    }
   }
   return shot;
 }
@@ -93,6 +99,10 @@ std::string format_shot(const ShotDocument& shot) {
   }
   output["layout"] = shot.output.layout;
   if (shot.output.cryptomatte) output["cryptomatte"] = true;
+  const ShotDocument::Color& color = shot.output.color;
+  output["color"] = {{"space", color.space}};
+  if (!color.config.empty()) output["color"]["config"] = color.config;
+  if (!color.rec709_space.empty()) output["color"]["rec709_space"] = color.rec709_space;
   return format_json(json);
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "schemas/hole_fill.h"
+#include "schemas/matte_settings.h"
 #include "schemas/option_values.h"
 #include "schemas/time.h"
 
@@ -129,14 +130,22 @@ struct ShotDocument {
     OptionValues options;  ///< of the method; which there are is the renderer's to say
     FocalPlane focal_plane;
     HoleFill fill = HoleFill::kNone;
+    std::optional<MatteSettings> matte = {};  ///< what shows of the take's frames; none: all
     double start_seconds = 0;  ///< time in the take, since its first tick, shown at first_frame
     double speed = 1;          ///< take seconds per shot second: 0 freezes, negative runs backwards
+  };
+  struct Color {
+    std::string space = "lin_rec709_scene";  ///< of the files: linear light
+    std::string config = {};                 ///< OpenColorIO's, relative to the shot's folder;
+                                             ///< empty: the built-in one
+    std::string rec709_space = {};           ///< the config's name of linear Rec.709; empty: found
   };
   struct Output {
     std::string compression = "piz";  ///< none | rle | zips | zip | piz
     std::string data_compression;     ///< of parts of data; empty: the same
     std::string layout = "standard";  ///< standard | single | nuke
     bool cryptomatte = false;         ///< object ids
+    Color color = {};
   };
   std::string name;
   int width = 0, height = 0;

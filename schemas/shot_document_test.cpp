@@ -170,6 +170,58 @@ TEST(ShotLayerDocument, RefusesWhatIsNoLayer) {
   EXPECT_THAT(clip({{"box", {{0, 0, 0}, {1, 0, 1}}}}), HasSubstr("a box without an inside"));
 }
 
+json shot_with_matte(const json& matte) {
+  json shot = shot_of_today();
+  shot["layers"] = {{{"take", "a"}, {"matte", matte}}};
+  return shot;
+}
+
+TEST(ShotMatteDocument, EveryKindComesBack) {
+  const json box = {{-1, 0, -5}, {1, 2, -3}};
+  for (const json& matte :
+       {json{{"kind", "blue_screen"},
+             {"screen_color", {0.1, 0.1, 0.9}},
+             {"balance", 0.3},
+             {"despill", 0.8},
+             {"black", 0.1},
+             {"white", 0.8},
+             {"keep", {box, box}},
+             {"garbage", {box}}},
+        json{{"kind", "green_screen"}, {"empty_take", "empty"}},
+        json{{"kind", "difference"}, {"empty_take", "e"}, {"low", 4}, {"high", 9}},
+        json{{"kind", "files"}}}) {
+    const ShotDocument document = parse_shot(shot_with_matte(matte).dump(), "f");
+    ASSERT_TRUE(document.layers[0].matte);
+    const std::string once = format_shot(document);
+    EXPECT_EQ(format_shot(parse_shot(once, "f")), once);
+    const json written = json::parse(once)["layers"][0]["matte"];
+    for (const auto& [word, value] : matte.items()) EXPECT_EQ(written[word], value) << word;
+  }
+  EXPECT_FALSE(parse_shot(shot_of_today().dump(), "f").layers[0].matte);
+}
+
+TEST(ShotMatteDocument, RefusesWhatMeansNothing) {
+  const auto of = [](const json& matte) { return refusal(shot_with_matte(matte)); };
+  EXPECT_THAT(of({{"kind", "luma"}}), HasSubstr("#/layers/0/matte/kind"));
+  EXPECT_THAT(of({{"kind", "difference"}}), HasSubstr("needs \"empty_take\""));
+  EXPECT_THAT(of({{"kind", "files"}, {"despill", 1}}), HasSubstr("/matte/despill: only"));
+  EXPECT_THAT(of({{"kind", "files"}, {"empty_take", "e"}}), HasSubstr("/matte/empty_take: only"));
+  EXPECT_THAT(of({{"kind", "blue_screen"}, {"low", 1}}), HasSubstr("/matte/low: only"));
+  EXPECT_THAT(of({{"kind", "blue_screen"}, {"white", 0.02}}), HasSubstr("allowed: above 0.05"));
+  EXPECT_THAT(of({{"kind", "green_screen"}, {"screen_color", {0, 0, 1}}}),
+              HasSubstr("the screen is not green"));
+  EXPECT_THAT(of({{"kind", "blue_screen"}, {"screen_color", {0, 0, 1}}, {"empty_take", "e"}}),
+              HasSubstr("found both"));
+  EXPECT_THAT(of({{"kind", "blue_screen"}, {"keep", {{{0, 0, 0}, {1, 0, 1}}}}}),
+              HasSubstr("#/layers/0/matte/keep/0: found a box without an inside"));
+  json filled = shot_with_matte({{"kind", "files"}});
+  filled["layers"][0]["fill"] = "push_pull";
+  EXPECT_THAT(refusal(filled), HasSubstr("#/layers/0/fill"));
+  json solid = shot_of_today();
+  solid["layers"] = {{{"solid", {{"color", {0, 0, 0}}}}, {"matte", {{"kind", "files"}}}}};
+  EXPECT_THAT(refusal(solid), HasSubstr("#/layers/0/matte: only light fields"));
+}
+
 json shot_with_geometry() {
   json shot = shot_of_today();
   shot["layers"] = {{{"name", "room"}, {"take", "a"}},

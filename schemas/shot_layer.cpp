@@ -7,6 +7,7 @@
 #include <initializer_list>
 
 #include "schemas/shot_geometry.h"
+#include "schemas/shot_matte.h"
 
 namespace raystage {
 namespace {
@@ -125,11 +126,17 @@ void read_light_field(const Located& object, Layer& layer) {
   if (object.get("fill", std::string()) == "push_pull") layer.fill = HoleFill::kPushPull;
   layer.start_seconds = object.get("start_seconds", layer.start_seconds);
   layer.speed = object.get("speed", layer.speed);
+  if (object.has("matte")) layer.matte = matte_settings_from(object.at("matte"));
+  if (layer.matte && layer.fill != HoleFill::kNone) {
+    throw object.at("fill").refuse("what a matte makes transparent would be filled again",
+                                   "Use one of \"fill\" and \"matte\"");
+  }
 }
 
 /// What only a light field has must not stand beside something else, where it would do nothing.
 void refuse_light_field_words(const Located& object) {
-  for (const char* word : {"method", "options", "focal_plane", "fill", "start_seconds", "speed"}) {
+  for (const char* word :
+       {"method", "options", "focal_plane", "fill", "start_seconds", "speed", "matte"}) {
     if (!object.has(word)) continue;
     throw object.at(word).refuse("only light fields have this, and the layer is none",
                                  "Remove it, or give the layer a take instead");
@@ -183,6 +190,7 @@ ordered_json json_from(const Layer& layer) {
     object["fill"] = layer.fill == HoleFill::kPushPull ? "push_pull" : "none";
     object["start_seconds"] = layer.start_seconds;
     object["speed"] = layer.speed;
+    if (layer.matte) object["matte"] = json_from(*layer.matte);
   }
   if (!layer.clips.empty()) {
     auto& clips = object["clips"] = ordered_json::array();

@@ -21,6 +21,7 @@ ROOMS = {
     "store/fixity": ["store", "store/jpeg"],
     "store/frames": ["store", "store/jpeg"],
     "store/jpeg": [],
+    "store/mattes": ["store", "store/frames", "store/jpeg"],
     "store/sync": ["store", "store/jpeg"],
     "store/retime": ["store", "store/jpeg"],
     "store": ["store/jpeg"],
@@ -47,11 +48,12 @@ ROOMS = {
     "ingest/record": ["ingest/sources"],
     "ingest/sources": ["ingest/simulated"],
     "compose/camera": [],
+    "compose/color": [],
     "compose/exr": [],
     "compose/layers": ["compose/exr"],
     "compose/geometry": ["compose/camera", "compose/exr", "compose/layers"],
-    "compose": ["compose/camera", "compose/exr", "compose/geometry", "compose/layers"],
-    "compose/preview": ["compose", "compose/camera", "compose/exr", "compose/geometry", "compose/layers"],
+    "compose": ["compose/camera", "compose/color", "compose/exr", "compose/geometry", "compose/layers"],
+    "compose/preview": ["compose", "compose/camera", "compose/color", "compose/exr", "compose/geometry", "compose/layers"],
 }
 
 

@@ -143,7 +143,7 @@ TEST_F(StageImage, MirrorFollowsTheLawOfReflection) {
   StillCache cache;
   LinearImage image;
   shoot.renderer.render(shoot.world, rays, 1, cache, image);
-  const Mesh& glass = shoot.scene.parts[static_cast<std::size_t>(shoot.part("mirror"))].mesh;
+  const SceneMesh& glass = shoot.scene.parts[static_cast<std::size_t>(shoot.part("mirror"))].mesh;
   const Eigen::Vector3f normal = glass.normals[0], corner = glass.positions[0];
   int checked = 0;
   for (int row = 0; row < image.height; ++row) {

@@ -20,8 +20,9 @@ struct SurfacePoint {
 };
 
 // A lattice of (columns + 1) x (rows + 1) points of a surface over [0, 1]^2.
-Mesh make_surface(int columns, int rows, const std::function<SurfacePoint(float, float)>& surface) {
-  Mesh mesh;
+SceneMesh make_surface(int columns, int rows,
+                       const std::function<SurfacePoint(float, float)>& surface) {
+  SceneMesh mesh;
   for (int row = 0; row <= rows; ++row) {
     for (int column = 0; column <= columns; ++column) {
       const SurfacePoint point = surface(static_cast<float>(column) / static_cast<float>(columns),
@@ -44,7 +45,7 @@ Mesh make_surface(int columns, int rows, const std::function<SurfacePoint(float,
 
 }  // namespace
 
-Mesh& Mesh::add(const Mesh& other, const Eigen::Isometry3f& placement) {
+SceneMesh& SceneMesh::add(const SceneMesh& other, const Eigen::Isometry3f& placement) {
   const auto first = static_cast<unsigned>(positions.size());
   for (const Vector3f& p : other.positions) positions.push_back(placement * p);
   for (const Vector3f& n : other.normals) normals.push_back(placement.linear() * n);
@@ -55,8 +56,8 @@ Mesh& Mesh::add(const Mesh& other, const Eigen::Isometry3f& placement) {
   return *this;
 }
 
-Mesh make_quad(const Vector3f& corner, const Vector3f& edge_u, const Vector3f& edge_v,
-               const Vector2f& uv_size, int cells) {
+SceneMesh make_quad(const Vector3f& corner, const Vector3f& edge_u, const Vector3f& edge_v,
+                    const Vector2f& uv_size, int cells) {
   const Vector3f normal = edge_u.cross(edge_v).normalized();
   return make_surface(cells, cells, [&](float u, float v) {
     return SurfacePoint{
@@ -64,7 +65,7 @@ Mesh make_quad(const Vector3f& corner, const Vector3f& edge_u, const Vector3f& e
   });
 }
 
-Mesh make_sphere(float radius, int segments) {
+SceneMesh make_sphere(float radius, int segments) {
   return make_surface(segments, segments / 2, [&](float u, float v) {
     const float around = 2 * kPi * u, down = kPi * v;
     const Vector3f normal(std::sin(down) * std::cos(around), std::cos(down),
@@ -73,8 +74,8 @@ Mesh make_sphere(float radius, int segments) {
   });
 }
 
-Mesh make_box(const Vector3f& size) {
-  Mesh mesh;
+SceneMesh make_box(const Vector3f& size) {
+  SceneMesh mesh;
   for (int axis = 0; axis < 3; ++axis) {
     for (const float side : {-0.5F, 0.5F}) {
       // Two horizontal axes and the vertical one, so that pictures stand upright on the walls.
@@ -88,7 +89,7 @@ Mesh make_box(const Vector3f& size) {
       u(across) = (forwards ? 1.0F : -1.0F) * size(across);
       corner(up) = 0.5F * size(up);
       v(up) = -size(up);
-      Mesh face = make_quad(corner, u, v);
+      SceneMesh face = make_quad(corner, u, v);
       const Vector3f outward = side * 2 * Vector3f::Unit(axis);
       for (Vector3f& normal : face.normals) normal = outward;
       mesh.add(face);
@@ -97,8 +98,8 @@ Mesh make_box(const Vector3f& size) {
   return mesh;
 }
 
-Mesh make_torus(float ring_radius, float tube_radius, int ring_segments, int tube_segments,
-                float turns) {
+SceneMesh make_torus(float ring_radius, float tube_radius, int ring_segments, int tube_segments,
+                     float turns) {
   return make_surface(ring_segments, tube_segments, [&](float u, float v) {
     const float along = 2 * kPi * u, around = 2 * kPi * v;
     const Vector3f outward(std::cos(along), std::sin(along), 0);
@@ -107,7 +108,7 @@ Mesh make_torus(float ring_radius, float tube_radius, int ring_segments, int tub
   });
 }
 
-Mesh make_rod(const Vector3f& from, const Vector3f& to, float radius, int sides) {
+SceneMesh make_rod(const Vector3f& from, const Vector3f& to, float radius, int sides) {
   const Vector3f along = to - from;
   const Vector3f axis = along.normalized();
   const Vector3f a = axis.unitOrthogonal(), b = axis.cross(a);
@@ -119,7 +120,7 @@ Mesh make_rod(const Vector3f& from, const Vector3f& to, float radius, int sides)
   });
 }
 
-Mesh make_cone(float top_radius, float bottom_radius, float height, int sides) {
+SceneMesh make_cone(float top_radius, float bottom_radius, float height, int sides) {
   return make_surface(sides, 1, [&](float u, float v) {
     const float around = 2 * kPi * u;
     const float radius = top_radius + (bottom_radius - top_radius) * v;
@@ -130,7 +131,7 @@ Mesh make_cone(float top_radius, float bottom_radius, float height, int sides) {
   });
 }
 
-Mesh make_curtain(float width, float height, float depth, int folds) {
+SceneMesh make_curtain(float width, float height, float depth, int folds) {
   const float rate = 2 * kPi * static_cast<float>(folds) / width;
   return make_surface(folds * 16, 8, [&](float u, float v) {
     const float x = u * width;
@@ -143,8 +144,8 @@ Mesh make_curtain(float width, float height, float depth, int folds) {
   });
 }
 
-Mesh make_wheel(float radius, float spoke_radius, int spokes) {
-  Mesh mesh = make_torus(radius, 2.5F * spoke_radius, 96, 10, 24);
+SceneMesh make_wheel(float radius, float spoke_radius, int spokes) {
+  SceneMesh mesh = make_torus(radius, 2.5F * spoke_radius, 96, 10, 24);
   mesh.add(make_torus(0.06F * radius, 0.05F * radius, 24, 12));
   for (int i = 0; i < spokes; ++i) {
     const float angle = 2 * kPi * static_cast<float>(i) / static_cast<float>(spokes);

@@ -88,7 +88,7 @@ struct Shade {
 Shade shade(const World& world, const Ray& ray, const Hit& hit, float travelled, float footprint,
             const Vector3f& tint) {
   const Scene& scene = world.geometry().scene();
-  const Material& material = scene.parts[static_cast<std::size_t>(hit.part)].material;
+  const SceneMaterial& material = scene.parts[static_cast<std::size_t>(hit.part)].material;
   const SurfacePoint point = surface_at(world, ray, hit, travelled, footprint);
   const Vector3f albedo = tint.cwiseProduct(point.albedo);
   const Vector3f fill = scene.ground_colour +

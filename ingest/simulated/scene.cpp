@@ -9,12 +9,19 @@ namespace raystage {
 std::vector<SceneName> scene_names() {
   return {{"stage", "a small stage set in motion: backdrop, lamps on wires, wheel, balls, mirror"},
           {"still", "the same set, nothing moves"},
-          {"chart", "a flat chart 4 m away behind four small balls, nothing moves"}};
+          {"chart", "a flat chart 4 m away behind four small balls, nothing moves"},
+          {"blue_screen", "a figure with loose hair that turns before a blue screen"},
+          {"green_screen", "the same before a green one"},
+          {"empty_blue_screen", "the blue screen alone"}};
 }
 
 Scene make_scene(std::string_view name) {
   if (name == "stage" || name == "still") return make_stage_scene(name == "stage");
   if (name == "chart") return make_chart_scene();
+  const Eigen::Vector3f blue(0.03F, 0.09F, 0.62F), green(0.06F, 0.58F, 0.08F);
+  if (name == "blue_screen") return make_screen_scene(blue, true);
+  if (name == "green_screen") return make_screen_scene(green, true);
+  if (name == "empty_blue_screen") return make_screen_scene(blue, false);
   std::string known;
   for (const SceneName& scene : scene_names()) {
     known += (known.empty() ? "" : ", ") + std::string(scene.name);
@@ -38,9 +45,9 @@ Scene make_chart_scene() {
   for (const Vector3f& centre : centres) {
     Eigen::Isometry3f placement = Eigen::Isometry3f::Identity();
     placement.translation() = centre;
-    Mesh ball;
+    SceneMesh ball;
     ball.add(make_sphere(0.06F, 48), placement);
-    Material material;
+    SceneMaterial material;
     material.colour = {0.9F, 0.2F * static_cast<float>(number), 0.1F};
     scene.parts.push_back({"ball" + std::to_string(number++), std::move(ball), material});
   }

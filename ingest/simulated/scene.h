@@ -13,7 +13,7 @@
 namespace raystage {
 
 /// How a surface answers light. Linear light, Rec.709 primaries.
-struct Material {
+struct SceneMaterial {
   int texture = -1;  ///< in Scene::textures; -1: colour alone
   Eigen::Vector3f colour = Eigen::Vector3f(0.8F, 0.8F, 0.8F);  ///< times the texture
   float gloss = 0;      ///< strength of the highlight, 0 to 1
@@ -26,8 +26,8 @@ using Motion = std::function<Eigen::Isometry3f(double seconds)>;
 
 struct ScenePart {
   std::string name;
-  Mesh mesh;
-  Material material;
+  SceneMesh mesh;
+  SceneMaterial material;
   int motion = -1;  ///< in Scene::motions; -1: stands in world coordinates and never moves
 };
 
@@ -58,5 +58,7 @@ Scene make_scene(std::string_view name);
 
 Scene make_stage_scene(bool moving);
 Scene make_chart_scene();
+/// The screen's part is called "screen".
+Scene make_screen_scene(const Eigen::Vector3f& screen_colour, bool with_figure);
 
 }  // namespace raystage

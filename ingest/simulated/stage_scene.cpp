@@ -42,13 +42,13 @@ Isometry3f turned(const Isometry3f& placement, float angle, const Vector3f& axis
   return result;
 }
 
-Mesh placed(const Mesh& mesh, const Isometry3f& placement) {
-  Mesh result;
+SceneMesh placed(const SceneMesh& mesh, const Isometry3f& placement) {
+  SceneMesh result;
   result.add(mesh, placement);
   return result;
 }
 
-Mesh box_at(float x, float y, float z, float width, float height, float depth) {
+SceneMesh box_at(float x, float y, float z, float width, float height, float depth) {
   return placed(make_box({width, height, depth}), at(x, y, z));
 }
 
@@ -78,7 +78,7 @@ class StageBuilder {
   }
 
  private:
-  void still(const char* name, Mesh mesh, const Material& material) {
+  void still(const char* name, SceneMesh mesh, const SceneMaterial& material) {
     scene_.parts.push_back({name, std::move(mesh), material});
   }
   int motion(Motion world_from_part) {
@@ -87,7 +87,7 @@ class StageBuilder {
     scene_.motions.push_back(std::move(world_from_part));
     return static_cast<int>(scene_.motions.size()) - 1;
   }
-  void moving(const char* name, Mesh mesh, const Material& material, int motion_index) {
+  void moving(const char* name, SceneMesh mesh, const SceneMaterial& material, int motion_index) {
     if (moving_) {
       scene_.parts.push_back({name, std::move(mesh), material, motion_index});
     } else {
@@ -95,7 +95,8 @@ class StageBuilder {
             material);
     }
   }
-  void moving(const char* name, Mesh mesh, const Material& material, Motion world_from_part) {
+  void moving(const char* name, SceneMesh mesh, const SceneMaterial& material,
+              Motion world_from_part) {
     moving(name, std::move(mesh), material, motion(std::move(world_from_part)));
   }
 
@@ -109,7 +110,7 @@ class StageBuilder {
     still("backdrop",
           make_quad({-kSide, kCeiling, kBack}, {2 * kSide, 0, 0}, {0, -height, 0}, {1, 1}, 8),
           {.texture = kBackdrop, .colour = {1.15F, 1.15F, 1.15F}});
-    Mesh walls =
+    SceneMesh walls =
         make_quad({-kSide, kCeiling, kFront}, {0, 0, -depth}, {0, -height, 0}, {depth, height}, 8);
     walls.add(
         make_quad({kSide, kCeiling, kBack}, {0, 0, depth}, {0, -height, 0}, {depth, height}, 8));
@@ -123,7 +124,7 @@ class StageBuilder {
 
   void add_set() {
     const float height = kCeiling - kFloor;
-    Mesh curtains = placed(make_curtain(2.2F, height, 0.13F, 9), at(-4.6F, kFloor, -5.3F));
+    SceneMesh curtains = placed(make_curtain(2.2F, height, 0.13F, 9), at(-4.6F, kFloor, -5.3F));
     curtains.add(make_curtain(1.9F, height, 0.12F, 8), at(2.75F, kFloor, -5.9F));
     still("curtains", std::move(curtains), {.texture = kVelvet, .colour = {1, 1, 1}});
 
@@ -132,12 +133,12 @@ class StageBuilder {
     still("poster",
           make_quad({-2.35F, 0.95F, -6.2F}, {0.95F, 0, 0.12F}, {0, -1.25F, 0}, {0.999F, 0.999F}, 2),
           {.texture = kPoster, .colour = {1, 1, 1}});
-    Mesh easel = make_rod({-2.3F, kFloor, -6.1F}, {-1.95F, 1.15F, -6.25F}, 0.022F);
+    SceneMesh easel = make_rod({-2.3F, kFloor, -6.1F}, {-1.95F, 1.15F, -6.25F}, 0.022F);
     easel.add(make_rod({-1.45F, kFloor, -6.0F}, {-1.8F, 1.15F, -6.25F}, 0.022F));
     still("easel", std::move(easel), {.colour = {0.30F, 0.17F, 0.08F}});
 
     // A wire fence before the backdrop: bars about a pixel wide.
-    Mesh fence;
+    SceneMesh fence;
     for (int i = 0; i <= 16; ++i) {
       const float x = -1.15F + 0.19F * static_cast<float>(i);
       fence.add(make_rod({x, kFloor, -6.8F}, {x, kFloor + 0.95F, -6.8F}, 0.011F, 6));
@@ -148,13 +149,13 @@ class StageBuilder {
     still("fence", std::move(fence), {.colour = {0.75F, 0.76F, 0.72F}});
 
     // Bunting across the stage: a string with flags.
-    Mesh string, flags[3];
+    SceneMesh string, flags[3];
     const auto sag = [](float x) { return Vector3f(x, 1.25F + 0.07F * x * x, -4.9F + 0.12F * x); };
     for (int i = 0; i < 24; ++i) {
       const float x = -2.4F + 0.2F * static_cast<float>(i);
       string.add(make_rod(sag(x), sag(x + 0.2F), 0.006F, 5));
       if (i % 2 == 1) continue;
-      Mesh flag;
+      SceneMesh flag;
       flag.positions = {sag(x + 0.02F), sag(x + 0.30F),
                         sag(x + 0.16F) + Vector3f(0, -0.30F, 0.03F)};
       const Vector3f normal = (flag.positions[2] - flag.positions[0])
@@ -170,7 +171,7 @@ class StageBuilder {
     still("flags green", std::move(flags[1]), {.texture = kMarble, .colour = {1, 1, 1}});
     still("flags twist", std::move(flags[2]), {.texture = kTwist, .colour = {1, 1, 1}});
 
-    Mesh stand = make_rod({-1.42F, kFloor, -4.55F}, {-1.35F, -0.62F, -4.42F}, 0.016F);
+    SceneMesh stand = make_rod({-1.42F, kFloor, -4.55F}, {-1.35F, -0.62F, -4.42F}, 0.016F);
     stand.add(make_rod({-1.28F, kFloor, -4.55F}, {-1.35F, -0.62F, -4.42F}, 0.016F));
     still("wheel stand", std::move(stand), {.colour = {0.10F, 0.10F, 0.11F}, .gloss = 0.3F});
   }
@@ -179,10 +180,10 @@ class StageBuilder {
     // Turned towards the stage, so that it shows the balls and the far curtain.
     const Isometry3f placement = turned(at(2.05F, -0.12F, -5.0F), -0.50F, Vector3f::UnitY());
     constexpr float kWidth = 1.15F, kHeight = 1.9F;
-    Mesh glass = placed(make_quad({-kWidth / 2, kHeight / 2, 0}, {kWidth, 0, 0}, {0, -kHeight, 0}),
-                        placement);
+    SceneMesh glass = placed(
+        make_quad({-kWidth / 2, kHeight / 2, 0}, {kWidth, 0, 0}, {0, -kHeight, 0}), placement);
     still("mirror", std::move(glass), {.colour = {0.86F, 0.88F, 0.87F}, .mirror = true});
-    Mesh frame;
+    SceneMesh frame;
     for (const float side : {-1.0F, 1.0F}) {
       frame.add(placed(box_at(side * (kWidth / 2 + 0.03F), 0, 0, 0.06F, kHeight + 0.12F, 0.07F),
                        placement));

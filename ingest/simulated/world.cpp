@@ -28,7 +28,7 @@ void commit(RTCScene scene) {
   tbb::this_task_arena::isolate([&] { rtcCommitScene(scene); });
 }
 
-TriangleShape shape_of(const Mesh& mesh, const std::array<unsigned, 3>& corners) {
+TriangleShape shape_of(const SceneMesh& mesh, const std::array<unsigned, 3>& corners) {
   TriangleShape shape;
   for (std::size_t i = 0; i < 3; ++i) {
     shape.corner[i] = mesh.positions[corners[i]];
@@ -161,7 +161,7 @@ SceneGeometry::Owned<RTCScene> SceneGeometry::make_scene(std::span<const int> pa
   Owned<RTCScene> result(rtcNewScene(device_.get()));
   rtcSetSceneFlags(result.get(), RTC_SCENE_FLAG_ROBUST);
   for (unsigned id = 0; id < parts.size(); ++id) {
-    const Mesh& mesh = scene_.parts[static_cast<std::size_t>(parts[id])].mesh;
+    const SceneMesh& mesh = scene_.parts[static_cast<std::size_t>(parts[id])].mesh;
     const Owned<RTCGeometry> geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
     void* positions =
         rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,

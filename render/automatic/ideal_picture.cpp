@@ -19,7 +19,7 @@ double code_at(const DecodedFrame& frame, double x, double y, std::size_t channe
   const auto code = [&](int i, int j) {
     const auto row = static_cast<std::size_t>(std::min(y0 + j, frame.height - 1));
     const auto column = static_cast<std::size_t>(std::min(x0 + i, frame.width - 1));
-    return frame.rgbx[(row * static_cast<std::size_t>(frame.width) + column) * 4 + channel] /
+    return frame.rgba[(row * static_cast<std::size_t>(frame.width) + column) * 4 + channel] /
            65535.0;
   };
   return (1 - fy) * ((1 - fx) * code(0, 0) + fx * code(1, 0)) +

@@ -175,10 +175,11 @@ class Solver {
   void open_image(int camera) {
     const auto i = static_cast<std::size_t>(camera);
     std::int64_t decoded = 0;
-    const auto frame = instant_.cache->fetch(camera, instant_.frame_of_camera[i], {}, decoded);
+    const auto frame =
+        instant_.opaque_frames().fetch(camera, instant_.frame_of_camera[i], {}, decoded);
     pixels_decoded_ += decoded;
-    images_[i] = MatchingImage(*frame, instant_.cache->blend_space(), instant_.rig->cameras[i],
-                               depths_.pinholes[i]);
+    images_[i] = MatchingImage(*frame, instant_.opaque_frames().blend_space(),
+                               instant_.rig->cameras[i], depths_.pinholes[i]);
   }
 
   std::vector<Partner> partners(int camera, int count) const {

@@ -63,7 +63,7 @@ Picture picture_of(const DecodedFrame& frame, BlendSpace space, const CameraMode
                    const VirtualCamera& pinhole) {
   Plane luma(frame.width, frame.height, 0);
   const auto code = [&](std::size_t i) {
-    const int upper_bits = frame.rgbx[i] >> 4U;  // 12 of 16
+    const int upper_bits = frame.rgba[i] >> 4U;  // 12 of 16
     const double upper = upper_bits / 4095.0;
     return 255 * (space == BlendSpace::kLinear ? srgb_from_linear(upper) : upper);
   };
@@ -113,10 +113,10 @@ class Reference {
       pictures_.push_back({Plane(0, 0, 0)});
       if (!instant.is_present(static_cast<int>(i))) continue;
       std::int64_t decoded = 0;
-      const auto frame =
-          instant.cache->fetch(static_cast<int>(i), instant.frame_of_camera[i], {}, decoded);
-      pictures_[i] = picture_of(*frame, instant.cache->blend_space(), instant.rig->cameras[i].model,
-                                depths_.pinholes[i]);
+      const auto frame = instant.opaque_frames().fetch(static_cast<int>(i),
+                                                       instant.frame_of_camera[i], {}, decoded);
+      pictures_[i] = picture_of(*frame, instant.opaque_frames().blend_space(),
+                                instant.rig->cameras[i].model, depths_.pinholes[i]);
     }
   }
 

@@ -130,7 +130,7 @@ class Frame {
       std::int64_t decoded = 0;
       s.frame = request_.instant.cache->fetch(
           static_cast<int>(i), request_.instant.frame_of_camera[i], s.wanted, decoded);
-      s.look_up.camera.rgbx = s.frame->rgbx.get();
+      s.look_up.camera.rgba = s.frame->rgba.get();
       pixels += decoded;
       ++cameras;
     });
@@ -159,6 +159,7 @@ class Frame {
   struct Scratch {
     std::vector<std::array<float, 4 * kMostRun>> samples;
     std::vector<std::array<float, kMostRun>> shares, visible;
+    std::array<float, kMostRun> seen, seen_by_all;  // of frames with a matte
     std::vector<const float*> sample_of, share_of, visible_of;
   };
 
@@ -176,6 +177,8 @@ class Frame {
       ones.fill(1);
       return ones;
     }();
+    const FrameCache& cache = *request_.instant.cache;
+    scratch.seen_by_all = {};
     for (const CameraField::TileCamera& camera : tile.cameras) {
       const Source& from = source(camera.camera);
       if (!from.frame) continue;
@@ -194,6 +197,14 @@ class Frame {
                        depths,
                        visibility_tolerance(plan_),
                        {scratch.visible[i].data(), n}});
+      if (cache.has_matte()) {
+        scratch.seen = {};
+        add_seen_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
+                          {scratch.seen.data(), n});
+        for (std::size_t x = 0; x < n; ++x) {
+          scratch.seen_by_all[x] += share[x] * scratch.visible[i][x] * scratch.seen[x];
+        }
+      }
       scratch.sample_of.push_back(samples.data());
       scratch.share_of.push_back(share.data());
       scratch.visible_of.push_back(scratch.visible[i].data());
@@ -204,8 +215,12 @@ class Frame {
     blend_agreeing({scratch.sample_of, scratch.share_of, scratch.visible_of, static_cast<int>(n),
                     static_cast<float>(plan_.settings.agreement * 257)},
                    rgba);
-    const FrameCache& cache = *request_.instant.cache;
-    finish_samples(rgba, cache.blend_space(), static_cast<float>(cache.full_scale()), rgba);
+    const auto full_scale = static_cast<float>(cache.full_scale());
+    if (cache.has_matte()) {
+      finish_samples(rgba, {scratch.seen_by_all.data(), n}, cache.blend_space(), full_scale, rgba);
+    } else {
+      finish_samples(rgba, cache.blend_space(), full_scale, rgba);
+    }
     for (std::size_t x = 0; x < n; ++x) {
       const float alpha = rgba[4 * x + 3];
       const float absent =

@@ -21,15 +21,21 @@ struct Sample {
   double share = 0, visible = 0;
 };
 
-/// See BlendRun: colour (codes, full scale 1) and A.
-std::array<double, 4> agreed(const std::vector<Sample>& samples, double agreement) {
-  std::array<double, 4> result{};
+struct Agreed {
+  std::array<double, 3> code{};  ///< full scale 1
+  double visible = 0,
+         matte = 0;  ///< shares that see the point, and of them what is not transparent
+};
+
+/// See BlendRun.
+Agreed agreed(const std::vector<Sample>& samples, double agreement) {
+  Agreed result;
   const auto mean = [&](const auto& trust) {
     std::array<double, 3> sum{};
     double weights = 0;
     for (const Sample& s : samples) {
       const double weight = s.share * (s.visible + kHiddenShare) * s.at.seen * trust(s);
-      weights += weight;
+      weights += weight * s.at.alpha;
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * s.at.code[c];
     }
     for (double& value : sum) value = weights > 0 ? value / weights : 0;
@@ -39,12 +45,18 @@ std::array<double, 4> agreed(const std::vector<Sample>& samples, double agreemen
   for (int round = 0; round < 2; ++round) {
     colour = mean([&](const Sample& s) {
       double square = 0;
-      for (std::size_t c = 0; c < 3; ++c) square += std::pow(s.at.code[c] - colour[c], 2) / 3;
+      for (std::size_t c = 0; c < 3 && s.at.alpha > 0; ++c) {
+        square += std::pow(s.at.code[c] / s.at.alpha - colour[c], 2) / 3;
+      }
       return 1 / (1 + square / (agreement * agreement));
     });
   }
-  std::copy(colour.begin(), colour.end(), result.begin());
-  for (const Sample& s : samples) result[3] += s.share * s.visible * s.at.seen;
+  result.code = colour;
+  for (const Sample& s : samples) {
+    const double visible = s.share * s.visible * s.at.seen;
+    result.visible += visible;
+    result.matte += visible * s.at.alpha;
+  }
   return result;
 }
 
@@ -106,14 +118,16 @@ class Reference {
           visibility_of(plan_, chosen.camera, *ray + depth * (eye - camera.pose.position), depth);
       samples.push_back(sample);
     }
-    const std::array<double, 4> result = agreed(samples, plan_.settings.agreement / 255);
-    const double alpha = std::min(1.0, result[3] / static_cast<double>(kEnoughShares));
+    const Agreed result = agreed(samples, plan_.settings.agreement / 255);
+    const double opacity = std::min(1.0, result.visible / static_cast<double>(kEnoughShares));
+    const double alpha =
+        opacity > 0 ? opacity * std::clamp(result.matte / result.visible, 0.0, 1.0) : 0;
     if (!(alpha > 0)) return;
     const FrameCache& cache = *request_.instant.cache;
     const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
                            static_cast<std::size_t>(x);
     for (std::size_t c = 0; c < 3; ++c) {
-      const double code = std::clamp(result[c], 0.0, 1.0);
+      const double code = std::clamp(result.code[c], 0.0, 1.0);
       const double linear =
           cache.blend_space() == BlendSpace::kPerceptual ? linear_from_srgb(code) : code;
       image.rgba[at * 4 + c] = static_cast<float>(alpha * linear * cache.full_scale());

@@ -28,7 +28,7 @@ std::vector<std::uint8_t> luma_of(const DecodedFrame& frame, BlendSpace space) {
   std::vector<std::uint8_t> luma(static_cast<std::size_t>(frame.width) *
                                  static_cast<std::size_t>(frame.height));
   for (std::size_t i = 0; i < luma.size(); ++i) {
-    const std::uint16_t* p = frame.rgbx.get() + 4 * i;
+    const std::uint16_t* p = frame.rgba.get() + 4 * i;
     const float y =
         0.299F * code[p[0] >> 4U] + 0.587F * code[p[1] >> 4U] + 0.114F * code[p[2] >> 4U];
     luma[i] = static_cast<std::uint8_t>(std::max(1.0F, y + 0.5F));

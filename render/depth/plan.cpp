@@ -139,10 +139,10 @@ std::vector<Instant> instants_beside(const Instant& instant) {
 MatchingImage picture_of(const Instant& instant, std::size_t camera, const CameraDepths& depths,
                          std::atomic<std::int64_t>& pixels_decoded) {
   std::int64_t decoded = 0;
-  const auto frame =
-      instant.cache->fetch(static_cast<int>(camera), instant.frame_of_camera[camera], {}, decoded);
+  const auto frame = instant.opaque_frames().fetch(static_cast<int>(camera),
+                                                   instant.frame_of_camera[camera], {}, decoded);
   pixels_decoded += decoded;
-  return {*frame, instant.cache->blend_space(), instant.rig->cameras[camera],
+  return {*frame, instant.opaque_frames().blend_space(), instant.rig->cameras[camera],
           depths.pinholes[camera]};
 }
 

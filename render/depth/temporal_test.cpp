@@ -17,10 +17,10 @@ MatchingImage picture(const std::function<int(int, int)>& luma) {
   DecodedFrame frame;
   frame.width = kWidth;
   frame.height = kHeight;
-  frame.rgbx = std::make_unique<std::uint16_t[]>(std::size_t{4} * kWidth * kHeight);
+  frame.rgba = std::make_unique<std::uint16_t[]>(std::size_t{4} * kWidth * kHeight);
   for (int i = 0; i < kWidth * kHeight; ++i) {
     const int code = luma(i % kWidth, i / kWidth) * 257;
-    for (int c = 0; c < 3; ++c) frame.rgbx[4 * i + c] = static_cast<std::uint16_t>(code);
+    for (int c = 0; c < 3; ++c) frame.rgba[4 * i + c] = static_cast<std::uint16_t>(code);
   }
   CameraGeometry geometry;
   geometry.id = "c";

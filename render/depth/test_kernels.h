@@ -31,10 +31,10 @@ inline MatchingImage random_image(unsigned seed, const VirtualCamera& pinhole, d
   frame.width = pinhole.width;
   frame.height = pinhole.height;
   const auto pixels = static_cast<std::size_t>(frame.width * frame.height);
-  frame.rgbx = std::make_unique<std::uint16_t[]>(4 * pixels);
+  frame.rgba = std::make_unique<std::uint16_t[]>(4 * pixels);
   std::mt19937 random(seed);
   for (std::size_t i = 0; i < 4 * pixels; ++i) {
-    frame.rgbx[i] = static_cast<std::uint16_t>(random());
+    frame.rgba[i] = static_cast<std::uint16_t>(random());
   }
   CameraGeometry geometry;
   geometry.id = "c";

@@ -1,14 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render/hull/matte.h"
 
-#include <fmt/format.h>
-#include <png.h>
-
 #include <algorithm>
 #include <cmath>
-#include <string>
 
-#include "schemas/error.h"
+#include "store/mattes/matte_file.h"
 
 namespace raystage {
 namespace {
@@ -56,11 +52,6 @@ void least_of_three(const std::uint8_t* row, std::vector<std::uint8_t>& least) {
 }
 
 }  // namespace
-
-std::filesystem::path matte_file(const Take& take, int camera, int frame) {
-  return take.folder() / "mattes" / take.document().cameras[static_cast<std::size_t>(camera)].id /
-         fmt::format("{:06}.png", frame);
-}
 
 Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double threshold)
     : width_(model.width()),
@@ -155,31 +146,7 @@ MatteValue Matte::at(const CameraModel& model, const Eigen::Vector3d& direction_
 }
 
 Matte read_matte(const std::filesystem::path& file, const CameraModel& model, double threshold) {
-  png_image image{};
-  image.version = PNG_IMAGE_VERSION;
-  const auto refuse = [&](const std::string& what) {
-    png_image_free(&image);
-    return Error::bad_input(what, file.string(),
-                            fmt::format("Write a PNG of {}x{} pixels, 8 bits, grey, see "
-                                        "docs/formats/mattes.md",
-                                        model.width(), model.height()));
-  };
-  if (png_image_begin_read_from_file(&image, file.c_str()) == 0) {
-    throw refuse(std::string("the matte cannot be read: ") + image.message);
-  }
-  if (static_cast<int>(image.width) != model.width() ||
-      static_cast<int>(image.height) != model.height()) {
-    throw refuse(fmt::format("the matte has {}x{} pixels, its camera {}x{}", image.width,
-                             image.height, model.width(), model.height()));
-  }
-  // Codes as they are: grey, without alpha and without a change of curve.
-  image.format = PNG_FORMAT_GRAY;
-  std::vector<std::uint8_t> codes(PNG_IMAGE_SIZE(image));
-  const png_color black{0, 0, 0};
-  if (png_image_finish_read(&image, &black, codes.data(), 0, nullptr) == 0) {
-    throw refuse(std::string("the matte cannot be read: ") + image.message);
-  }
-  return {model, std::move(codes), threshold};
+  return {model, read_matte_codes(file, model.width(), model.height()), threshold};
 }
 
 }  // namespace raystage

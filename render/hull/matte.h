@@ -8,13 +8,8 @@
 #include <vector>
 
 #include "rig/camera_model.h"
-#include "store/take.h"
 
 namespace raystage {
-
-/// TAKE/mattes/CAMERA/FRAME.png, see docs/formats/mattes.md. `frame`: index into the camera's
-/// archive.
-std::filesystem::path matte_file(const Take& take, int camera, int frame);
 
 /// What a camera's matte says of an image point.
 enum class MatteValue : std::uint8_t { kBackground = 0, kForeground = 1, kUnseen = 2 };

@@ -11,6 +11,7 @@
 #include "render/lumigraph/lumigraph.h"
 #include "schemas/error.h"
 #include "schemas/parallel.h"
+#include "store/mattes/matte_file.h"
 
 namespace raystage {
 namespace {

@@ -33,7 +33,7 @@ class FramesOfCameras {
   /// Null for a camera that is not used.
   const std::uint16_t* pixels(int camera) const {
     const auto& frame = frames_[static_cast<std::size_t>(camera)];
-    return frame ? frame->rgbx.get() : nullptr;
+    return frame ? frame->rgba.get() : nullptr;
   }
 
  private:

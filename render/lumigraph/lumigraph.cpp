@@ -112,7 +112,7 @@ class LumigraphFrame {
     if (!frames_.are_whole()) mark_wanted();
     const auto planned = Clock::now();
     frames_.decode(image.statistics);
-    for (ChunkCamera& camera : cameras_) camera.lens.rgbx = frames_.pixels(camera.camera);
+    for (ChunkCamera& camera : cameras_) camera.lens.rgba = frames_.pixels(camera.camera);
     const auto decoded = Clock::now();
     for_each_block([&](const Block& block, Scratch& scratch) {
       if (block.present.empty()) leave_empty(block, image);

@@ -259,7 +259,7 @@ void add_few(const SourceView& lens, const Taps& taps, int count, float* HWY_RES
   for (int i = 0; i < count; ++i) {
     if (!(taps.share[i] > 0)) continue;
     float* sum = sums + 4 * slot_of(hn::ScalableTag<float>(), i);
-    hn::Store(add_taps<0>(d, lens.rgbx, row, taps.pixel + i, hn::Set(di, taps.upper[i]),
+    hn::Store(add_taps<0>(d, lens.rgba, row, taps.pixel + i, hn::Set(di, taps.upper[i]),
                           hn::Set(di, taps.lower[i]), hn::Set(d, taps.share[i]), hn::Load(d, sum)),
               d, sum);
   }
@@ -276,7 +276,7 @@ void blend_all(std::span<const ChunkCamera* const> cameras, std::span<const Chun
   int waiting = 0;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const SourceView& lens = cameras[c]->lens;
-    const int rays = lens.rgbx == nullptr ? 0 : count_rays(weights[c], count);
+    const int rays = lens.rgba == nullptr ? 0 : count_rays(weights[c], count);
     if (rays == 0) continue;
     find_taps_of(lens, weights[c], count, taps[waiting]);
     if (2 * rays < count) {

@@ -80,7 +80,7 @@ void measure_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> 
 bool counts(const ChunkWeights& weights, int count);
 
 /// The cameras' samples, bilinear, by their weights: premultiplied linear light (R, G, B, A; code
-/// 65535 being `full_scale`) of `count` rays. Cameras without a frame (SourceView::rgbx) count for
+/// 65535 being `full_scale`) of `count` rays. Cameras without a frame (SourceView::rgba) count for
 /// nothing.
 void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
                  int count, BlendSpace space, float full_scale, float* rgba);

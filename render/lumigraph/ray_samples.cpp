@@ -26,12 +26,12 @@ ReferenceFrames::ReferenceFrames(const Instant& instant, bool count_needed,
 }
 
 std::array<float, 4> ReferenceFrames::blend(const std::vector<WeightedCamera>& cameras) {
-  std::array<double, 3> mean{};
-  double alpha = 0;
+  std::array<double, 4> mean{};
+  double seen = 0;
   for (const WeightedCamera& camera : cameras) {
     const DecodedFrame& frame = *frames_[static_cast<std::size_t>(camera.camera)];
     std::vector<std::uint8_t>& read = read_[static_cast<std::size_t>(camera.camera)];
-    alpha = std::max(alpha, camera.seen);
+    seen = std::max(seen, camera.seen);
     const double left = std::clamp(camera.pixel.x() - 0.5, 0.0, frame.width - 1.0);
     const double top = std::clamp(camera.pixel.y() - 0.5, 0.0, frame.height - 1.0);
     const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
@@ -42,16 +42,19 @@ std::array<float, 4> ReferenceFrames::blend(const std::vector<WeightedCamera>& c
         if (weight == 0) continue;
         const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
                                static_cast<std::size_t>(x);
-        for (std::size_t c = 0; c < 3; ++c) mean[c] += weight * frame.rgbx[at * 4 + c] / 65535.0;
+        for (std::size_t c = 0; c < 4; ++c) mean[c] += weight * frame.rgba[at * 4 + c] / 65535.0;
         // Rays of other threads may set the same byte.
         if (!read.empty()) std::atomic_ref(read[at]).store(1, std::memory_order_relaxed);
       }
     }
   }
   std::array<float, 4> rgba{};
+  if (!(mean[3] > 0)) return rgba;
+  const double alpha = seen * mean[3];
   const bool perceptual = instant_.cache->blend_space() == BlendSpace::kPerceptual;
   for (std::size_t c = 0; c < 3; ++c) {
-    const double linear = perceptual ? linear_from_srgb(mean[c]) : mean[c];
+    const double code = mean[c] / mean[3];
+    const double linear = perceptual ? linear_from_srgb(code) : code;
     rgba[c] = static_cast<float>(linear * instant_.cache->full_scale() * alpha);
   }
   rgba[3] = static_cast<float>(alpha);

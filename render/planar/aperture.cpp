@@ -192,6 +192,7 @@ class ApertureFrame {
     run.cell.distance = projection_.distance();
     run.cell.at_infinity = projection_.at_infinity();
     run.cameras = cameras_[index];
+    run.opaque = !request_.instant.cache->has_matte();
     run.shape = {sides_, static_cast<float>(lens_.steepness())};
     if (depths_) run.inverse_depth = depths_->run(span.begin, span.end, y, scratch);
     return run;

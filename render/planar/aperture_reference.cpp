@@ -90,7 +90,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
       if (seen <= 0) continue;
       const Sample sample = look_up(*frames[i], pixel, seen, read[i]);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * seen * sample.rgb[c];
-      seen_weight += weight * seen;
+      seen_weight += weight * seen * sample.alpha;
       behind.add(weight * seen, ray, source.pose.position - view.pose.position);
     }
     if (!(seen_weight > 0)) return;

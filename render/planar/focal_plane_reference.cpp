@@ -91,7 +91,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
       const Sample sample = look_up(*frames[camera], pixel, seen, read[camera]);
       const double weight = crossing->weight[i] * sample.seen;
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * sample.rgb[c];
-      sum[3] += weight;
+      sum[3] += weight * sample.alpha;
     }
     if (sum[3] > 0) {
       for (std::size_t c = 0; c < 3; ++c) {

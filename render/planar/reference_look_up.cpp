@@ -20,7 +20,7 @@ Sample look_up(const DecodedFrame& frame, const Vector2d& pixel, double seen, Re
   const auto code = [&](int x, int y, std::size_t c) {
     const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
                            static_cast<std::size_t>(x);
-    return frame.rgbx[at * 4 + c] / 65535.0;
+    return frame.rgba[at * 4 + c] / 65535.0;
   };
   // Rows that run at the same time may set the same byte.
   const auto mark = [&](int x, int y, double weight) {
@@ -33,12 +33,16 @@ Sample look_up(const DecodedFrame& frame, const Vector2d& pixel, double seen, Re
   mark(x1, y0, (1 - fy) * fx);
   mark(x0, y1, fy * (1 - fx));
   mark(x1, y1, fy * fx);
+  const auto between = [&](std::size_t c) {
+    return (1 - fy) * ((1 - fx) * code(x0, y0, c) + fx * code(x1, y0, c)) +
+           fy * ((1 - fx) * code(x0, y1, c) + fx * code(x1, y1, c));
+  };
   Sample sample;
   sample.seen = seen;
   for (std::size_t c = 0; c < 3; ++c) {
-    sample.rgb[c] = (1 - fy) * ((1 - fx) * code(x0, y0, c) + fx * code(x1, y0, c)) +
-                    fy * ((1 - fx) * code(x0, y1, c) + fx * code(x1, y1, c));
+    sample.rgb[c] = between(c);
   }
+  sample.alpha = between(3);
   return sample;
 }
 

@@ -18,7 +18,8 @@ namespace raystage {
 // What the slow, obvious references look rays up with, one at a time and in double.
 
 struct Sample {
-  std::array<double, 3> rgb{};  ///< on the scale of the blend space, full scale 1
+  std::array<double, 3> rgb{};  ///< on the scale of the blend space, full scale 1, times alpha
+  double alpha = 1;             ///< the frame's
   double seen = 0;              ///< 1 within the frame, falling to 0 at its border
 };
 

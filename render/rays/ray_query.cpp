@@ -34,7 +34,7 @@ class FramesOnDemand {
     std::int64_t decoded = 0;
     auto frame = instant_.cache->fetch(
         camera, instant_.frame_of_camera[static_cast<std::size_t>(camera)], {}, decoded);
-    const std::uint16_t* pixels = frame->rgbx.get();
+    const std::uint16_t* pixels = frame->rgba.get();
     const std::scoped_lock lock(mutex_);
     held_.push_back(std::move(frame));
     known.store(pixels, std::memory_order_release);
@@ -58,7 +58,7 @@ class Weigher {
   }
   Weigher(const Weigher&) = delete;
   Weigher& operator=(const Weigher&) = delete;
-  void set_frame(std::size_t camera, const std::uint16_t* rgbx) { own_[camera].lens.rgbx = rgbx; }
+  void set_frame(std::size_t camera, const std::uint16_t* rgba) { own_[camera].lens.rgba = rgba; }
   void weigh(const RayChunk& chunk, const ChunkWeighing& weighing) {
     weigh_cameras(chunk, cameras_, weighing, weights_);
   }

@@ -153,7 +153,7 @@ std::uint32_t add_windowed(const ApertureRun& run, std::span<const ApertureCamer
   };
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     const ApertureCamera& camera = cameras[i];
-    if (!camera.present || camera.source->rgbx == nullptr || !box.is_near(camera, run.shape)) {
+    if (!camera.present || camera.source->rgba == nullptr || !box.is_near(camera, run.shape)) {
       continue;
     }
     if (!fits_windows(*camera.source, begin, run.cell.y, n, windowed[count])) continue;
@@ -248,7 +248,7 @@ void add_others(const ApertureRun& run, std::span<const ApertureCamera> cameras,
     const ApertureCamera& camera = cameras[i];
     if ((done >> i & 1) != 0 || !box.is_near(camera, run.shape)) continue;
     if (!find_aperture_weights(camera, run.shape, n, crossings, weight)) continue;
-    if (!camera.present || camera.source->rgbx == nullptr) continue;
+    if (!camera.present || camera.source->rgba == nullptr) continue;
     find_taps_of(run, camera, begin, n, weight, taps[waiting]);
     prefetch_taps(*camera.source, taps[waiting], n);
     sources[waiting++] = camera.source;
@@ -285,7 +285,7 @@ void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, 
     for (std::size_t i = 0; i < run.cameras.size(); i += kCameras) {
       const auto cameras = run.cameras.subspan(i, std::min(kCameras, run.cameras.size() - i));
       std::uint32_t done = 0;
-      if (run.inverse_depth == nullptr) {
+      if (run.inverse_depth == nullptr && run.opaque) {
         done = add_windowed(run, cameras, begin, n, box, crossings, windowed);
       }
       any_windowed |= done != 0;

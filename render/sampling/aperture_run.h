@@ -34,6 +34,7 @@ struct ApertureRun {
   /// vector's room; null: they lie on the cell's plane. `cell.at_infinity` and the sources are then
   /// as for a plane at infinity.
   const float* inverse_depth = nullptr;
+  bool opaque = true;  ///< all frames are: A is 65535 throughout
 };
 
 /// Marks, in `read_pixels` of the cameras that have them, what blend_aperture_run() reads.

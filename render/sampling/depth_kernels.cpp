@@ -142,7 +142,7 @@ void add_cubic(const SourceView& camera, const Positions& positions, int n, floa
     if (positions.weight[i] == 0) continue;
     const int x = positions.x[i] - 1, y = positions.y[i] - 1;
     if (static_cast<unsigned>(x) < inner_columns && static_cast<unsigned>(y) < inner_rows) {
-      add_cubic_sample(camera.rgbx + y * row + 4 * x, row, across + 4 * i, down + 4 * i,
+      add_cubic_sample(camera.rgba + y * row + 4 * x, row, across + 4 * i, down + 4 * i,
                        sums + 4 * i);
       continue;
     }
@@ -150,7 +150,7 @@ void add_cubic(const SourceView& camera, const Positions& positions, int n, floa
     for (int pixel = 0; pixel < 16; ++pixel) {
       const int column = std::clamp(x + pixel % 4, 0, camera.width - 1);
       const int line = std::clamp(y + pixel / 4, 0, camera.height - 1);
-      std::copy_n(camera.rgbx + line * row + 4 * column, 4, edge + 4 * pixel);
+      std::copy_n(camera.rgba + line * row + 4 * column, 4, edge + 4 * pixel);
     }
     add_cubic_sample(edge, 16, across + 4 * i, down + 4 * i, sums + 4 * i);
   }
@@ -166,7 +166,7 @@ void add_linear(const SourceView& camera, const Positions& positions, int n, flo
   const auto row = static_cast<std::ptrdiff_t>(camera.width) * 4;
   for (int i = 0; i < n; ++i) {
     if (positions.weight[i] == 0) continue;
-    const std::uint16_t* upper = camera.rgbx + positions.y[i] * row + positions.x[i] * 4;
+    const std::uint16_t* upper = camera.rgba + positions.y[i] * row + positions.x[i] * 4;
     const std::uint16_t* lower = upper + row;
     const float below = positions.weight[i] * positions.down[i];
     const float above = positions.weight[i] - below;
@@ -213,6 +213,15 @@ void add(const DepthSource& source, int x, int y, std::span<const float> inverse
                  });
 }
 
+void add_seen(const DepthSource& source, int x, int y, std::span<const float> inverse_depth,
+              std::span<const float> weight, std::span<float> seen) {
+  for_each_chunk(source, x, y, inverse_depth, weight,
+                 [&](int begin, int n, const Positions& positions) {
+                   float* at = seen.data() + begin;
+                   for (int i = 0; i < n; ++i) at[i] += 65535.0F * positions.weight[i];
+                 });
+}
+
 /// Pixels read along an axis: those of the taps that weigh something.
 struct Read {
   int first, last;
@@ -255,8 +264,9 @@ void mark(const DepthSource& source, int x, int y, std::span<const float> invers
   });
 }
 
-void finish_all(std::span<const float> sums, BlendSpace space, float full_scale,
-                std::span<float> rgba) {
+/// `seen`: empty where it is the sums' A.
+void finish_all(std::span<const float> sums, std::span<const float> seen, BlendSpace space,
+                float full_scale, std::span<float> rgba) {
   const hn::FixedTag<float, 4> d;
   const auto full = hn::Set(d, 65535.0F);
   HWY_ALIGN float part[4 * kChunk];
@@ -265,10 +275,13 @@ void finish_all(std::span<const float> sums, BlendSpace space, float full_scale,
     const std::size_t n = std::min(std::size(part), count - begin);
     for (std::size_t i = 0; i < n; i += 4) {
       const auto sum = hn::LoadU(d, sums.data() + begin + i);
-      const auto seen = hn::Broadcast<3>(sum);
-      const auto colour = hn::Min(hn::Max(sum, hn::Zero(d)), seen);
-      const auto alpha = hn::Min(hn::Mul(seen, hn::Set(d, 1 / kEnoughShares)), full);
-      const auto scale = hn::Div(alpha, hn::Max(seen, hn::Set(d, 1e-20F)));
+      const auto own = hn::Broadcast<3>(sum);
+      // Cubic look-ups of mattes overshoot, too.
+      const auto all = seen.empty() ? own : hn::Set(d, seen[(begin + i) / 4]);
+      const auto most = hn::Min(hn::Max(own, hn::Zero(d)), all);
+      const auto colour = hn::Min(hn::Max(sum, hn::Zero(d)), most);
+      const auto alpha = hn::Min(hn::Mul(all, hn::Set(d, 1 / kEnoughShares)), full);
+      const auto scale = hn::Div(alpha, hn::Max(all, hn::Set(d, 1e-20F)));
       hn::Store(hn::Mul(colour, scale), d, part + i);
     }
     finish(part, static_cast<int>(n / 4), space, full_scale, rgba.data() + begin);
@@ -284,6 +297,7 @@ HWY_AFTER_NAMESPACE();
 namespace raystage {
 
 HWY_EXPORT(add);
+HWY_EXPORT(add_seen);
 HWY_EXPORT(mark);
 HWY_EXPORT(finish_all);
 
@@ -292,6 +306,11 @@ void add_samples_at_depth(const DepthSource& source, int x, int y,
                           LookUp look_up, std::span<float> sums) {
   HWY_DYNAMIC_DISPATCH(add)(source, x, y, inverse_depth, weight, look_up, sums);
 }
+void add_seen_at_depth(const DepthSource& source, int x, int y,
+                       std::span<const float> inverse_depth, std::span<const float> weight,
+                       std::span<float> seen) {
+  HWY_DYNAMIC_DISPATCH(add_seen)(source, x, y, inverse_depth, weight, seen);
+}
 void mark_samples_at_depth(const DepthSource& source, int x, int y,
                            std::span<const float> inverse_depth, std::span<const float> weight,
                            LookUp look_up) {
@@ -299,7 +318,11 @@ void mark_samples_at_depth(const DepthSource& source, int x, int y,
 }
 void finish_samples(std::span<const float> sums, BlendSpace space, float full_scale,
                     std::span<float> rgba) {
-  HWY_DYNAMIC_DISPATCH(finish_all)(sums, space, full_scale, rgba);
+  HWY_DYNAMIC_DISPATCH(finish_all)(sums, {}, space, full_scale, rgba);
+}
+void finish_samples(std::span<const float> sums, std::span<const float> seen, BlendSpace space,
+                    float full_scale, std::span<float> rgba) {
+  HWY_DYNAMIC_DISPATCH(finish_all)(sums, seen, space, full_scale, rgba);
 }
 
 }  // namespace raystage

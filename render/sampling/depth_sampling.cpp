@@ -79,9 +79,12 @@ DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::V
       const std::size_t at = row * static_cast<std::size_t>(frame.width) + column;
       const double w = weight(left - x) * weight(top - y);
       if (w == 0) continue;  // and perhaps not decoded
-      for (std::size_t c = 0; c < 3; ++c) sample.code[c] += w * frame.rgbx[at * 4 + c] / 65535.0;
+      for (std::size_t c = 0; c < 3; ++c) sample.code[c] += w * frame.rgba[at * 4 + c] / 65535.0;
+      sample.alpha += w * frame.rgba[at * 4 + 3] / 65535.0;
     }
   }
+  // Opaque is opaque: equal samples of different weights must stay equal.
+  if (std::abs(sample.alpha - 1) < 1e-9) sample.alpha = 1;
   return sample;
 }
 

@@ -44,12 +44,18 @@ void plan_into(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus)
 
 /// Adds a camera's samples to a run of pixels of row y, from pixel x on. Per pixel: inverse depth
 /// (1/m from the source's reference; not-a-number counts for nothing), weight (0 or more), and in
-/// `sums` four floats that grow by weight * seen * (R, G, B, 65535) in codes of the blend space;
+/// `sums` four floats that grow by weight * seen * (R, G, B, A) in codes of the blend space;
 /// `seen` falls from 1 to 0 at the frame's border (kBorderFade) and its lens model's end.
 /// Spans of equal lengths (sums: four times). Run-time dispatch, no allocation.
 void add_samples_at_depth(const DepthSource& source, int x, int y,
                           std::span<const float> inverse_depth, std::span<const float> weight,
                           LookUp look_up, std::span<float> sums);
+
+/// Adds weight * seen * 65535 of the same look-ups to `seen`, one float a pixel: what the sums' A
+/// would be if the frames were opaque.
+void add_seen_at_depth(const DepthSource& source, int x, int y,
+                       std::span<const float> inverse_depth, std::span<const float> weight,
+                       std::span<float> seen);
 
 /// Marks in the camera's wanted_mcus, and in its read_pixels where there are any, what
 /// add_samples_at_depth() will read.
@@ -65,10 +71,16 @@ inline constexpr float kEnoughShares = 0.1F;
 /// may be `sums`.
 void finish_samples(std::span<const float> sums, BlendSpace space, float full_scale,
                     std::span<float> rgba);
+/// Of frames with alpha: `seen`, one float a pixel, is what the sums' A would be without (times
+/// 65535, see add_seen_at_depth()). A is then the mean of the frames' times how opaque the ray
+/// would be.
+void finish_samples(std::span<const float> sums, std::span<const float> seen, BlendSpace space,
+                    float full_scale, std::span<float> rgba);
 
 /// The slow, obvious look-up.
 struct DepthSample {
-  std::array<double, 3> code{};  ///< blend space, full scale 1, not cut off
+  std::array<double, 3> code{};  ///< blend space, full scale 1, times alpha, not cut off
+  double alpha = 0;              ///< the frame's, not cut off
   double seen = 0;               ///< 0: not seen, no code
   double u = 0, v = 0;           ///< where in the frame, pixels
 };

@@ -36,10 +36,10 @@ DecodedFrame random_frame(unsigned seed) {
   frame.width = kWidth;
   frame.height = kHeight;
   const std::size_t pixels = kWidth * (kHeight + 1) + 1;
-  frame.rgbx = std::make_unique<std::uint16_t[]>(4 * pixels);
+  frame.rgba = std::make_unique<std::uint16_t[]>(4 * pixels);
   std::mt19937 random(seed);
   for (std::size_t i = 0; i < 4 * kWidth * kHeight; ++i) {
-    frame.rgbx[i] = i % 4 == 3 ? std::uint16_t{65535} : static_cast<std::uint16_t>(random());
+    frame.rgba[i] = i % 4 == 3 ? std::uint16_t{65535} : static_cast<std::uint16_t>(random());
   }
   return frame;
 }
@@ -83,7 +83,7 @@ void expect_samples_equal_reference(LookUp look_up) {
   for (const auto& [camera, name] : cameras()) {
     SCOPED_TRACE(name);
     DepthSource source = depth_source(view, camera);
-    source.camera.rgbx = frame.rgbx.get();
+    source.camera.rgba = frame.rgba.get();
     double seen = 0;
     for (const int y : {0, 37, 99}) {
       std::vector<float> sums(4 * row.weight.size(), 3.0F);
@@ -131,7 +131,7 @@ TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
       std::vector<std::uint8_t> mcus(16), read(kWidth * kHeight);
       plan_into(source.camera, layout, mcus.data());
       source.camera.read_pixels = read.data();
-      source.camera.rgbx = frame.rgbx.get();
+      source.camera.rgba = frame.rgba.get();
       mark_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, look_up);
       std::vector<float> before(4 * row.weight.size()), after(before);
       add_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, look_up, before);
@@ -141,7 +141,7 @@ TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
           if (read[at]) {
             EXPECT_EQ(mcus[static_cast<std::size_t>(y / 16 * layout.mcus_per_row + x / 16)], 1);
           } else {
-            frame.rgbx[4 * at] = static_cast<std::uint16_t>(frame.rgbx[4 * at] + 30000);
+            frame.rgba[4 * at] = static_cast<std::uint16_t>(frame.rgba[4 * at] + 30000);
           }
         }
       }

@@ -18,25 +18,25 @@ std::array<double, 3> as_array(const Eigen::Vector3d& v) { return {v.x(), v.y(),
 
 /// Red grows to the right, green downwards.
 std::vector<std::uint16_t> picture_of_coordinates(int width, int height) {
-  std::vector<std::uint16_t> rgbx;
+  std::vector<std::uint16_t> rgba;
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
-      rgbx.push_back(static_cast<std::uint16_t>(x * kCodesPerPixel));
-      rgbx.push_back(static_cast<std::uint16_t>(y * kCodesPerPixel));
-      rgbx.push_back(0);
-      rgbx.push_back(65535);
+      rgba.push_back(static_cast<std::uint16_t>(x * kCodesPerPixel));
+      rgba.push_back(static_cast<std::uint16_t>(y * kCodesPerPixel));
+      rgba.push_back(0);
+      rgba.push_back(65535);
     }
   }
-  return rgbx;
+  return rgba;
 }
 
 /// A 4 x 4 picture of one primary colour, which every ray meets in its middle.
 struct Primary {
   SourceView view;
-  std::array<std::uint16_t, 64> rgbx{};
+  std::array<std::uint16_t, 64> rgba{};
 
   explicit Primary(std::size_t channel) {
-    for (std::size_t i = 0; i < rgbx.size(); i += 4) rgbx[i + channel] = rgbx[i + 3] = 65535;
+    for (std::size_t i = 0; i < rgba.size(); i += 4) rgba[i + channel] = rgba[i + 3] = 65535;
     view.ideal_from_pixel = {0, 0, 0, 0, 0, 0, 0, 0, 1};
     view.cx = view.cy = 2;
     view.width = view.height = 4;
@@ -60,7 +60,7 @@ class Probe {
  public:
   Probe(const Rig& rig, const RayCells& cells, const PlaneProjection& projection)
       : rig_(rig), cells_(cells), projection_(projection) {
-    for (Primary& primary : primaries_) primary.view.rgbx = primary.rgbx.data();
+    for (Primary& primary : primaries_) primary.view.rgba = primary.rgba.data();
   }
 
   void add(const RayCells::Span& span, int y, std::vector<ProbedPixel>& probed) {
@@ -105,7 +105,7 @@ class Probe {
     SourceView source = source_view_of(camera.model, projection_.ideal_from_pixel(camera.pose));
     auto& picture = pictures_[{source.width, source.height}];
     if (picture.empty()) picture = picture_of_coordinates(source.width, source.height);
-    source.rgbx = picture.data();
+    source.rgba = picture.data();
     run.count = 1;
     run.source[0] = &source;
     run.share[0] = run.total = {0, 0, 1};

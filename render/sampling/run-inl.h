@@ -99,7 +99,7 @@ HWY_INLINE void add_samples(const SourceView* const* sources, const Taps* taps, 
       sum3 = hn::Load(d, to + 3 * lanes);
     }
     for (int c = 0; c < count; ++c) {
-      const std::uint16_t* frame = sources[c]->rgbx;
+      const std::uint16_t* frame = sources[c]->rgba;
       const std::size_t row = std::size_t{4} * static_cast<std::size_t>(sources[c]->width);
       const std::int32_t* pixel = taps[c].pixel + i;
       const auto upper = hn::Load(di, taps[c].upper + i), lower = hn::Load(di, taps[c].lower + i);

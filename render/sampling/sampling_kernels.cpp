@@ -65,7 +65,7 @@ void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba,
     const SourceView* sources[3];
     int count = 0;
     for (int c = 0; c < run.count; ++c) {
-      if (run.source[c]->rgbx == nullptr) continue;  // sees nothing of this view
+      if (run.source[c]->rgba == nullptr) continue;  // sees nothing of this view
       find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
       prefetch_taps(*run.source[c], taps[count], n);
       sources[count++] = run.source[c];
@@ -90,7 +90,7 @@ void codes(const PixelRun& run, std::uint16_t* rgba) {
     const SourceView* sources[3];
     int count = 0;
     for (int c = 0; c < run.count; ++c) {
-      if (run.source[c]->rgbx == nullptr) continue;  // sees nothing of this view
+      if (run.source[c]->rgba == nullptr) continue;  // sees nothing of this view
       find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
       sources[count++] = run.source[c];
     }

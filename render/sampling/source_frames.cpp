@@ -64,7 +64,7 @@ void SourceFrames::decode(RenderStatistics& statistics) {
     source.frame =
         instant_.cache->fetch(index, instant_.frame_of_camera[static_cast<std::size_t>(index)],
                               source.wanted, decoded, instant_.look);
-    source.view.rgbx = source.frame->rgbx.get();
+    source.view.rgba = source.frame->rgba.get();
     pixels += decoded;
     needed += std::ranges::count(source.read_pixels, 1);
     ++cameras;

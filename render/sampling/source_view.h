@@ -22,9 +22,9 @@ struct SourceView {
   bool distorted = false;
   int width = 0, height = 0;  ///< pixels
 
-  /// For blending: R, G, B, 65535 per pixel, rows without padding between them (DecodedFrame);
+  /// For blending: R, G, B, A per pixel, rows without padding between them (DecodedFrame);
   /// null for a camera that contributes to no pixel.
-  const std::uint16_t* rgbx = nullptr;
+  const std::uint16_t* rgba = nullptr;
 
   /// For planning: one byte per MCU of the frame, set to 1 where a sample reads it; null where that
   /// need not be known because the whole frame is decoded.

@@ -268,7 +268,7 @@ HWY_INLINE void prefetch_taps(const SourceView& source, const Taps& taps, int n)
   const std::size_t row = std::size_t{4} * static_cast<std::size_t>(source.width);
   for (int i = 0; i < n; i += kPixelsPerLine) {
     const std::uint16_t* upper =
-        source.rgbx + std::size_t{4} * static_cast<std::uint32_t>(taps.pixel[i]);
+        source.rgba + std::size_t{4} * static_cast<std::uint32_t>(taps.pixel[i]);
     hwy::Prefetch(upper + 2 * row);  // what the view's next row will want
   }
 }

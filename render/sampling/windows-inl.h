@@ -37,7 +37,7 @@ constexpr int kMostWindows = 2;
 
 /// A camera's part in a stretch of pixels, all well within its frame.
 struct WindowedCamera {
-  const std::uint16_t* rgbx;
+  const std::uint16_t* rgba;
   std::size_t row;           ///< values from one row to the next
   Ramp x, y, w;              ///< SourceView::ideal_from_pixel by (fx, fy, 1), from its first pixel
   float left, top;           ///< (left, top) + 1/2: the principal point, in pixel centres
@@ -60,7 +60,7 @@ inline bool fits_windows(const SourceView& source, int begin, int y, int n,
   const double across = source.fy * (at(1, last) * last_scale - at(1, first) * scale);
   const double windows = std::abs(along) / (kWindow - 2) + std::abs(across);
   if (windows > kMostWindows * n / 16.0) return false;
-  camera.rgbx = source.rgbx;
+  camera.rgba = source.rgba;
   camera.row = std::size_t{4} * static_cast<std::size_t>(source.width);
   camera.x = ramp(m, begin, 0, y, scale * source.fx);
   camera.y = ramp(m + 3, begin, 0, y, scale * source.fy);
@@ -183,7 +183,7 @@ HWY_INLINE void add_window_samples(const WindowedCamera* cameras, const WindowTa
         const auto column = hn::Sub(pixel, hn::Set(d32, begin));
         const auto beyond = hn::And(hn::Gt(hn::BitCast(du32, column), last_column), needed);
         const std::uint16_t* from =
-            cameras[c].rgbx + std::size_t{4} * static_cast<std::size_t>(begin);
+            cameras[c].rgba + std::size_t{4} * static_cast<std::size_t>(begin);
         hwy::Prefetch(from + 2 * cameras[c].row);  // what the view's next row will want
         hwy::Prefetch(from + 2 * cameras[c].row + kWindow * 2);
         if (HWY_LIKELY(hn::AllFalse(du32, beyond))) {

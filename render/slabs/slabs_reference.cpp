@@ -239,13 +239,12 @@ class ReferenceFrame {
     const auto code = [&](int x, int y, std::size_t c) {
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
                              static_cast<std::size_t>(x);
-      return frame.rgbx[at * 4 + c] / 65535.0;
+      return frame.rgba[at * 4 + c] / 65535.0;
     };
-    for (std::size_t c = 0; c < 3; ++c) {
+    for (std::size_t c = 0; c < 4; ++c) {
       sum[c] += seen * ((1 - fy) * ((1 - fx) * code(x0, y0, c) + fx * code(x1, y0, c)) +
                         fy * ((1 - fx) * code(x0, y1, c) + fx * code(x1, y1, c)));
     }
-    sum[3] += seen;
     std::vector<std::uint8_t>& read = read_[camera];
     if (read.empty()) return;
     for (const int y : {y0, fy > 0 ? y1 : y0}) {

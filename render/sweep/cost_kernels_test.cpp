@@ -51,10 +51,10 @@ DecodedFrame random_frame(unsigned seed) {
   frame.width = kWidth;
   frame.height = kHeight;
   const std::size_t pixels = kWidth * (kHeight + 1) + 1;
-  frame.rgbx = std::make_unique<std::uint16_t[]>(4 * pixels);
+  frame.rgba = std::make_unique<std::uint16_t[]>(4 * pixels);
   std::mt19937 random(seed);
   for (std::size_t i = 0; i < 4 * kWidth * kHeight; ++i) {
-    frame.rgbx[i] = i % 4 == 3 ? std::uint16_t{65535} : static_cast<std::uint16_t>(random());
+    frame.rgba[i] = i % 4 == 3 ? std::uint16_t{65535} : static_cast<std::uint16_t>(random());
   }
   return frame;
 }

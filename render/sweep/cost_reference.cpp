@@ -14,7 +14,7 @@ double code(const DecodedFrame& frame, BlendSpace space, int x, int y, std::size
   const auto column = static_cast<std::size_t>(std::min(x, frame.width - 1));
   const auto row = static_cast<std::size_t>(std::min(y, frame.height - 1));
   const std::uint16_t stored =
-      frame.rgbx[(row * static_cast<std::size_t>(frame.width) + column) * 4 + c];
+      frame.rgba[(row * static_cast<std::size_t>(frame.width) + column) * 4 + c];
   if (space == BlendSpace::kPerceptual) return stored >> 8;
   return std::floor(srgb_from_linear(stored / 65535.0) * 255 + 0.5);
 }

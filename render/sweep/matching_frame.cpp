@@ -34,7 +34,7 @@ class CodeRows {
 
   void read(int y, CodeRow& row) const {
     const std::uint16_t* first =
-        frame_.rgbx.get() + (static_cast<std::size_t>(std::min(y, frame_.height - 1)) *
+        frame_.rgba.get() + (static_cast<std::size_t>(std::min(y, frame_.height - 1)) *
                                  static_cast<std::size_t>(frame_.width) +
                              static_cast<std::size_t>(box_.left)) *
                                 4;

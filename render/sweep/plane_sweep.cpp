@@ -66,7 +66,7 @@ class Frame {
 
  private:
   struct Source {
-    DepthSource look_up;  // its rgbx stays null where nothing of the camera is seen
+    DepthSource look_up;  // its rgba stays null where nothing of the camera is seen
     McuMask wanted;
     std::shared_ptr<const DecodedFrame> frame;
     MatchingFrame matching_frame;
@@ -139,7 +139,7 @@ class Frame {
       std::int64_t decoded = 0;
       s.frame =
           cache.fetch(static_cast<int>(i), request_.instant.frame_of_camera[i], s.wanted, decoded);
-      s.look_up.camera.rgbx = s.frame->rgbx.get();
+      s.look_up.camera.rgba = s.frame->rgba.get();
       if (plan_.planes.count > 1) {
         s.matching_frame = MatchingFrame(*s.frame, cache.blend_space(), wanted_box(s));
       }
@@ -234,6 +234,7 @@ class Frame {
     raystage::parallel_for(0, view_.height, [&](int y) {
       std::array<float, CameraField::kTile> inverse_depth;
       std::vector<float> samples;
+      Mattes mattes;
       for (int column = 0; column < plan_.field.columns(); ++column) {
         const Tile& tile = plan_.field.tile(column, y / CameraField::kTile);
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
@@ -253,7 +254,9 @@ class Frame {
           }
           add_selected_samples(samples, plan_.settings.left_out, rgba);
         }
-        finish(rgba, {inverse_depth.data(), n}, tile.left, y, at, image);
+        if (has_matte()) find_mattes(tile, y, {inverse_depth.data(), n}, samples, rgba, mattes);
+        finish(rgba, {mattes.seen.data(), has_matte() ? n : 0}, {inverse_depth.data(), n},
+               tile.left, y, at, image);
       }
     });
   }
@@ -270,10 +273,46 @@ class Frame {
                          {share.data(), inverse_depth.size()}, plan_.settings.look_up, sums);
   }
 
-  void finish(std::span<float> rgba, std::span<const float> inverse_depth, int x, int y,
-              std::size_t at, RenderedView& image) const {
+  bool has_matte() const { return request_.instant.cache->has_matte(); }
+
+  /// Of a tile's row, for frames with a matte.
+  struct Mattes {
+    std::array<float, CameraField::kTile> seen, share, alpha;
+  };
+
+  /// `seen` of all cameras; where some were left out for their colours, `sums` become the others'
+  /// mean times the A of all.
+  void find_mattes(const Tile& tile, int y, std::span<const float> inverse_depth,
+                   std::span<const float> samples, std::span<float> sums, Mattes& mattes) {
+    mattes.seen = {};
+    for (const auto& camera : tile.cameras) {
+      const Source& from = source(camera.camera);
+      if (!from.frame) continue;
+      for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
+        mattes.share[i] = CameraField::share(tile, camera, tile.left + static_cast<int>(i), y);
+      }
+      add_seen_at_depth(from.look_up, tile.left, y, inverse_depth,
+                        {mattes.share.data(), inverse_depth.size()},
+                        {mattes.seen.data(), inverse_depth.size()});
+    }
+    if (plan_.settings.left_out == 0) return;
+    mattes.alpha = {};
+    for (std::size_t at = 0; at < samples.size(); at += 4) {
+      mattes.alpha[at % sums.size() / 4] += samples[at + 3];
+    }
+    for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
+      float* sum = &sums[4 * i];
+      const float scale = sum[3] > 0 ? mattes.alpha[i] / sum[3] : 0;
+      for (int c = 0; c < 4; ++c) sum[c] *= scale;
+    }
+  }
+
+  /// `seen`: of frames with a matte.
+  void finish(std::span<float> rgba, std::span<const float> seen,
+              std::span<const float> inverse_depth, int x, int y, std::size_t at,
+              RenderedView& image) const {
     const FrameCache& cache = *request_.instant.cache;
-    finish_samples(rgba, cache.blend_space(), static_cast<float>(cache.full_scale()), rgba);
+    finish_samples(rgba, seen, cache.blend_space(), static_cast<float>(cache.full_scale()), rgba);
     for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
       const float alpha = rgba[4 * i + 3];
       const float absent = absent_share(plan_, request_.instant, x + static_cast<int>(i), y);

@@ -18,8 +18,8 @@ using Eigen::Vector3d;
 
 /// What a camera that counts shows of a pixel's point.
 struct Sample {
-  std::array<double, 3> code{};
-  double share = 0;
+  std::array<double, 3> code{};  // not premultiplied
+  double share = 0, alpha = 1;
 };
 
 /// So many times the one farthest from the mean of those left, as long as there are more than two.
@@ -134,6 +134,7 @@ class Reference {
     const CameraField::Tile& tile =
         plan_.field.tile(x / CameraField::kTile, y / CameraField::kTile);
     std::vector<Sample> samples;
+    double seen = 0, matte = 0;
     for (const CameraField::TileCamera& camera : tile.cameras) {
       const auto i = static_cast<std::size_t>(camera.camera);
       const DepthSample sample =
@@ -141,17 +142,26 @@ class Reference {
                                     *frames_[i], plan_.settings.look_up);
       const double share =
           sample.seen * static_cast<double>(CameraField::share(tile, camera, x, y));
-      if (share > 0) samples.push_back({sample.code, share});
+      seen += share;
+      if (!(share * sample.alpha > 0)) continue;
+      samples.push_back({sample.code, share, sample.alpha});
+      for (double& code : samples.back().code) code /= sample.alpha;
+      matte += share * sample.alpha;
     }
+    if (seen <= 0 || matte <= 0) return;
     leave_out(plan_.settings.left_out, samples);
     std::array<double, 3> sum{};
     double weight = 0;
     for (const Sample& sample : samples) {
-      for (std::size_t c = 0; c < 3; ++c) sum[c] += sample.share * sample.code[c];
-      weight += sample.share;
+      const double share = sample.share * sample.alpha;
+      for (std::size_t c = 0; c < 3; ++c) sum[c] += share * sample.code[c];
+      weight += share;
     }
-    if (weight <= 0) return;
-    const double alpha = std::min(1.0, weight / static_cast<double>(kEnoughShares));
+    // Of opaque frames those that were left out do not count; with a matte all do, as each says
+    // what is there.
+    if (!request_.instant.cache->has_matte()) seen = matte = weight;
+    const double alpha =
+        std::min(1.0, seen / static_cast<double>(kEnoughShares)) * std::min(1.0, matte / seen);
     const FrameCache& cache = *request_.instant.cache;
     for (std::size_t c = 0; c < 3; ++c) {
       const double mean = std::clamp(sum[c] / weight, 0.0, 1.0);

@@ -109,7 +109,7 @@ TEST(BlockPositionsExtremes, AreThoseOf50Digits) {
   DecodedFrame frame;
   frame.width = kWidth;
   frame.height = kHeight;
-  frame.rgbx = std::make_unique<std::uint16_t[]>(4 * (kWidth * (kHeight + 1) + 1));
+  frame.rgba = std::make_unique<std::uint16_t[]>(4 * (kWidth * (kHeight + 1) + 1));
   const MatchingFrame matching(frame, BlendSpace::kPerceptual, {0, kWidth, 0, kHeight});
   testing::for_each_target(sweep_target, [&] {
     const std::string target = sweep_target();

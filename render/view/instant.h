@@ -16,6 +16,7 @@ struct Instant {
   const Take* take = nullptr;  ///< that the frames are of
   const Rig* rig = nullptr;    ///< the take's
   FrameCache* cache = nullptr;
+  FrameCache* opaque = nullptr;  ///< the frames without their matte; null: `cache` has none
   FrameCache::Look look = FrameCache::kByItself;  ///< of the view, whatever parts it is made in
   Nanoseconds time_ns = 0;                        ///< since the take's epoch
   /// Per camera of the rig: its frame, or -1 where it has none at this instant or is left out.
@@ -27,6 +28,9 @@ struct Instant {
   /// Cells of the cameras present, and of all that could be (those not left out): rays are blended
   /// by the first, RenderedView::coverage is counted by the second. Equal when nobody is absent.
   std::shared_ptr<const Topology> present, complete;
+
+  /// To find surfaces in: those are where they are, whatever shows of them.
+  FrameCache& opaque_frames() const { return opaque != nullptr ? *opaque : *cache; }
 
   bool is_present(int camera) const {
     return frame_of_camera[static_cast<std::size_t>(camera)] >= 0;

@@ -78,13 +78,19 @@ bool holds(const DecodedFrame& frame, const McuMask& wanted) {
 }  // namespace
 
 struct FrameCache::State {
-  State(const Take& of_take, std::size_t budget_bytes, double brightest_linear, BlendSpace in_space)
-      : take(of_take), budget(budget_bytes), full_scale(brightest_linear), space(in_space) {}
+  State(const Take& of_take, std::size_t budget_bytes, double brightest_linear, BlendSpace in_space,
+        std::shared_ptr<const FrameMatte> with_matte)
+      : take(of_take),
+        budget(budget_bytes),
+        full_scale(brightest_linear),
+        space(in_space),
+        matte(std::move(with_matte)) {}
 
   const Take& take;
   std::size_t budget;
   double full_scale;
   BlendSpace space;
+  std::shared_ptr<const FrameMatte> matte;
   std::vector<LinearTable> tables;
   tbb::enumerable_thread_specific<JpegDecoder> decoders;
   std::atomic<Look> looks = kByItself;
@@ -160,11 +166,11 @@ struct FrameCache::State {
     const std::scoped_lock lock(mutex);
     if (spare_bytes + frame.bytes > most_spare()) return;
     spare_bytes += frame.bytes;
-    spare.emplace(frame.bytes, std::move(frame.rgbx));
+    spare.emplace(frame.bytes, std::move(frame.rgba));
   }
 
   std::span<std::uint16_t> pixels_of(const DecodedFrame& frame) const {
-    return {frame.rgbx.get(), static_cast<std::size_t>(frame.width) * frame.height * 4};
+    return {frame.rgba.get(), static_cast<std::size_t>(frame.width) * frame.height * 4};
   }
 
   DecodedFrame unset_frame(const JpegLayout& layout) {
@@ -173,17 +179,47 @@ struct FrameCache::State {
     frame.height = layout.height;
     const std::size_t pixels = static_cast<std::size_t>(layout.width) * (layout.height + 1) + 1;
     frame.bytes = pixels * 4 * sizeof(std::uint16_t);
-    frame.rgbx = allocate(frame.bytes);
+    frame.rgba = allocate(frame.bytes);
     const std::size_t used = pixels_of(frame).size();
-    std::fill_n(frame.rgbx.get() + used, pixels * 4 - used, std::uint16_t{0});
+    std::fill_n(frame.rgba.get() + used, pixels * 4 - used, std::uint16_t{0});
     return frame;
   }
 
   std::int64_t decode_into(const DecodedFrame& frame, const Key& key, const JpegLayout& layout,
                            const McuMask& mcus) {
-    return decoders.local().decode_region(take.archive(key.first).jpeg(key.second), layout, mcus,
-                                          tables[static_cast<std::size_t>(key.first)],
-                                          pixels_of(frame), name_of(key));
+    const std::int64_t decoded = decoders.local().decode_region(
+        take.archive(key.first).jpeg(key.second), layout, mcus,
+        tables[static_cast<std::size_t>(key.first)], pixels_of(frame), name_of(key));
+    if (matte) {
+      key_mcus(*matte->key_of(key.first, key.second, {space, full_scale}), frame, layout, mcus);
+    }
+    return decoded;
+  }
+
+  void key_mcus(const FrameKey& key, const DecodedFrame& frame, const JpegLayout& layout,
+                const McuMask& mcus) const {
+    const auto columns = static_cast<std::size_t>(layout.mcus_per_row);
+    for (int y = 0; y < frame.height; ++y) {
+      const auto row =
+          mcus.begin() +
+          static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y / layout.mcu_height) * columns);
+      for (std::size_t begin = 0; begin < columns;) {
+        const auto end =
+            static_cast<std::size_t>(std::find(row + static_cast<std::ptrdiff_t>(begin),
+                                               row + static_cast<std::ptrdiff_t>(columns), 0) -
+                                     row);
+        if (end > begin) {
+          const int left = static_cast<int>(begin) * layout.mcu_width;
+          const int right = std::min(frame.width, static_cast<int>(end) * layout.mcu_width);
+          const auto first = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
+                             static_cast<std::size_t>(left);
+          key.key_row(
+              left, y,
+              pixels_of(frame).subspan(first * 4, static_cast<std::size_t>(right - left) * 4));
+        }
+        begin = end + 1;
+      }
+    }
   }
 
   DecodedFrame decode(const Key& key, const JpegLayout& layout, const McuMask& wanted,
@@ -239,8 +275,10 @@ struct FrameCache::State {
   }
 };
 
-FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space)
-    : state_(std::make_shared<State>(take, budget_bytes, brightest(take), space)) {
+FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
+                       std::shared_ptr<const FrameMatte> matte)
+    : state_(
+          std::make_shared<State>(take, budget_bytes, brightest(take), space, std::move(matte))) {
   for (const Rig::Camera& camera : take.rig().cameras) {
     state_->tables.push_back(table_of(take, camera.photometric, state_->full_scale, space));
   }
@@ -319,6 +357,8 @@ bool FrameCache::holds_whole(int camera, int frame) {
 }
 
 BlendSpace FrameCache::blend_space() const { return state_->space; }
+
+bool FrameCache::has_matte() const { return state_->matte != nullptr; }
 
 double FrameCache::full_scale() const { return state_->full_scale; }
 

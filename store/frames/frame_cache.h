@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "store/frames/blend_space.h"
+#include "store/frames/frame_matte.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
 #include "store/take.h"
@@ -16,10 +17,11 @@ namespace raystage {
 /// A camera's frame, photometrically corrected, whole or in part.
 struct DecodedFrame {
   int width = 0, height = 0;  ///< pixels; rows follow each other without padding
-  /// R, G, B, 65535 per pixel. Full scale 65535 stands for FrameCache::full_scale(). One row and
-  /// one pixel of padding follow, so that a bilinear tap on the last pixel may read its right and
-  /// lower neighbours (with weight 0). Pixels outside decoded MCUs are undefined.
-  std::unique_ptr<std::uint16_t[]> rgbx;
+  /// R, G, B, A per pixel, premultiplied; A = 65535 but where a matte says otherwise. Full scale
+  /// 65535 stands for FrameCache::full_scale(). One row and one pixel of padding follow, so that a
+  /// bilinear tap on the last pixel may read its right and lower neighbours (with weight 0). Pixels
+  /// outside decoded MCUs are undefined.
+  std::unique_ptr<std::uint16_t[]> rgba;
   McuMask decoded;        ///< empty: everything
   std::size_t bytes = 0;  ///< of memory held
 };
@@ -34,7 +36,9 @@ class FrameCache {
   using Look = std::uint64_t;
   static constexpr Look kByItself = 0;  ///< each fetch is a look of its own
 
-  FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space);
+  /// `matte`: what shows of the frames; null: all of them.
+  FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
+             std::shared_ptr<const FrameMatte> matte = nullptr);
   ~FrameCache();
 
   /// Throws Error (bad input) for a damaged frame or one whose size is not the camera's.
@@ -59,6 +63,8 @@ class FrameCache {
   void read_ahead(int camera, int frame);
 
   BlendSpace blend_space() const;
+  /// Whether frames may be transparent.
+  bool has_matte() const;
   /// Linear light that code 65535 stands for: at least 1, more where a camera's photometric
   /// correction raises its white above 1.
   double full_scale() const;

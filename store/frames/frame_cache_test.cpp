@@ -90,9 +90,9 @@ TEST_F(Cache, AFrameInUseOutlivesItsPlace) {
   FrameCache cache(*take_, 1, BlendSpace::kPerceptual);
   std::int64_t pixels = 0;
   const auto first = cache.fetch(0, 0, {}, pixels);
-  const std::uint16_t before = first->rgbx[0];
+  const std::uint16_t before = first->rgba[0];
   for (int frame = 1; frame < kFrames; ++frame) decoded(cache, 0, frame);
-  EXPECT_EQ(first->rgbx[0], before);
+  EXPECT_EQ(first->rgba[0], before);
   EXPECT_LE(cache.bytes_held(), kFrameBytes);  // the last alone
 }
 

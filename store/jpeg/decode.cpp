@@ -48,15 +48,15 @@ RgbImage JpegDecoder::decode(std::span<const std::byte> jpeg, std::string_view n
 
 std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const JpegLayout& layout,
                                         const McuMask& wanted, const LinearTable& table,
-                                        std::span<std::uint16_t> rgbx_linear,
+                                        std::span<std::uint16_t> rgba_linear,
                                         std::string_view name) {
   assert(wanted.size() == static_cast<std::size_t>(layout.mcu_count()));
-  assert(rgbx_linear.size() ==
+  assert(rgba_linear.size() ==
          4 * static_cast<std::size_t>(layout.width) * static_cast<std::size_t>(layout.height));
   const auto mcu_pixels = std::int64_t{layout.mcu_width} * layout.mcu_height;
   if (layout.baseline_ycc) {
     const std::int64_t mcus = state_->scan.decode(jpeg, layout, wanted, name);
-    convert_to_linear(state_->scan, layout, wanted, table, rgbx_linear);
+    convert_to_linear(state_->scan, layout, wanted, table, rgba_linear);
     return mcus * mcu_pixels;
   }
   const RgbImage image = decode(jpeg, name);
@@ -66,8 +66,8 @@ std::int64_t JpegDecoder::decode_region(std::span<const std::byte> jpeg, const J
     const int mcu = y / layout.mcu_height * layout.mcus_per_row + x / layout.mcu_width;
     if (wanted[static_cast<std::size_t>(mcu)] == 0) continue;
     for (std::size_t c = 0; c < 3; ++c)
-      rgbx_linear[4 * pixel + c] = table.code[c][image.pixels[3 * pixel + c]];
-    rgbx_linear[4 * pixel + 3] = 65535;
+      rgba_linear[4 * pixel + c] = table.code[c][image.pixels[3 * pixel + c]];
+    rgba_linear[4 * pixel + 3] = 65535;
   }
   return layout.mcu_count() * mcu_pixels;
 }

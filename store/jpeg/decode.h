@@ -33,7 +33,7 @@ class JpegDecoder {
   /// Grey frames give R = G = B. Throws Error (bad input) for a damaged or truncated frame.
   RgbImage decode(std::span<const std::byte> jpeg, std::string_view name);
 
-  /// Decodes what `wanted` asks for into `rgbx_linear` (width * height * 4 uint16: R, G, B through
+  /// Decodes what `wanted` asks for into `rgba_linear` (width * height * 4 uint16: R, G, B through
   /// `table`, then 65535) and leaves other pixels untouched. Codes before the table are equal to
   /// decode()'s in every wanted MCU whose neighbouring MCUs (8 around) are wanted too or lie
   /// outside the image, and in the pixels of every wanted MCU at least 2 away from an MCU not
@@ -43,7 +43,7 @@ class JpegDecoder {
   /// where what it decodes is damaged; damage elsewhere goes unnoticed.
   std::int64_t decode_region(std::span<const std::byte> jpeg, const JpegLayout& layout,
                              const McuMask& wanted, const LinearTable& table,
-                             std::span<std::uint16_t> rgbx_linear, std::string_view name);
+                             std::span<std::uint16_t> rgba_linear, std::string_view name);
 
  private:
   struct State;

@@ -51,17 +51,17 @@ bool promised(const JpegLayout& layout, const McuMask& wanted, int x, int y) {
 struct Decoded {
   JpegLayout layout;
   std::int64_t pixels = 0;
-  std::vector<std::uint16_t> rgbx;
+  std::vector<std::uint16_t> rgba;
 };
 
 Decoded decode_region(JpegDecoder& decoder, const Bytes& jpeg, const McuMask& wanted) {
   Decoded decoded;
   decoded.layout = parse_jpeg_layout(jpeg, "x");
-  decoded.rgbx.assign(4 * static_cast<std::size_t>(decoded.layout.width) *
+  decoded.rgba.assign(4 * static_cast<std::size_t>(decoded.layout.width) *
                           static_cast<std::size_t>(decoded.layout.height),
                       kUntouched);
   decoded.pixels =
-      decoder.decode_region(jpeg, decoded.layout, wanted, injective_table(), decoded.rgbx, "x");
+      decoder.decode_region(jpeg, decoded.layout, wanted, injective_table(), decoded.rgba, "x");
   return decoded;
 }
 
@@ -75,7 +75,7 @@ void expect_region(JpegDecoder& decoder, const Bytes& jpeg, const McuMask& wante
     for (int x = 0; x < layout.width; ++x) {
       const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(layout.width) +
                          static_cast<std::size_t>(x);
-      const auto* got = &decoded.rgbx[4 * pixel];
+      const auto* got = &decoded.rgba[4 * pixel];
       if (!all_wanted(layout, wanted, x / layout.mcu_width, y / layout.mcu_height)) {
         ASSERT_TRUE(std::all_of(got, got + 4, [](auto v) { return v == kUntouched; }));
         continue;

@@ -154,7 +154,7 @@ class RowConverter {
 
 void convert_to_linear(const ScanDecoder& scan, const JpegLayout& layout,
                        std::span<const std::uint8_t> wanted, const LinearTable& table,
-                       std::span<std::uint16_t> rgbx_linear) {
+                       std::span<std::uint16_t> rgba_linear) {
   RowConverter rows(scan, layout, table);
   const int longest = static_cast<int>(kChunk) / layout.mcu_width;
   const auto width = static_cast<std::size_t>(layout.width);
@@ -174,7 +174,7 @@ void convert_to_linear(const ScanDecoder& scan, const JpegLayout& layout,
       const int right = std::min(end * layout.mcu_width, layout.width);
       for (int y = top; y < bottom; ++y)
         rows.convert(y, left, right,
-                     &rgbx_linear[4 * (static_cast<std::size_t>(y) * width +
+                     &rgba_linear[4 * (static_cast<std::size_t>(y) * width +
                                        static_cast<std::size_t>(left))]);
       first = end;
     }

@@ -12,9 +12,9 @@ namespace raystage {
 
 /// Upsamples chroma, converts YCbCr to RGB and looks RGB up, for the wanted MCUs of decoded planes:
 /// bit for bit what libjpeg-turbo's full decode does with smooth upsampling.
-/// `rgbx_linear`: 4 values a pixel of the whole picture; pixels of other MCUs are left alone.
+/// `rgba_linear`: 4 values a pixel of the whole picture; pixels of other MCUs are left alone.
 void convert_to_linear(const ScanDecoder& scan, const JpegLayout& layout,
                        std::span<const std::uint8_t> wanted, const LinearTable& table,
-                       std::span<std::uint16_t> rgbx_linear);
+                       std::span<std::uint16_t> rgba_linear);
 
 }  // namespace raystage

@@ -167,11 +167,11 @@ void BM_Convert(benchmark::State& state) {
   const McuMask wanted = middle(layout, static_cast<int>(state.range(0)));
   ScanDecoder scan;
   scan.decode(frame, layout, wanted, "bench");
-  std::vector<std::uint16_t> rgbx(4 * static_cast<std::size_t>(layout.width * layout.height));
+  std::vector<std::uint16_t> rgba(4 * static_cast<std::size_t>(layout.width * layout.height));
   const LinearTable linear = table();
   double pixels = 0;
   for (auto _ : state) {
-    convert_to_linear(scan, layout, wanted, linear, rgbx);
+    convert_to_linear(scan, layout, wanted, linear, rgba);
     pixels += static_cast<double>(std::count(wanted.begin(), wanted.end(), 1)) * layout.mcu_width *
               layout.mcu_height;
   }
@@ -184,16 +184,16 @@ void BM_Region(benchmark::State& state) {
   const auto frames = state.range(1) != 0 ? marked_frames(-1) : plain_frames();
   JpegDecoder decoder;
   const LinearTable linear = table();
-  std::vector<std::uint16_t> rgbx;
+  std::vector<std::uint16_t> rgba;
   double decoded = 0, needed = 0;
   std::size_t next = 0;
   for (auto _ : state) {
     const Bytes& frame = frames[next++ % frames.size()];
     const JpegLayout layout = parse_jpeg_layout(frame, "bench");
     const McuMask wanted = middle(layout, static_cast<int>(state.range(0)));
-    rgbx.resize(4 * static_cast<std::size_t>(layout.width * layout.height));
+    rgba.resize(4 * static_cast<std::size_t>(layout.width * layout.height));
     decoded +=
-        static_cast<double>(decoder.decode_region(frame, layout, wanted, linear, rgbx, "bench"));
+        static_cast<double>(decoder.decode_region(frame, layout, wanted, linear, rgba, "bench"));
     needed += static_cast<double>(std::count(wanted.begin(), wanted.end(), 1)) * layout.mcu_width *
               layout.mcu_height;
   }

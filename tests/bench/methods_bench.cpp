@@ -251,9 +251,9 @@ void BM_SampleRate(benchmark::State& state) {
   const Rig::Camera camera{"probe", CameraModel(geometry), pose, {}, {}, {}};
   DecodedFrame frame;
   frame.width = frame.height = kSide;
-  frame.rgbx = std::make_unique<std::uint16_t[]>(4 * (kSide * (kSide + 1) + 1));
+  frame.rgba = std::make_unique<std::uint16_t[]>(4 * (kSide * (kSide + 1) + 1));
   DepthSource source = depth_source(view, camera);
-  source.camera.rgbx = frame.rgbx.get();
+  source.camera.rgba = frame.rgba.get();
   const std::vector<float> inverse_depth(kSide, 0.2F), weight(kSide, 1.0F);
   double least_ms = std::numeric_limits<double>::infinity();
   for (auto _ : state) {

@@ -34,9 +34,9 @@ void decode_region(std::span<const std::byte> jpeg, const JpegLayout& layout) {
   for (std::size_t i = 0; i < wanted.size(); ++i)
     wanted[i] = std::to_integer<std::uint8_t>(jpeg[i % jpeg.size()]) & 2;
   const LinearTable table{};
-  std::vector<std::uint16_t> rgbx(4 * static_cast<std::size_t>(layout.width) *
+  std::vector<std::uint16_t> rgba(4 * static_cast<std::size_t>(layout.width) *
                                   static_cast<std::size_t>(layout.height));
-  JpegDecoder().decode_region(jpeg, layout, wanted, table, rgbx, "fuzz");
+  JpegDecoder().decode_region(jpeg, layout, wanted, table, rgba, "fuzz");
 }
 
 }  // namespace

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+// Inside schemas/ only: a layer's matte as it stands in shot.json.
+#pragma once
+
+#include "schemas/document.h"
+#include "schemas/matte_settings.h"
+
+namespace raystage {
+
+MatteSettings matte_settings_from(const Located& object);
+nlohmann::ordered_json json_from(const MatteSettings& matte);
+
+}  // namespace raystage

@@ -26,8 +26,9 @@ struct Options {
   std::string shot, output, frames;
   int threads = 0, frames_in_flight = 0;
   double memory_gb = 0;
-  bool chromaticities = false, coverage = false;
+  bool chromaticities = false, coverage = false, deep = false;
   std::string layout;
+  std::filesystem::path color_config;
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
   std::optional<HoleFill> fill;
@@ -93,12 +94,20 @@ void declare(CLI::App& app, Options& options) {
          "(default: what the shot\nsays, else standard)")
       ->check(CLI::IsMember({"standard", "single", "nuke"}))
       ->type_name("LAYOUT");
+  app.add_option("--ocio", options.color_config,
+                 "OpenColorIO config for the colours of the files (default: what the shot says, "
+                 "else the\nbuilt-in one; $OCIO is not looked at)")
+      ->type_name("CONFIG");
   app.add_flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");
   app.add_flag(
       "--coverage", options.coverage,
       "write channels lf.cameras (how many cameras are behind a pixel) and lf.nearest (how near\n"
       "the nearest of them passes to its ray, metres)");
+  app.add_flag(
+      "--deep", options.deep,
+      "beside each file NAME.####.exr write NAME.deep.####.exr: the samples it is made of, "
+      "by depth,\none of each layer at most");
   add_choice<ProgressStyle>(
       app, "--progress", options.progress,
       {{"auto", ProgressStyle::kAuto},
@@ -148,8 +157,10 @@ ExitCode render(const Options& options, std::stop_token stop) {
   sequence.frames_in_flight = options.frames_in_flight;
   sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   sequence.layout = options.layout;
+  sequence.color_config = options.color_config;
   sequence.chromaticities = options.chromaticities;
   sequence.coverage_measures = options.coverage;
+  sequence.deep = options.deep;
   sequence.program_version = RAYSTAGE_VERSION;
   sequence.progress = [&](double done) { progress.report(done); };
   sequence.say = [&](std::string_view line) { progress.say(line); };

@@ -54,6 +54,7 @@ FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory, bool 
     settings.working_bytes = memory.of_layer[i].working;
     settings.measure_coverage = coverage_measures;
     settings.ticks = light_field->timeline().ticks;
+    settings.matte = light_field->matte();
     renderers_.back() = std::make_unique<const LightFieldRenderer>(light_field->take(), settings);
   }
 }
@@ -123,7 +124,7 @@ LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& f
 }
 
 LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camera,
-                               const std::stop_token& stop) const {
+                               const std::stop_token& stop, DeepImage* deep) const {
   std::vector<LayerImage> front_first;
   std::vector<bool> is_holdout;
   RenderStatistics statistics;
@@ -145,22 +146,38 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camer
     is_holdout.push_back(document.holdout);
     if (stated && hides_all(front_first.back())) break;
   }
-  LayerImage result;
   if (front_first.empty()) {
-    result = empty_image(camera.view.width, camera.view.height);
-  } else if (front_first.size() == 1 && !is_holdout[0]) {
+    front_first.push_back(empty_image(camera.view.width, camera.view.height));
+    is_holdout.push_back(false);
+  }
+  std::vector<MergedLayer> rear_first;
+  for (std::size_t i = front_first.size(); i-- > 0;) {
+    rear_first.push_back({&front_first[i], is_holdout[i]});
+  }
+  if (deep != nullptr) *deep = deep_samples(rear_first);
+  LayerImage result;
+  if (front_first.size() == 1 && !is_holdout[0]) {
     result = std::move(front_first[0]);
   } else {
-    std::vector<MergedLayer> rear_first;
-    for (std::size_t i = front_first.size(); i-- > 0;) {
-      rear_first.push_back({&front_first[i], is_holdout[i]});
-    }
     tbb::this_task_arena::isolate(
         [&] { result = merge(rear_first, stated ? MergeOrder::kStated : MergeOrder::kDepth); });
   }
   result.statistics = statistics;
+  turn_into_file_colors(result, deep);
   complete(result);
   return result;
+}
+
+void FramePainter::turn_into_file_colors(LayerImage& image, DeepImage* deep) const {
+  const ColorTransform* transform = plan_.to_file_colors();
+  if (transform == nullptr) return;
+  transform->apply(image.rgba);
+  for (Aov& aov : image.aovs) {
+    if (aov.is_colour && aov.channels.size() == 3) transform->apply_to_opaque(aov.values);
+  }
+  for (std::size_t i = 0; deep != nullptr && i < deep->samples.size(); ++i) {
+    transform->apply(deep->samples[i].rgba);
+  }
 }
 
 void FramePainter::complete(LayerImage& image) const {

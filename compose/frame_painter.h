@@ -5,6 +5,7 @@
 #include <stop_token>
 #include <vector>
 
+#include "compose/layers/deep_samples.h"
 #include "compose/layers/layer_image.h"
 #include "compose/memory_plan.h"
 #include "compose/shot_plan.h"
@@ -22,8 +23,9 @@ class FramePainter {
   /// request the measures. Layers are rendered from the front; where the shot states their order,
   /// and those in front hide all, the others are left alone. What remains once `stop` is requested
   /// is not painted.
-  LayerImage paint(const PlannedFrame& frame, const ExrCamera& camera,
-                   const std::stop_token& stop) const;
+  /// `deep`: not null, becomes the samples that the view is made of.
+  LayerImage paint(const PlannedFrame& frame, const ExrCamera& camera, const std::stop_token& stop,
+                   DeepImage* deep = nullptr) const;
 
   /// Asks the disk for what a frame will need.
   void read_ahead(const PlannedFrame& frame) const;
@@ -44,6 +46,8 @@ class FramePainter {
                             const Geometry& geometry) const;
   /// Cryptomatte's, of the layer's objects; none where nobody asks.
   std::vector<float> ids_of(std::size_t layer) const;
+  /// Of the picture, its colour AOVs and samples.
+  void turn_into_file_colors(LayerImage& image, DeepImage* deep) const;
   /// Adds what other frames have and this one does not.
   void complete(LayerImage& image) const;
 

@@ -111,6 +111,14 @@ TEST(SequenceName, FindsTheFrameOfAFile) {
   }));
 }
 
+TEST(SequenceName, HasOthersBesideIt) {
+  EXPECT_EQ(SequenceName("x/a.####.exr").with("deep").path(7), "x/a.deep.0007.exr");
+  EXPECT_EQ(SequenceName("x/a.%03d.exr").with("deep").path(7), "x/a.deep.007.exr");
+  EXPECT_EQ(SequenceName("x/a_@@.exr").with("deep").path(7), "x/a_deep.07.exr");
+  EXPECT_EQ(SequenceName("x.y/a.exr").with("deep").path(7), "x.y/a.deep.exr");
+  EXPECT_EQ(SequenceName("x/a.####.exr").with("deep").frame_of("a.0007.exr"), std::nullopt);
+}
+
 TEST(SequenceName, RefusesTwoPlacesAndUnknownTokens) {
   EXPECT_THROW(SequenceName("a.####.@@.exr"), Error);
   EXPECT_THROW(SequenceName("a.%V.####.exr"), Error);

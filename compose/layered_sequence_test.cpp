@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shots of several layers.
+#include <OpenEXR/ImfDeepFrameBuffer.h>
+#include <OpenEXR/ImfDeepScanLineInputPart.h>
+#include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfStringAttribute.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -55,6 +59,68 @@ TEST_F(LayeredSequence, TwoTakesShareAPictureWithoutASeam) {
   run();
   EXPECT_NEAR(at(20, 15)[0], 0.5F * (grey(0) + grey(2)), 0.01F);
   for (int x = 0; x < 40; ++x) EXPECT_NEAR(at(x, 15)[1], 1, 1e-3F) << x;
+}
+
+TEST_F(LayeredSequence, FilesMayBeInOtherPrimaries) {
+  shot_.layers = {solid(0, 1)};
+  shot_.layers[0].solid->color = {1, 0, 0};
+  shot_.output.color.space = "lin_ap1_scene";
+  run();
+  const ExrImage acescg = read_exr(file(101));
+  EXPECT_NEAR(acescg.rgba[0], 0.6131F, 5e-4F);
+  EXPECT_NEAR(acescg.rgba[1], 0.0702F, 1e-4F);
+  EXPECT_NEAR(acescg.rgba[2], 0.0206F, 1e-4F);
+  const auto text = [&](const char* name) {
+    const Imf::MultiPartInputFile input(file(101).c_str());
+    const auto* found = input.header(0).findTypedAttribute<Imf::StringAttribute>(name);
+    return found == nullptr ? std::string() : found->value();
+  };
+  EXPECT_EQ(text("colorInteropID"), "lin_ap1_scene");
+  EXPECT_EQ(text("lf:colorSpace"), "lin_ap1_scene");
+  EXPECT_THAT(text("lf:colorConfig"), HasSubstr("raystage-1 built in"));
+
+  // Other colours are another picture.
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().skipped, 1);
+  shot_.output.color.space = "lin_rec709_scene";
+  EXPECT_EQ(run().rendered, 1);
+  EXPECT_EQ(text("colorInteropID"), "lin_rec709_scene");
+  EXPECT_EQ(text("lf:colorConfig"), "");
+
+  shot_.output.color.space = "srgb_texture";
+  EXPECT_THAT(refusal(), HasSubstr("not linear light"));
+  shot_.output.color.space = "ARRI LogC";
+  EXPECT_THAT(refusal(), HasSubstr("Use one of lin_ap0_scene, lin_ap1_scene"));
+  shot_.output.color.config = "nowhere.ocio";
+  EXPECT_THAT(refusal(), HasSubstr("nowhere.ocio"));
+}
+
+TEST_F(LayeredSequence, DeepFilesHoldWhatThePictureIsMadeOf) {
+  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.layers.push_back(solid(0.5, 0.5, 1));
+  options_.deep = true;
+  run();
+  const auto deep_file = SequenceName(options_.output).with("deep").path(101);
+  EXPECT_TRUE(std::filesystem::exists(deep_file));
+  Imf::MultiPartInputFile input(deep_file.c_str());
+  Imf::DeepScanLineInputPart part(input, 0);
+  std::vector<unsigned int> counts(40 * 30);
+  Imf::DeepFrameBuffer buffer;
+  buffer.insertSampleCountSlice(Imf::Slice(Imf::UINT, reinterpret_cast<char*>(counts.data()),
+                                           sizeof(unsigned int), sizeof(unsigned int) * 40));
+  part.setFrameBuffer(buffer);
+  part.readPixelSampleCounts(0, 29);
+  for (const unsigned int count : counts) EXPECT_EQ(count, 2U);  // the wall, and glass before it
+
+  // What is there is kept only with the deep file.
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().skipped, 1);
+  std::filesystem::remove(deep_file);
+  EXPECT_EQ(run().rendered, 1);
+  EXPECT_TRUE(std::filesystem::exists(deep_file));
+
+  shot_.merge = ShotDocument::Merge::kStated;
+  EXPECT_THAT(refusal(), HasSubstr("deep files put layers together by depth"));
 }
 
 TEST_F(LayeredSequence, ASolidLiesWhereItIsStatedOrWhereItIsDeep) {

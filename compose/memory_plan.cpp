@@ -33,6 +33,10 @@ constexpr std::size_t kGeometryBytesPerPixel = 36, kGeometryBytesPerPixelMerged 
 /// Six ids and shares: of a layer, and of the picture with its channels and their EXR samples.
 constexpr std::size_t kIdBytesPerPixel = 48, kIdBytesPerPixelMerged = 144;
 
+/// Where a pixel's samples stand, for us and for OpenEXR; a sample, its halves and its place in the
+/// file.
+constexpr std::size_t kDeepBytesPerPixel = 48, kDeepBytesPerSample = 44;
+
 std::size_t pixels_of(const ShotDocument& shot) {
   return static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height);
 }
@@ -75,11 +79,14 @@ std::size_t geometry_bytes_per_pixel(const ShotPlan& plan) {
 
 /// What a frame takes beside what is shared: its views, both eyes of which make one file.
 std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
-                        bool coverage_measures) {
-  const std::size_t beside = kBytesPerPixelBesideView +
-                             (coverage_measures ? kMeasuresBytesPerPixelBesideView : 0) +
-                             (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) +
-                             geometry_bytes_per_pixel(plan);
+                        const MemoryRequest& request) {
+  const bool coverage_measures = request.coverage_measures;
+  const std::size_t beside =
+      kBytesPerPixelBesideView +
+      (request.deep ? kDeepBytesPerPixel + plan.layers() * kDeepBytesPerSample : 0) +
+      (coverage_measures ? kMeasuresBytesPerPixelBesideView : 0) +
+      (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) +
+      geometry_bytes_per_pixel(plan);
   return plan.eyes().size() *
          (pixels_of(plan.shot()) * beside + most_view_bytes(plan, frames, coverage_measures));
 }
@@ -91,6 +98,16 @@ std::size_t instant_bytes(const LightFieldLayer& light_field) {
   for (const Rig::Camera& camera : light_field.take().rig().cameras) {
     bytes += static_cast<std::size_t>(camera.model.width()) *
              static_cast<std::size_t>(camera.model.height()) * kBytesPerPixel;
+  }
+  return bytes;
+}
+
+/// What is kept of the sets behind actors.
+std::size_t matte_bytes(const ShotPlan& plan) {
+  std::size_t bytes = 0;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    const LightFieldLayer* light_field = plan.light_field(i);
+    if (light_field != nullptr && light_field->matte()) bytes += light_field->matte()->bytes();
   }
   return bytes;
 }
@@ -145,16 +162,17 @@ std::string size_text(double bytes) {
 
 MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                        const MemoryRequest& request) {
-  const std::size_t per_frame = frame_bytes(plan, frames, request.coverage_measures);
+  const std::size_t per_frame = frame_bytes(plan, frames, request);
   const std::size_t granted = request.bytes > 0 ? request.bytes : available_memory() / 2;
-  const std::size_t geometry = plan.geometry_bytes(), least = geometry + per_frame + kMinCache;
+  const std::size_t held = plan.geometry_bytes() + matte_bytes(plan);
+  const std::size_t least = held + per_frame + kMinCache;
   if (granted < least) {
     throw Error::bad_input(
         fmt::format("one frame needs {} of memory and {} are granted",
                     size_text(static_cast<double>(least)), size_text(static_cast<double>(granted))),
         "", "Raise --memory");
   }
-  const std::size_t budget = granted - geometry;
+  const std::size_t budget = granted - held;
   const auto fits = [&](std::size_t in_flight) {
     return in_flight * per_frame + std::max(kMinCache, decoded_at_once(plan, frames, in_flight)) <=
            budget;

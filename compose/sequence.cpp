@@ -6,29 +6,24 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cerrno>
 #include <chrono>
-#include <fstream>
-#include <limits>
 #include <mutex>
 #include <new>
 #include <set>
 
+#include "compose/exr/deep_file.h"
 #include "compose/exr/file.h"
 #include "compose/frame_painter.h"
 #include "compose/frame_range.h"
 #include "compose/memory_plan.h"
+#include "compose/sequence_checks.h"
 #include "compose/sequence_name.h"
-#include "render/methods.h"
-#include "schemas/atomic_file.h"
 #include "schemas/parallel.h"
 #include "schemas/resources.h"
 #include "schemas/rig_document.h"
 
 namespace raystage {
 namespace {
-
-constexpr std::size_t kRawExrBytesPerPixel = 16;
 
 std::vector<int> frames_to_render(const ShotDocument& shot, const SequenceOptions& options) {
   std::vector<int> frames;
@@ -53,75 +48,8 @@ std::vector<int> frames_to_render(const ShotDocument& shot, const SequenceOption
   return frames;
 }
 
-void check_folder(const std::filesystem::path& folder) {
-  create_folder(folder);
-  // Asking the permissions is not enough: a disk may be mounted read-only or be full.
-  const TemporaryFile probe(folder / "probe");
-  errno = 0;
-  std::ofstream file(probe.path());
-  file << "probe" << std::flush;
-  if (!file) {
-    throw Error::from_errno("the output folder cannot be written to", folder.string(),
-                            "Check its permissions and the room on the disk");
-  }
-}
-
-void check_room(const std::filesystem::path& folder, const ShotDocument& shot, std::size_t frames,
-                const SequenceOptions& options) {
-  std::error_code error;
-  const std::filesystem::space_info space = std::filesystem::space(folder, error);
-  if (error || space.available == std::numeric_limits<std::uintmax_t>::max()) return;
-  const int views = shot.camera.stereo ? 2 : 1;
-  const double raw = static_cast<double>(shot.width) * shot.height * kRawExrBytesPerPixel * views *
-                     static_cast<double>(frames);
-  // Lossless compression rarely gains more than a factor of four on pictures.
-  const double least = shot.output.compression == "none" ? raw : raw / 4;
-  const double available = static_cast<double>(space.available);
-  const std::string text =
-      fmt::format("the disk has room for {} and the {} frames need {} to {}", size_text(available),
-                  frames, size_text(least), size_text(raw));
-  if (available < least)
-    throw Error::failed(text, folder.string(), "Make room or render elsewhere");
-  if (available < raw) options.say("warning: " + text);
-}
-
-void check_existing(const SequenceName& name, std::span<const int> frames) {
-  std::vector<int> there;
-  std::error_code ignored;
-  std::copy_if(frames.begin(), frames.end(), std::back_inserter(there),
-               [&](int frame) { return std::filesystem::exists(name.path(frame), ignored); });
-  if (there.empty()) return;
-  throw Error::bad_input(fmt::format("{} of {} frames are there already ({})", there.size(),
-                                     frames.size(), format_frame_range(there)),
-                         name.pattern(),
-                         "Use --existing skip to keep those that are whole and up to date, or "
-                         "--existing overwrite");
-}
-
-SequenceName checked_name(const SequenceOptions& options, std::size_t frames) {
-  SequenceName name(options.output);
-  if (frames > 1 && !name.has_frame_token()) {
-    throw Error::bad_input(fmt::format("{} frames would all get the same name", frames),
-                           options.output, "Write NAME.####.exr");
-  }
-  if (std::filesystem::path(options.output).extension() != ".exr") {
-    throw Error::bad_input("only EXR files are written", options.output, "Write NAME.####.exr");
-  }
-  return name;
-}
-
 const char* view_name(Eye eye) {
   return eye == Eye::kLeft ? "left" : eye == Eye::kRight ? "right" : "";
-}
-
-void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file) {
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) == nullptr) continue;
-    const Method& method = method_named(plan.light_field(i)->reconstruction().method);
-    if (method.measures_coverage) continue;
-    throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
-                           shot_file.string(), "Leave --coverage out, or choose another method");
-  }
 }
 
 /// Of the light fields, "depth" or "depth and focal_plane".
@@ -166,6 +94,7 @@ class SequenceRun {
               const FramePainter& painter, const SequenceOptions& options, std::stop_token stop)
       : plan_(plan),
         name_(name),
+        deep_name_(name.with("deep")),
         frames_(frames),
         painter_(painter),
         options_(options),
@@ -228,7 +157,9 @@ class SequenceRun {
     const std::filesystem::path file = name_.path(frame.frame);
     const std::string fingerprint =
         plan_.fingerprint(frame, options_.chromaticities, options_.coverage_measures);
-    if (options_.existing == ExistingFiles::kSkip && exr_is_whole(file, fingerprint)) {
+    const std::filesystem::path deep_file = deep_name_.path(frame.frame);
+    if (options_.existing == ExistingFiles::kSkip && exr_is_whole(file, fingerprint) &&
+        (!options_.deep || exr_is_whole(deep_file, fingerprint))) {
       const std::scoped_lock lock(mutex_);
       ++report_.skipped;
       return;
@@ -240,11 +171,13 @@ class SequenceRun {
 
     const std::vector<Eye> eyes = plan_.eyes();
     std::vector<LayerImage> pictures;
+    std::vector<DeepImage> deep(options_.deep ? eyes.size() : 0);
     std::vector<ExrView> views;
     std::vector<ExrCamera> cameras;
     for (const Eye eye : eyes) {
       cameras.push_back(plan_.exr_camera(frame.frame, eye));
-      pictures.push_back(painter_.paint(frame, cameras.back(), stop_));
+      pictures.push_back(painter_.paint(frame, cameras.back(), stop_,
+                                        options_.deep ? &deep[pictures.size()] : nullptr));
       if (stop_.stop_requested()) return;
     }
     // Of the finished list: views refer to its pictures.
@@ -255,7 +188,10 @@ class SequenceRun {
     advance(kPartsOfRender);
     parts_left -= kPartsOfRender;
 
-    const std::size_t bytes = write_exr(views, cameras, metadata, file);
+    std::size_t bytes = 0;
+    if (options_.deep)
+      bytes += write_deep_exr(deep_views(deep, eyes), cameras, metadata, deep_file);
+    bytes += write_exr(views, cameras, metadata, file);
     const std::scoped_lock lock(mutex_);
     for (const std::string& note : metadata.notes) {
       if (notes_.insert(note).second) options_.say(note);
@@ -269,6 +205,19 @@ class SequenceRun {
       report_.decode_ms += picture.statistics.decode_ms;
       report_.render_ms += picture.statistics.render_ms;
     }
+  }
+
+  static std::vector<ExrDeepView> deep_views(const std::vector<DeepImage>& deep,
+                                             const std::vector<Eye>& eyes) {
+    std::vector<ExrDeepView> views;
+    static_assert(sizeof(DeepImage::Sample) == 5 * sizeof(float));
+    for (std::size_t i = 0; i < deep.size(); ++i) {
+      const auto& samples = deep[i].samples;
+      views.push_back({view_name(eyes[i]),
+                       deep[i].begin,
+                       {samples.empty() ? nullptr : samples.data()->rgba, 5 * samples.size()}});
+    }
+    return views;
   }
 
   static void add_new(const std::vector<std::string>& from, std::vector<std::string>& to) {
@@ -285,6 +234,7 @@ class SequenceRun {
 
   const ShotPlan& plan_;
   const SequenceName& name_;
+  const SequenceName deep_name_;
   std::span<const PlannedFrame> frames_;
   const FramePainter& painter_;
   const SequenceOptions& options_;
@@ -338,18 +288,24 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
 
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop) {
-  const ShotPlan plan(shot_file, {options.fill, options.target, options.layout, options.frames});
+  const ShotPlan plan(shot_file, {options.fill, options.target, options.layout,
+                                  options.color_config, options.frames});
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
   if (options.coverage_measures) check_measures(plan, shot_file);
   const MemoryPlan memory = plan_memory(
-      plan, frames, {options.memory_bytes, options.frames_in_flight, options.coverage_measures});
+      plan, frames,
+      {options.memory_bytes, options.frames_in_flight, options.coverage_measures, options.deep});
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
   const SequenceName name = checked_name(resolved, frames.size());
-  if (options.existing == ExistingFiles::kError) check_existing(name, numbers);
+  if (options.deep) check_deep(shot, shot_file);
+  if (options.existing == ExistingFiles::kError) {
+    check_existing(name, numbers);
+    if (options.deep) check_existing(name.with("deep"), numbers);
+  }
   const FramePainter painter(plan, memory, options.coverage_measures);
   check_folder(name.folder());
   check_room(name.folder(), shot, frames.size(), options);

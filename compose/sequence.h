@@ -28,14 +28,17 @@ struct SequenceOptions {
   std::optional<std::vector<int>> frames;  ///< sorted; none: all of the shot
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
-  std::optional<HoleFill> fill;    ///< in place of what the shot says
-  OptionValues target;             ///< as ShotPlan
-  int frames_in_flight = 0;        ///< 0: one per thread of the TBB arena, at most 16
-  std::size_t memory_bytes = 0;    ///< for frames, cache, what methods keep and work in; 0: half of
-                                   ///< available_memory(), at most 4 GiB of cache
-  std::string layout;              ///< not empty: in place of the shot's
-  bool chromaticities = false;     ///< as in ExrMetadata
-  bool coverage_measures = false;  ///< channels lf.cameras and lf.nearest
+  std::optional<HoleFill> fill;  ///< in place of what the shot says
+  OptionValues target;           ///< as ShotPlan
+  int frames_in_flight = 0;      ///< 0: one per thread of the TBB arena, at most 16
+  std::size_t memory_bytes = 0;  ///< for frames, cache, what methods keep and work in; 0: half of
+                                 ///< available_memory(), at most 4 GiB of cache
+  std::string layout;            ///< not empty: in place of the shot's
+  std::filesystem::path color_config;  ///< not empty: in place of the shot's
+  bool chromaticities = false;         ///< as in ExrMetadata
+  bool coverage_measures = false;      ///< channels lf.cameras and lf.nearest
+  /// Beside each file one of the samples that it is made of: SequenceName::with("deep").
+  bool deep = false;
   std::string program_version;
   /// Rising from 0 to 1; called from many threads.
   std::function<void(double)> progress = [](double) {};

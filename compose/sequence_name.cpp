@@ -89,6 +89,16 @@ std::filesystem::path SequenceName::path(int frame) const {
   return has_token_ ? before_ + number(frame) + after_ : pattern_;
 }
 
+SequenceName SequenceName::with(std::string_view word) const {
+  const std::string name = std::string(word) + ".";
+  if (has_token_) {
+    return SequenceName(before_ + name + pattern_.substr(before_.size()));
+  }
+  const std::string extension = std::filesystem::path(pattern_).extension();
+  const std::size_t end = pattern_.size() - extension.size();
+  return SequenceName(pattern_.substr(0, end) + "." + std::string(word) + extension);
+}
+
 std::optional<int> SequenceName::frame_of(std::string_view file_name) const {
   if (!has_token_) return std::nullopt;
   const std::string_view before =

@@ -23,6 +23,9 @@ class SequenceName {
   int padding() const { return padding_; }
   const std::string& pattern() const { return pattern_; }
   std::filesystem::path folder() const;
+  /// Of another sequence beside this one: `word` and a dot before the number, or before the file's
+  /// extension where there is none ("a.####.exr", "deep": "a.deep.####.exr").
+  SequenceName with(std::string_view word) const;
   /// Path of a frame; the same for every frame without a token.
   std::filesystem::path path(int frame) const;
   /// The frame that a file name (without folder) stands for, nullopt where it is not of this

@@ -104,6 +104,7 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
   check_exr_compression(shot_.output.compression);
   if (!shot_.output.data_compression.empty()) check_exr_compression(shot_.output.data_compression);
   exr_layout_named(shot_.output.layout);
+  find_colors(options.color_config);
   for (const ShotDocument::Layer& layer : shot_.layers) {
     clips_.emplace_back();
     for (const ShotDocument::Clip& clip : layer.clips) clips_.back().push_back(clip_from(clip));
@@ -121,6 +122,27 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
     }
   }
   name_objects();
+}
+
+void ShotPlan::find_colors(const std::filesystem::path& config_file) {
+  const ShotDocument::Color& color = shot_.output.color;
+  const bool has_config = !config_file.empty() || !color.config.empty();
+  if (!has_config && color.space == kSceneSpace) return;  // nothing to load
+  const ColorConfig config =
+      has_config ? ColorConfig::from_file(
+                       config_file.empty() ? shot_file_.parent_path() / color.config : config_file,
+                       color.rec709_space)
+                 : ColorConfig::built_in();
+  const ColorTransform transform = config.to_space(color.space);
+  if (!transform.is_linear()) {
+    throw Error::bad_input("the colour space \"" + color.space + "\" is not linear light",
+                           shot_file_.string() + "#/output/color/space",
+                           "EXR files hold light: choose a linear space");
+  }
+  if (!transform.changes_nothing()) to_file_ = transform;
+  color_interop_id_ = config.interop_id(color.space);
+  color_config_ = config.description();
+  common_.text("color space", color.space).text("color config", color_config_);
 }
 
 void ShotPlan::name_objects() {
@@ -289,6 +311,11 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
   metadata.layout = exr_layout_named(shot_.output.layout);
   metadata.compression = shot_.output.compression;
   metadata.data_compression = shot_.output.data_compression;
+  metadata.color_interop_id = color_interop_id_;
+  if (!color_config_.empty()) {
+    metadata.color_space = shot_.output.color.space;
+    metadata.color_config = color_config_;
+  }
   if (shot_.output.cryptomatte) {
     std::vector<std::string> names;
     for (const auto& of_layer : object_names_) {

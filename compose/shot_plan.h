@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "compose/camera/shot_camera.h"
+#include "compose/color/color_config.h"
 #include "compose/exr/header.h"
 #include "compose/geometry/geometry_layer.h"
 #include "compose/geometry/geometry_view.h"
@@ -36,7 +37,8 @@ struct ShotPlanOptions {
   std::optional<HoleFill> fill = {};
   OptionValues target =
       {};  ///< not empty: the method `auto` with these options, for every light field
-  std::string layout = "";  ///< not empty: of the EXR files
+  std::string layout = "";                  ///< not empty: of the EXR files
+  std::filesystem::path color_config = {};  ///< not empty: OpenColorIO's
   /// Light fields and meshes are opened that show in one of these; none: in a frame of the shot.
   std::optional<std::vector<int>> frames = {};
 };
@@ -77,6 +79,9 @@ class ShotPlan {
   };
   const std::vector<LayerLight>& light_field_lights() const { return layer_lights_; }
 
+  /// From the scene's colours to those of the files; null: they are the same.
+  const ColorTransform* to_file_colors() const { return to_file_ ? &*to_file_ : nullptr; }
+
   /// The views of a frame: left and right, or one.
   std::vector<Eye> eyes() const { return camera_.eyes(); }
   VirtualCamera camera(int frame, Eye eye) const { return camera_.camera(frame, eye); }
@@ -100,6 +105,7 @@ class ShotPlan {
   ExrCamera exr_camera(int frame, Eye eye) const;
 
  private:
+  void find_colors(const std::filesystem::path& config_file);
   void find_layer_lights();
   void name_objects();
   void open_geometry(std::size_t layer);
@@ -114,6 +120,8 @@ class ShotPlan {
   std::vector<std::unique_ptr<const GeometryLayer>> geometries_;
   std::vector<std::vector<std::string>> object_names_;
   Lights lights_;
+  std::optional<ColorTransform> to_file_;
+  std::string color_interop_id_{kSceneSpace}, color_config_;
   std::vector<LayerLight> layer_lights_;
   Fingerprint common_;
 };

@@ -2,8 +2,8 @@
 #include "compose/exr/file.h"
 
 #include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfDeepScanLineInputPart.h>
 #include <OpenEXR/ImfFrameBuffer.h>
-#include <OpenEXR/ImfIO.h>
 #include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
 #include <OpenEXR/ImfMultiPartOutputFile.h>
@@ -18,8 +18,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 
+#include "compose/exr/memory_stream.h"
 #include "images/exr/exr_channels.h"
 #include "images/exr/exr_slice.h"
 #include "schemas/atomic_file.h"
@@ -27,37 +27,6 @@
 
 namespace raystage {
 namespace {
-
-// Frames are parallel to each other; OpenEXR's own threads would only add to them.
-constexpr int kNoThreads = 0;
-
-/// OpenEXR's file writer closes in a destructor, where a full disk goes unnoticed. A frame is small
-/// enough to be built in memory and written by ourselves.
-class MemoryStream final : public Imf::OStream {
- public:
-  MemoryStream() : Imf::OStream("memory") {}
-  void write(const char c[], int n) override {
-    const auto count = static_cast<std::size_t>(n);
-    if (at_ + count > bytes_.size()) bytes_.resize(at_ + count);
-    std::memcpy(bytes_.data() + at_, c, count);
-    at_ += count;
-  }
-  std::uint64_t tellp() override { return at_; }
-  void seekp(std::uint64_t position) override { at_ = position; }
-
-  std::vector<std::byte> take() { return std::move(bytes_); }
-  void reserve(std::size_t size) { bytes_.reserve(size); }
-
- private:
-  std::vector<std::byte> bytes_;
-  std::size_t at_ = 0;
-};
-
-half finite_half(float value) {
-  constexpr float kLargest = 65504.0F;  // of half
-  if (std::isnan(value)) return half(0.0F);
-  return half(std::clamp(value, -kLargest, kLargest));
-}
 
 std::size_t pixel_count(int width, int height) {
   return static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
@@ -120,6 +89,19 @@ PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, int wi
   return pixels;
 }
 
+/// Throws where something is missing.
+void read_deep_part(Imf::MultiPartInputFile& input, int index) {
+  Imf::DeepScanLineInputPart part(input, index);
+  const Imath::Box2i window = part.header().dataWindow();
+  std::vector<char> chunk;
+  for (std::int64_t y = window.min.y; y <= window.max.y; ++y) {  // one line a chunk, see deep_file
+    std::uint64_t size = 0;
+    part.rawPixelData(static_cast<int>(y), nullptr, size);
+    chunk.resize(size);
+    part.rawPixelData(static_cast<int>(y), chunk.data(), size);
+  }
+}
+
 }  // namespace
 
 std::vector<std::byte> encode_exr(std::span<const ExrView> views,
@@ -140,12 +122,12 @@ std::vector<std::byte> encode_exr(std::span<const ExrView> views,
   stream.reserve(pixel_count(cameras[0].view.width, cameras[0].view.height) * 8);
   const int height = cameras[0].view.height;
   if (parts.size() == 1) {
-    Imf::OutputFile output(stream, headers[0], kNoThreads);
+    Imf::OutputFile output(stream, headers[0], kNoExrThreads);
     output.setFrameBuffer(pixels[0].frame_buffer);
     output.writePixels(height);
   } else {
     Imf::MultiPartOutputFile output(stream, headers.data(), static_cast<int>(headers.size()), false,
-                                    kNoThreads);
+                                    kNoExrThreads);
     for (std::size_t i = 0; i < parts.size(); ++i) {
       Imf::OutputPart part(output, static_cast<int>(i));
       part.setFrameBuffer(pixels[i].frame_buffer);
@@ -164,7 +146,7 @@ std::size_t write_exr(std::span<const ExrView> views, std::span<const ExrCamera>
 
 bool exr_is_whole(const std::filesystem::path& file, std::string_view fingerprint) {
   try {
-    Imf::MultiPartInputFile input(file.c_str(), kNoThreads);
+    Imf::MultiPartInputFile input(file.c_str(), kNoExrThreads);
     for (int i = 0; i < input.parts(); ++i) {
       const Imf::Header& header = input.header(i);
       const auto* attribute = header.findTypedAttribute<Imf::StringAttribute>("lf:fingerprint");
@@ -172,6 +154,10 @@ bool exr_is_whole(const std::filesystem::path& file, std::string_view fingerprin
         return false;
       }
       // The offsets may promise what a cut file no longer has: read it to its end.
+      if (header.hasType() && header.type() == Imf::DEEPSCANLINE) {
+        read_deep_part(input, i);
+        continue;
+      }
       Imf::InputPart part(input, i);
       const Imath::Box2i window = header.dataWindow();
       const int step = lines_per_chunk(header.compression());

@@ -84,6 +84,20 @@ Imf::TimeCode time_code(int frame, int fps_numerator, int fps_denominator) {
   return {seconds / 3600 % 24, seconds / 60 % 60, seconds % 60, frame % fps};
 }
 
+/// SMPTE ST 2065-1 (AP0), AMPAS S-2014-004 (AP1), ITU-R BT.709; none for spaces that we do not
+/// know.
+std::optional<Imf::Chromaticities> chromaticities_of(const std::string& interop_id) {
+  if (interop_id == "lin_rec709_scene") return Imf::Chromaticities();
+  const Imath::V2f aces_white(0.32168F, 0.33767F);
+  if (interop_id == "lin_ap1_scene") {
+    return Imf::Chromaticities({0.713F, 0.293F}, {0.165F, 0.830F}, {0.128F, 0.044F}, aces_white);
+  }
+  if (interop_id == "lin_ap0_scene") {
+    return Imf::Chromaticities({0.7347F, 0.2653F}, {0, 1}, {0.0001F, -0.0770F}, aces_white);
+  }
+  return std::nullopt;
+}
+
 void add_lens(Imf::Header& header, const ExrCamera& camera) {
   const Intrinsics& k = camera.view.intrinsics;
   const double width = camera.film_back_mm;
@@ -153,9 +167,15 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
     add_string(header, "lf:captureTimeNs", fmt::format("{}", *metadata.capture_utc));
   }
   if (metadata.chromaticities) {
-    addChromaticities(header, Imf::Chromaticities());  // the default is Rec.709
+    if (const auto chromaticities = chromaticities_of(metadata.color_interop_id)) {
+      addChromaticities(header, *chromaticities);
+    }
   } else {
-    add_string(header, "colorInteropID", part.is_colour ? "lin_rec709_scene" : "data");
+    add_string(header, "colorInteropID", part.is_colour ? metadata.color_interop_id : "data");
+  }
+  if (part.is_colour) {
+    add_string(header, "lf:colorSpace", metadata.color_space);
+    add_string(header, "lf:colorConfig", metadata.color_config);
   }
   if (!metadata.absent_cameras.empty()) {
     header.insert("lf:absentCameras", Imf::StringVectorAttribute(metadata.absent_cameras));

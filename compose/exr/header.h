@@ -35,7 +35,11 @@ struct ExrMetadata {
   ExrLayout layout = ExrLayout::kStandard;
   std::string compression = "piz";  ///< of colours: none | rle | zips | zip | piz
   std::string data_compression;     ///< of parts that hold data only; empty: the same
-  /// Writes `chromaticities` (Rec.709) for readers that do not know `colorInteropID`; the
+  /// Of colours: `colorInteropID` (ASWF ColorInterop), the name of the space and the config it is
+  /// of; the latter are left out when empty.
+  std::string color_interop_id = "lin_rec709_scene";
+  std::string color_space, color_config;
+  /// Writes `chromaticities` of the space for readers that do not know `colorInteropID`; the
   /// recommendation forbids both in one file.
   bool chromaticities = false;
 };

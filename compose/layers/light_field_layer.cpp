@@ -109,6 +109,13 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
   }
   // An archive that is missing should stop the job now and not at the first frame that needs it.
   for (int camera = 0; camera < take_.camera_count(); ++camera) take_.archive(camera);
+  if (layer_.matte) {
+    matte_ = std::make_shared<const TakeMatte>(take_, *layer_.matte, shot_file_.parent_path());
+    if (reconstruction_.fill != HoleFill::kNone) {
+      throw Error::bad_input("what a matte makes transparent would be filled again",
+                             pointer_of(shot_file_, index_), "Leave --fill out, or the matte");
+    }
+  }
   common_ = common_fingerprint();
 }
 
@@ -176,10 +183,19 @@ std::string LightFieldLayer::length_text() const {
 }
 
 std::vector<std::filesystem::path> LightFieldLayer::files_read(const ShownInstant& shown) const {
+  if (!shown.tick) return {};
+  std::vector<std::filesystem::path> files;
   const Method& method = method_named(reconstruction_.method);
-  if (method.files_read == nullptr || !shown.tick) return {};
-  const MethodOptions options(method.options, reconstruction_.options, method.name);
-  return method.files_read(options, take_, tick(shown));
+  if (method.files_read != nullptr) {
+    files = method.files_read({method.options, reconstruction_.options, method.name}, take_,
+                              tick(shown));
+  }
+  for (std::size_t i = 0; matte_ && i < tick(shown).frame.size(); ++i) {
+    if (tick(shown).frame[i] < 0) continue;
+    std::ranges::move(matte_->files_read(static_cast<int>(i), tick(shown).frame[i]),
+                      std::back_inserter(files));
+  }
+  return files;
 }
 
 void LightFieldLayer::check_files(int frame, const ShownInstant& shown) const {
@@ -187,8 +203,7 @@ void LightFieldLayer::check_files(int frame, const ShownInstant& shown) const {
     if (std::filesystem::exists(file)) continue;
     throw Error::bad_input(fmt::format("frame {} needs a file that is not there", frame),
                            file.string(),
-                           "Put it there, or mend the options of method " + reconstruction_.method +
-                               " in " + shot_file_.string());
+                           "Put it there, or mend the layer in " + shot_file_.string());
   }
 }
 
@@ -221,6 +236,10 @@ std::string LightFieldLayer::common_fingerprint() const {
   print.text("fill", reconstruction_.fill == HoleFill::kPushPull ? "push_pull" : "none");
   print.text("take", read_file(take_.folder() / "take.json"));
   print.text("rig", read_file(take_.folder() / "rig.json"));
+  if (matte_) {
+    print.text("matte", format_matte(*layer_.matte));
+    print.text("matte from", matte_->sources());
+  }
   return print.hex();
 }
 

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -12,6 +13,7 @@
 #include "render/renderer.h"
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
+#include "store/mattes/take_matte.h"
 #include "store/take.h"
 #include "store/timeline.h"
 
@@ -40,10 +42,14 @@ class LightFieldLayer {
   LightFieldLayer(const ShotDocument& shot, std::size_t index,
                   const std::filesystem::path& shot_file, std::optional<HoleFill> fill,
                   const OptionValues& target);
+  LightFieldLayer(const LightFieldLayer&) = delete;  // the matte refers to the take
+  LightFieldLayer& operator=(const LightFieldLayer&) = delete;
 
   std::size_t index() const { return index_; }
   const Take& take() const { return take_; }
   const Timeline& timeline() const { return timeline_; }
+  /// What shows of the take's frames; null: all.
+  const std::shared_ptr<const TakeMatte>& matte() const { return matte_; }
   const Reconstruction& reconstruction() const { return reconstruction_; }
   /// As a camera of the shot focuses, where the layer's focal plane is to be the camera's: there,
   /// and `aperture` with its f-number. Otherwise reconstruction().
@@ -90,6 +96,7 @@ class LightFieldLayer {
   int first_frame_ = 1, fps_numerator_ = 24, fps_denominator_ = 1;
   Take take_;
   Timeline timeline_;
+  std::shared_ptr<const TakeMatte> matte_;
   Reconstruction reconstruction_;
   std::string common_;  ///< fingerprint of what is the same at every frame
 };

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Makes two takes of the simulated stage and renders every shot of this folder from them.
+# Makes two takes of the simulated stage and one of an actor before a blue screen, and renders every shot of this folder from them.
 # Usage: docs/shots/make.sh [OUTPUT_FOLDER] [SIMULATE_OPTION...]      (default: shots-output)
 #   `raystage` must be on the PATH, e.g. PATH=$PWD/build/release/bin:$PATH after ./demo.sh. Takes that
 #   are there already are used again.
@@ -10,14 +10,16 @@ out="${1:-shots-output}"
 shift || true
 mkdir -p "$out/takes"
 cp "$here"/*.json "$here"/*.chan "$here"/*.obj "$out"
-seed=1
-for take in stage other; do
+while read -r take scene seed; do
   if [ ! -e "$out/takes/$take/take.json" ]; then
-    raystage simulate -q -o "$out/takes/$take" --seed "$seed" "$@"
+    raystage simulate "$scene" -q -o "$out/takes/$take" --seed "$seed" "$@"
     raystage sync -q "$out/takes/$take" >/dev/null
   fi
-  seed=2
-done
+done <<'TAKES'
+stage stage 1
+other stage 2
+actor blue_screen 1
+TAKES
 for shot in "$out"/*.json; do
   name="$(basename "$shot" .json)"
   raystage render -q "$shot" -o "$out/$name/$name.####.exr" --existing skip

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <OpenEXR/ImfIO.h>
+#include <half.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <utility>
+#include <vector>
+
+namespace raystage {
+
+/// Frames are parallel to each other; OpenEXR's own threads would only add to them.
+inline constexpr int kNoExrThreads = 0;
+
+/// OpenEXR's file writer closes in a destructor, where a full disk goes unnoticed. A frame is small
+/// enough to be built in memory and written by ourselves.
+class MemoryStream final : public Imf::OStream {
+ public:
+  MemoryStream() : Imf::OStream("memory") {}
+  void write(const char c[], int n) override {
+    const auto count = static_cast<std::size_t>(n);
+    if (at_ + count > bytes_.size()) bytes_.resize(at_ + count);
+    std::memcpy(bytes_.data() + at_, c, count);
+    at_ += count;
+  }
+  std::uint64_t tellp() override { return at_; }
+  void seekp(std::uint64_t position) override { at_ = position; }
+
+  std::vector<std::byte> take() { return std::move(bytes_); }
+  void reserve(std::size_t size) { bytes_.reserve(size); }
+
+ private:
+  std::vector<std::byte> bytes_;
+  std::size_t at_ = 0;
+};
+
+/// What half cannot hold is cut to +-65504, a NaN becomes 0.
+inline half finite_half(float value) {
+  constexpr float kLargest = 65504.0F;  // of half
+  if (std::isnan(value)) return half(0.0F);
+  return half(std::clamp(value, -kLargest, kLargest));
+}
+
+}  // namespace raystage

@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/sequence_checks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <vector>
+
+#include "compose/frame_range.h"
+#include "compose/memory_plan.h"
+#include "render/methods.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::size_t kRawExrBytesPerPixel = 16;
+
+}  // namespace
+
+void check_folder(const std::filesystem::path& folder) {
+  create_folder(folder);
+  // Asking the permissions is not enough: a disk may be mounted read-only or be full.
+  const TemporaryFile probe(folder / "probe");
+  errno = 0;
+  std::ofstream file(probe.path());
+  file << "probe" << std::flush;
+  if (!file) {
+    throw Error::from_errno("the output folder cannot be written to", folder.string(),
+                            "Check its permissions and the room on the disk");
+  }
+}
+
+void check_room(const std::filesystem::path& folder, const ShotDocument& shot, std::size_t frames,
+                const SequenceOptions& options) {
+  std::error_code error;
+  const std::filesystem::space_info space = std::filesystem::space(folder, error);
+  if (error || space.available == std::numeric_limits<std::uintmax_t>::max()) return;
+  const int views = shot.camera.stereo ? 2 : 1;
+  const double raw = static_cast<double>(shot.width) * shot.height * kRawExrBytesPerPixel * views *
+                     static_cast<double>(frames);
+  // Lossless compression rarely gains more than a factor of four on pictures.
+  const double least = shot.output.compression == "none" ? raw : raw / 4;
+  const double available = static_cast<double>(space.available);
+  const std::string text =
+      fmt::format("the disk has room for {} and the {} frames need {} to {}", size_text(available),
+                  frames, size_text(least), size_text(raw));
+  if (available < least)
+    throw Error::failed(text, folder.string(), "Make room or render elsewhere");
+  if (available < raw) options.say("warning: " + text);
+}
+
+void check_existing(const SequenceName& name, std::span<const int> frames) {
+  std::vector<int> there;
+  std::error_code ignored;
+  std::copy_if(frames.begin(), frames.end(), std::back_inserter(there),
+               [&](int frame) { return std::filesystem::exists(name.path(frame), ignored); });
+  if (there.empty()) return;
+  throw Error::bad_input(fmt::format("{} of {} frames are there already ({})", there.size(),
+                                     frames.size(), format_frame_range(there)),
+                         name.pattern(),
+                         "Use --existing skip to keep those that are whole and up to date, or "
+                         "--existing overwrite");
+}
+
+SequenceName checked_name(const SequenceOptions& options, std::size_t frames) {
+  SequenceName name(options.output);
+  if (frames > 1 && !name.has_frame_token()) {
+    throw Error::bad_input(fmt::format("{} frames would all get the same name", frames),
+                           options.output, "Write NAME.####.exr");
+  }
+  if (std::filesystem::path(options.output).extension() != ".exr") {
+    throw Error::bad_input("only EXR files are written", options.output, "Write NAME.####.exr");
+  }
+  return name;
+}
+
+void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file) {
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.light_field(i) == nullptr) continue;
+    const Method& method = method_named(plan.light_field(i)->reconstruction().method);
+    if (method.measures_coverage) continue;
+    throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
+                           shot_file.string(), "Leave --coverage out, or choose another method");
+  }
+}
+
+void check_deep(const ShotDocument& shot, const std::filesystem::path& shot_file) {
+  if (shot.layers.size() == 1 || shot.merge == ShotDocument::Merge::kDepth) return;
+  throw Error::bad_input("deep files put layers together by depth, this shot in a stated order",
+                         shot_file.string() + "#/merge",
+                         "Write \"merge\": \"depth\", or leave --deep out");
+}
+
+}  // namespace raystage

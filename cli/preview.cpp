@@ -13,6 +13,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Turns an EXR sequence into a movie and a contact sheet.", "raystage preview"};
   PreviewOptions options;
   std::string frames;
+  std::filesystem::path color_config;
   double fps = 0;
   bool black = false, quiet = false;
   std::string missing = "error";
@@ -44,6 +45,19 @@ int main(int argc, char** argv) {
                  "brighten by this many stops before the sRGB curve (default: 0)")
       ->check(CLI::Range(-32.0, 32.0))
       ->type_name("STOPS");
+  app.add_option("--ocio", color_config,
+                 "OpenColorIO config whose displays and views are meant (default: a built-in one; "
+                 "$OCIO is\nnot looked at)")
+      ->type_name("CONFIG");
+  app.add_option("--display", options.display.monitor,
+                 "what the pictures are for: sRGB, Rec.1886, P3-D65 or the config's "
+                 "(default: the first)");
+  app.add_option("--view", options.display.view,
+                 "how: Plain = as it is; \"ACES 1.0 SDR\" = rolled off as film is; or the config's "
+                 "(default:\nthe first)");
+  app.add_option("--space", options.display.space,
+                 "colour space of the frames, lin_rec709_scene, lin_ap1_scene or the config's "
+                 "(default: as they\nsay, else lin_rec709_scene)");
   app.add_flag("--black", black, "show what is not opaque over black (default: over a checker)");
   app.add_option("--missing", missing,
                  "frames that are not there: error = refuse; hold = show the one before\n"
@@ -59,6 +73,9 @@ int main(int argc, char** argv) {
     if (fps > 0) options.fps = fps;
     if (black) options.display.background = Background::kBlack;
     options.hold_missing = missing == "hold";
+    if (!color_config.empty()) {
+      options.display.colors = ColorConfig::from_file(color_config, "");
+    }
     Progress progress(!quiet);
     options.progress = [&](double done) { progress.report(done); };
     const PreviewReport report = make_preview(options, stop);

@@ -178,6 +178,8 @@ ExrImage read_exr(const std::filesystem::path& file) {
   ExrPixels pixels = read_exr_channels(
       file, kChannels, "Give a flat EXR file with channels R, G and B, or render this frame again");
   ExrImage image{pixels.width, pixels.height, std::move(pixels.values)};
+  image.color_interop_id = pixels.color_interop_id;
+  image.color_space = pixels.color_space;
   if (pixels.fps_numerator > 0) {
     image.fps_numerator = pixels.fps_numerator;
     image.fps_denominator = pixels.fps_denominator;

@@ -34,6 +34,7 @@ struct ExrImage {
   int width = 0, height = 0;  ///< of the display window
   std::vector<float> rgba;    ///< premultiplied; where the data window ends, 0
   int fps_numerator = 24, fps_denominator = 1;
+  std::string color_interop_id = {}, color_space = {};  ///< see ExrPixels
 };
 
 /// Reads R, G, B and A (1 where there is none) of the first part of any flat EXR within its display

@@ -55,23 +55,54 @@ std::vector<Span> spans(int from, int to) {
   return result;
 }
 
-}  // namespace
-
-RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
-  static const SrgbTable code_of;
+/// Light before the background, R, G, B a pixel.
+std::vector<float> over_background(const ExrImage& image, const DisplaySettings& settings) {
   const float gain = static_cast<float>(std::exp2(settings.exposure));
-  RgbImage shown{image.width, image.height, {}};
-  shown.pixels.reserve(image.rgba.size() / 4 * 3);
+  std::vector<float> light;
+  light.reserve(image.rgba.size() / 4 * 3);
   const float* pixel = image.rgba.data();
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x, pixel += 4) {
       float behind = 0;
       if (settings.background == Background::kChecker) {
-        const bool light = ((x / kCheckerSize) + (y / kCheckerSize)) % 2 == 0;
-        behind = (light ? kCheckerLight : kCheckerDark) * (1 - std::clamp(pixel[3], 0.0F, 1.0F));
+        const bool is_light = ((x / kCheckerSize) + (y / kCheckerSize)) % 2 == 0;
+        behind = (is_light ? kCheckerLight : kCheckerDark) * (1 - std::clamp(pixel[3], 0.0F, 1.0F));
       }
-      for (int c = 0; c < 3; ++c) shown.pixels.push_back(code_of(pixel[c] * gain + behind));
+      for (int c = 0; c < 3; ++c) light.push_back(pixel[c] * gain + behind);
     }
+  }
+  return light;
+}
+
+/// The config's name of the picture's colour space.
+std::string space_of(const ExrImage& image, const DisplaySettings& settings,
+                     const ColorConfig& config) {
+  if (!settings.space.empty()) return settings.space;
+  std::string by_id = config.space_of_interop_id(image.color_interop_id);
+  if (!by_id.empty()) return by_id;
+  if (!image.color_space.empty()) return image.color_space;
+  return config.space_of_interop_id(kSceneSpace);
+}
+
+}  // namespace
+
+RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
+  std::vector<float> light = over_background(image, settings);
+  RgbImage shown{image.width, image.height, {}};
+  shown.pixels.reserve(light.size());
+  const bool is_rec709 = (settings.space.empty() || settings.space == kSceneSpace) &&
+                         (image.color_interop_id.empty() || image.color_interop_id == kSceneSpace);
+  if (is_rec709 && !settings.colors && settings.monitor.empty() && settings.view.empty()) {
+    static const SrgbTable code_of;
+    for (const float value : light) shown.pixels.push_back(code_of(value));
+    return shown;
+  }
+  const ColorConfig config = settings.colors ? *settings.colors : ColorConfig::built_in();
+  config.to_display(space_of(image, settings, config), settings.monitor, settings.view)
+      .apply_to_opaque(light);
+  for (const float code : light) {
+    shown.pixels.push_back(
+        static_cast<std::uint8_t>(code > 0 ? 255 * std::min(code, 1.0F) + 0.5F : 0.0F));
   }
   return shown;
 }
@@ -82,6 +113,8 @@ ExrImage reduced(const ExrImage& image, int width, int height) {
   result.height = std::min(height, image.height);
   result.fps_numerator = image.fps_numerator;
   result.fps_denominator = image.fps_denominator;
+  result.color_interop_id = image.color_interop_id;
+  result.color_space = image.color_space;
   const std::vector<Span> columns = spans(image.width, result.width);
   const std::vector<Span> rows = spans(image.height, result.height);
   result.rgba.reserve(static_cast<std::size_t>(result.width) *

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <optional>
+#include <string>
+
+#include "compose/color/color_config.h"
 #include "compose/exr/file.h"
 #include "store/jpeg/rgb_image.h"
 
@@ -16,9 +20,16 @@ enum class Background {
 struct DisplaySettings {
   double exposure = 0;  ///< stops: light is multiplied by 2^exposure before it is shown
   Background background = Background::kChecker;
+  /// Of which displays and views are; none: the built-in config, and for pictures in linear Rec.709
+  /// that no view is asked for, sRGB's curve without any config.
+  std::optional<ColorConfig> colors = {};
+  std::string monitor = {}, view = {};  ///< the config's names; empty: its defaults
+  std::string space = {};  ///< of the pictures; empty: as their files say, else linear Rec.709
 };
 
-/// Over the background, then the sRGB curve; above 1 it is cut.
+/// Over the background, then as the display's view shows it (sRGB's curve unless told); above 1 it
+/// is cut. Throws Error (bad input) for a colour space, display or view that the config does not
+/// know.
 RgbImage display(const ExrImage& image, const DisplaySettings& settings);
 
 /// The picture at another size, at most its own, each pixel the mean of the area that it covers

@@ -218,6 +218,35 @@ TEST(Display, CompositesExposesAndEncodes) {
   EXPECT_THAT(shown.pixels, ElementsAre(188, 255, 255, 0, 0, 0, 124, 0, 0));
 }
 
+TEST(Display, ShowsOtherPrimariesAsTheyLook) {
+  ExrImage image;
+  image.width = 4;
+  image.height = 1;
+  image.rgba = {0.25F, 0.5F, 0.1F, 1, 0.9F, 0.02F, 0.3F, 1, 0, 0, 1, 1, 0.3F, 0.3F, 0.3F, 1};
+  const RgbImage expected = display(image, {});
+  ColorConfig::built_in().to_space("ACEScg").apply(image.rgba);
+  const auto expect_shown = [&](const DisplaySettings& settings, int most) {
+    const RgbImage shown = display(image, settings);
+    for (std::size_t i = 0; i < shown.pixels.size(); ++i) {
+      EXPECT_NEAR(shown.pixels[i], expected.pixels[i], most) << i;
+    }
+  };
+  image.color_interop_id = "lin_ap1_scene";
+  expect_shown({}, 1);
+  EXPECT_EQ(reduced(image, 2, 1).color_interop_id, "lin_ap1_scene");
+  image.color_interop_id = "unknown";
+  image.color_space = "ACEScg";
+  expect_shown({}, 1);
+  image.color_space.clear();
+  DisplaySettings told;
+  told.space = "ACEScg";
+  expect_shown(told, 1);
+  told.view = "ACES 1.0 SDR";
+  EXPECT_NE(display(image, told).pixels, expected.pixels);
+  told.monitor = "nowhere";
+  EXPECT_THROW(display(image, told), Error);
+}
+
 TEST(Display, ReducingKeepsTheMeanLight) {
   ExrImage image;
   image.width = 7;

@@ -9,7 +9,7 @@ here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 out="${1:-shots-output}"
 shift || true
 mkdir -p "$out/takes"
-cp "$here"/*.json "$here"/*.chan "$here"/*.obj "$out"
+cp "$here"/*.json "$here"/*.chan "$here"/*.obj "$here"/surroundings.jpg "$out"
 while read -r take scene seed; do
   if [ ! -e "$out/takes/$take/take.json" ]; then
     raystage simulate "$scene" -q -o "$out/takes/$take" --seed "$seed" "$@"

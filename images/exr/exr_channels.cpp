@@ -7,6 +7,7 @@
 #include <OpenEXR/ImfMultiPartInputFile.h>
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfStringAttribute.h>
 
 #include <algorithm>
 #include <cstdint>
@@ -55,6 +56,11 @@ const char* lacking(const Imf::Header& header, std::span<const ExrChannel> chann
 }
 
 /// The first part that has what is asked for.
+std::string text_of(const Imf::Header& header, const char* attribute) {
+  const auto* text = header.findTypedAttribute<Imf::StringAttribute>(attribute);
+  return text == nullptr ? std::string() : text->value();
+}
+
 int part_with(const Imf::MultiPartInputFile& input, const std::filesystem::path& file,
               std::span<const ExrChannel> channels, const std::string& what_to_do) {
   for (int part = 0; part < input.parts(); ++part) {
@@ -96,6 +102,8 @@ ExrPixels read_open_file(Imf::MultiPartInputFile& file_parts, const std::filesys
       pixels.fps_denominator = static_cast<int>(fps.d);
     }
   }
+  pixels.color_interop_id = text_of(header, "colorInteropID");
+  pixels.color_space = text_of(header, "lf:colorSpace");
   return pixels;
 }
 

@@ -21,6 +21,9 @@ struct ExrPixels {
   std::vector<float> values;  ///< of the channels in turn, pixel by pixel, row by row
   /// Of the header, where it says a rate above 0.
   int fps_numerator = 0, fps_denominator = 0;
+  /// Its attributes `colorInteropID` (ASWF ColorInterop) and `lf:colorSpace`, a config's name;
+  /// empty where it has none.
+  std::string color_interop_id, color_space;
 };
 
 /// Reads channels of the first flat part of an EXR that has them, within its display window; where

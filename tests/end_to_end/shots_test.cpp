@@ -88,7 +88,7 @@ TEST_F(Shots, EachRenders) {
     check(file.path().stem());
     ++shots;
   }
-  EXPECT_GE(shots, 10);
+  EXPECT_GE(shots, 11);
 }
 
 }  // namespace

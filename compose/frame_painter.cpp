@@ -110,6 +110,9 @@ LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& f
     });
     return image;
   }
+  if (document.plate) {
+    return plan_.plate(layer)->image(frame.frame, camera.overscan_x, camera.overscan_y);
+  }
   if (document.solid) return solid_image(*document.solid, camera.view.width, camera.view.height);
   if (!frame.shown[layer].tick) return empty_image(camera.view.width, camera.view.height);
   const LightFieldLayer& light_field = *plan_.light_field(layer);

@@ -2,13 +2,17 @@
 // Shots of several layers.
 #include <OpenEXR/ImfDeepFrameBuffer.h>
 #include <OpenEXR/ImfDeepScanLineInputPart.h>
+#include <OpenEXR/ImfFloatAttribute.h>
+#include <OpenEXR/ImfInputPart.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfStringAttribute.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "compose/sequence_test_data.h"
 #include "images/exr/exr_channels.h"
+#include "images/exr/exr_slice.h"
 #include "schemas/atomic_file.h"
 
 namespace raystage {
@@ -59,6 +63,60 @@ TEST_F(LayeredSequence, TwoTakesShareAPictureWithoutASeam) {
   run();
   EXPECT_NEAR(at(20, 15)[0], 0.5F * (grey(0) + grey(2)), 0.01F);
   for (int x = 0; x < 40; ++x) EXPECT_NEAR(at(x, 15)[1], 1, 1e-3F) << x;
+}
+
+/// All of the data window, which read_exr() cuts to the picture.
+std::vector<float> red_of_data_window(const std::filesystem::path& file, Imath::Box2i& window) {
+  Imf::MultiPartInputFile input(file.c_str());
+  Imf::InputPart part(input, 0);
+  window = part.header().dataWindow();
+  const int width = window.max.x - window.min.x + 1, height = window.max.y - window.min.y + 1;
+  std::vector<float> red(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  Imf::FrameBuffer buffer;
+  buffer.insert("R", exr_slice(Imf::FLOAT, red.data(), width, 1, window.min.x, window.min.y, 0.0));
+  part.setFrameBuffer(buffer);
+  part.readPixels(window.min.y, window.max.y);
+  return red;
+}
+
+TEST_F(LayeredSequence, OverscanLiesBeyondThePicture) {
+  ShotDocument::Layer half = solid(0.5, 1);
+  half.clips = {{.screen = {.left = 0.5}}};
+  shot_.layers.push_back(half);
+  run();
+  const ExrImage plain = read_exr(file(101));
+  const auto matrices = [&] {
+    Imf::MultiPartInputFile input(file(101).c_str());
+    const Imf::Header& header = input.header(0);
+    return std::tuple(Imf::worldToNDC(header), header.screenWindowWidth(),
+                      header.findTypedAttribute<Imf::FloatAttribute>("pinholeFocalLength")->value(),
+                      header.displayWindow());
+  };
+  const auto before = matrices();
+  shot_.output.overscan = {6, 4};
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().rendered, 1);
+  // The picture and its camera are as they were.
+  const ExrImage picture = read_exr(file(101));
+  ASSERT_EQ(picture.rgba.size(), plain.rgba.size());
+  for (std::size_t i = 0; i < plain.rgba.size(); ++i) {
+    EXPECT_NEAR(picture.rgba[i], plain.rgba[i], 2e-3F) << i;
+  }
+  EXPECT_EQ(matrices(), before);
+  // What lies beyond is there: wall on the left, solid on the right.
+  Imath::Box2i window;
+  const std::vector<float> red = red_of_data_window(file(101), window);
+  EXPECT_EQ(window, Imath::Box2i({-6, -4}, {40 + 5, 30 + 3}));
+  EXPECT_NEAR(red[0], grey(0), 0.005F);
+  EXPECT_NEAR(red[51], 0.5F, 0.005F);
+  EXPECT_NEAR(red[25], grey(0), 0.005F);
+  EXPECT_NEAR(red[26], 0.5F, 0.005F);
+
+  shot_.merge = ShotDocument::Merge::kDepth;
+  options_.deep = true;
+  EXPECT_EQ(run().rendered, 1);
+  Imf::MultiPartInputFile deep(SequenceName(options_.output).with("deep").path(101).c_str());
+  EXPECT_EQ(deep.header(0).dataWindow(), window);
 }
 
 TEST_F(LayeredSequence, FilesMayBeInOtherPrimaries) {

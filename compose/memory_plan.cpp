@@ -38,7 +38,9 @@ constexpr std::size_t kIdBytesPerPixel = 48, kIdBytesPerPixelMerged = 144;
 constexpr std::size_t kDeepBytesPerPixel = 48, kDeepBytesPerSample = 44;
 
 std::size_t pixels_of(const ShotDocument& shot) {
-  return static_cast<std::size_t>(shot.width) * static_cast<std::size_t>(shot.height);
+  const auto [x, y] = shot.output.overscan;
+  return static_cast<std::size_t>(shot.width + 2 * x) *
+         static_cast<std::size_t>(shot.height + 2 * y);
 }
 
 /// What the views of the frames take at most. Every one is looked at: of a zoom a single frame may

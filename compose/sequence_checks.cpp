@@ -41,8 +41,9 @@ void check_room(const std::filesystem::path& folder, const ShotDocument& shot, s
   const std::filesystem::space_info space = std::filesystem::space(folder, error);
   if (error || space.available == std::numeric_limits<std::uintmax_t>::max()) return;
   const int views = shot.camera.stereo ? 2 : 1;
-  const double raw = static_cast<double>(shot.width) * shot.height * kRawExrBytesPerPixel * views *
-                     static_cast<double>(frames);
+  const auto [x, y] = shot.output.overscan;
+  const double pixels = (shot.width + 2.0 * x) * (shot.height + 2.0 * y);
+  const double raw = pixels * kRawExrBytesPerPixel * views * static_cast<double>(frames);
   // Lossless compression rarely gains more than a factor of four on pictures.
   const double least = shot.output.compression == "none" ? raw : raw / 4;
   const double available = static_cast<double>(space.available);

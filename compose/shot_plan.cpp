@@ -21,7 +21,21 @@ ShotDocument shot_with(ShotDocument shot, const ShotPlanOptions& options) {
   return shot;
 }
 
-Clip clip_from(const ShotDocument::Clip& document) {
+/// Shares of the picture become those of the picture with its overscan.
+ScreenClip screen_clip_from(const ShotDocument::Clip& document, const ShotDocument& shot) {
+  const auto share_of = [](double share, int size, int overscan) {
+    // The border of the picture is none of what lies beyond it.
+    if (share <= 0 || share >= 1) return share;
+    return (share * size + overscan) / (size + 2.0 * overscan);
+  };
+  const auto [x, y] = shot.output.overscan;
+  const ShotDocument::Screen& s = document.screen;
+  return {share_of(s.left, shot.width, x), share_of(s.right, shot.width, x),
+          share_of(s.top, shot.height, y), share_of(s.bottom, shot.height, y),
+          document.feather * shot.width / (shot.width + 2.0 * x)};
+}
+
+Clip clip_from(const ShotDocument::Clip& document, const ShotDocument& shot) {
   Clip clip;
   clip.inverted = document.inverted;
   if (document.plane) {
@@ -32,8 +46,7 @@ Clip clip_from(const ShotDocument::Clip& document) {
     clip.shape =
         BoxClip{{least[0], least[1], least[2]}, {most[0], most[1], most[2]}, document.feather};
   } else {
-    const ShotDocument::Screen& s = document.screen;
-    clip.shape = ScreenClip{s.left, s.right, s.top, s.bottom, document.feather};
+    clip.shape = screen_clip_from(document, shot);
   }
   return clip;
 }
@@ -59,6 +72,8 @@ Fingerprint common_fingerprint(const ShotDocument& shot) {
   Fingerprint print;
   print.integer("reconstruction", kReconstructionVersion);
   print.integer("width", shot.width).integer("height", shot.height);
+  print.integer("overscan_x", shot.output.overscan[0])
+      .integer("overscan_y", shot.output.overscan[1]);
   print.integer("fps_n", shot.fps_numerator).integer("fps_d", shot.fps_denominator);
   print.text("compression", shot.output.compression);
   print.text("data_compression", shot.output.data_compression).text("layout", shot.output.layout);
@@ -107,18 +122,22 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
   find_colors(options.color_config);
   for (const ShotDocument::Layer& layer : shot_.layers) {
     clips_.emplace_back();
-    for (const ShotDocument::Clip& clip : layer.clips) clips_.back().push_back(clip_from(clip));
+    for (const ShotDocument::Clip& clip : layer.clips)
+      clips_.back().push_back(clip_from(clip, shot_));
   }
   find_layer_lights();
   for (std::size_t i = 0; i < layers(); ++i) {
     light_fields_.emplace_back();
     geometries_.emplace_back();
+    plates_.emplace_back();
     if (!shows_in(i, options.frames)) continue;
     if (shot_.layers[i].is_light_field()) {
       light_fields_.back() = std::make_unique<const LightFieldLayer>(shot_, i, shot_file,
                                                                      options.fill, options.target);
     } else if (shot_.layers[i].geometry) {
       open_geometry(i);
+    } else if (shot_.layers[i].plate) {
+      plates_.back() = std::make_unique<const PlateLayer>(shot_, i, shot_file, studio_colors_);
     }
   }
   name_objects();
@@ -133,6 +152,7 @@ void ShotPlan::find_colors(const std::filesystem::path& config_file) {
                        config_file.empty() ? shot_file_.parent_path() / color.config : config_file,
                        color.rec709_space)
                  : ColorConfig::built_in();
+  if (has_config) studio_colors_ = config;
   const ColorTransform transform = config.to_space(color.space);
   if (!transform.is_linear()) {
     throw Error::bad_input("the colour space \"" + color.space + "\" is not linear light",
@@ -263,6 +283,7 @@ void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
   for (const PlannedFrame& frame : frames) {
     const CameraState state = camera_.state(frame.frame);
     for (std::size_t i = 0; i < layers(); ++i) {
+      if (plates_[i] && is_visible(i, frame.frame)) plates_[i]->check_file(frame.frame);
       if (!light_fields_[i]) continue;
       light_fields_[i]->check_files(frame.frame, frame.shown[i]);
       if (!light_fields_[i]->focuses_as_camera() || state.focus_m) continue;
@@ -288,14 +309,24 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
     for (const std::string& name : object_names_[i]) print.text("object", name);
     if (light_fields_[i]) light_fields_[i]->add_to(print, frame.shown[i]);
     if (geometries_[i]) geometries_[i]->add_to(print, frame.frame);
+    if (plates_[i]) plates_[i]->add_to(print, frame.frame);
   }
   return print.hex();
 }
 
 ExrCamera ShotPlan::exr_camera(int frame, Eye eye) const {
   const CameraState state = camera_.state(frame);
-  ExrCamera camera{camera_.camera(frame, eye), state.film_back_mm, state.focus_m, state.f_number,
-                   std::nullopt};
+  ExrCamera camera;
+  camera.view = camera_.camera(frame, eye);
+  camera.film_back_mm = state.film_back_mm;
+  camera.focus_m = state.focus_m;
+  camera.f_number = state.f_number;
+  camera.overscan_x = shot_.output.overscan[0];
+  camera.overscan_y = shot_.output.overscan[1];
+  camera.view.width += 2 * camera.overscan_x;
+  camera.view.height += 2 * camera.overscan_y;
+  camera.view.intrinsics.cx += camera.overscan_x;
+  camera.view.intrinsics.cy += camera.overscan_y;
   if (state.shutter_deg) {
     camera.exposure_seconds =
         *state.shutter_deg / 360 * shot_.fps_denominator / shot_.fps_numerator;

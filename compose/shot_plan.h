@@ -16,6 +16,7 @@
 #include "compose/layers/clip.h"
 #include "compose/layers/fingerprint.h"
 #include "compose/layers/light_field_layer.h"
+#include "compose/plate.h"
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
 
@@ -57,6 +58,8 @@ class ShotPlan {
   const LightFieldLayer* light_field(std::size_t layer) const { return light_fields_[layer].get(); }
   /// Of a layer; null: it is none, or shows nothing.
   const GeometryLayer* geometry(std::size_t layer) const { return geometries_[layer].get(); }
+  /// Of a layer; null: it is none, or shows nothing.
+  const PlateLayer* plate(std::size_t layer) const { return plates_[layer].get(); }
   /// All meshes that are visible at a frame where they stand, and what lights them.
   /// `mesh_of_layer`: index into its meshes of each layer; -1 for others.
   GeometryScene geometry_at(int frame, std::vector<int>& mesh_of_layer) const;
@@ -84,7 +87,8 @@ class ShotPlan {
 
   /// The views of a frame: left and right, or one.
   std::vector<Eye> eyes() const { return camera_.eyes(); }
-  VirtualCamera camera(int frame, Eye eye) const { return camera_.camera(frame, eye); }
+  /// With overscan.
+  VirtualCamera camera(int frame, Eye eye) const { return exr_camera(frame, eye).view; }
 
   /// With kError throws Error (bad input) listing the frames for which a visible light field has
   /// nothing.
@@ -118,8 +122,10 @@ class ShotPlan {
   std::vector<std::unique_ptr<const LightFieldLayer>> light_fields_;
   std::unique_ptr<Textures> textures_;  ///< null: no mesh is visible
   std::vector<std::unique_ptr<const GeometryLayer>> geometries_;
+  std::vector<std::unique_ptr<const PlateLayer>> plates_;
   std::vector<std::vector<std::string>> object_names_;
   Lights lights_;
+  std::optional<ColorConfig> studio_colors_;  ///< none: the built-in config will do
   std::optional<ColorTransform> to_file_;
   std::string color_interop_id_{kSceneSpace}, color_config_;
   std::vector<LayerLight> layer_lights_;

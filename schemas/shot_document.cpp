@@ -63,6 +63,7 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
     shot.output.data_compression = output.get("data_compression", shot.output.data_compression);
     shot.output.layout = output.get("layout", shot.output.layout);
     shot.output.cryptomatte = output.get("cryptomatte", shot.output.cryptomatte);
+    shot.output.overscan = output.get("overscan", shot.output.overscan);
     if (output.has("color")) {
       const Located color = output.at("color");
       shot.output.color.space = color.get("space", shot.output.color.space);
@@ -99,6 +100,7 @@ std::string format_shot(const ShotDocument& shot) {
   }
   output["layout"] = shot.output.layout;
   if (shot.output.cryptomatte) output["cryptomatte"] = true;
+  if (shot.output.overscan != std::array{0, 0}) output["overscan"] = shot.output.overscan;
   const ShotDocument::Color& color = shot.output.color;
   output["color"] = {{"space", color.space}};
   if (!color.config.empty()) output["color"]["config"] = color.config;

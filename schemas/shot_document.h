@@ -71,6 +71,14 @@ struct ShotDocument {
     double alpha = 1;
     std::optional<double> depth_m = {};  ///< along the view's axis; none: behind everything
   };
+  /// Pictures made elsewhere.
+  struct Plate {
+    std::string file;  ///< EXR, PNG or JPEG, as a sequence's name; relative to the shot's folder
+    int frame_offset = 0;  ///< shown at a frame is the file of that frame plus this
+    std::optional<double> depth_m =
+        {};                  ///< along the view's axis; none: the file's Z, else behind all
+    std::string space = {};  ///< of its colours; empty: as the file says, else linear or sRGB
+  };
   /// Shares of the picture's width and height from the top left.
   struct Screen {
     double left = 0, right = 1, top = 0, bottom = 1;
@@ -120,6 +128,7 @@ struct ShotDocument {
     std::string take;
     std::optional<Solid> solid = {};
     std::optional<Geometry> geometry = {};
+    std::optional<Plate> plate = {};
     std::vector<Clip> clips = {};
     bool holdout = false;  ///< cuts what lies behind it, and shows nothing of itself
     double opacity = 1;
@@ -146,6 +155,7 @@ struct ShotDocument {
     std::string layout = "standard";  ///< standard | single | nuke
     bool cryptomatte = false;         ///< object ids
     Color color = {};
+    std::array<int, 2> overscan{0, 0};  ///< pixels beyond the picture on its sides, above and below
   };
   std::string name;
   int width = 0, height = 0;

@@ -126,16 +126,20 @@ TEST(ShotCameraDocument, RefusesContradictions) {
 TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
   json shot = shot_of_today();
   shot["merge"] = "depth";
-  shot["layers"] = {{{"name", "sky"}, {"solid", {{"color", {0.1, 0.2, 0.9}}, {"depth_m", 90}}}},
-                    {{"take", "a"},
-                     {"clips",
-                      {{{"plane", {1, 0, 0, 2}}, {"feather", 0.1}},
-                       {{"box", {{-1, 0, -5}, {1, 2, -3}}}, {"invert", true}},
-                       {{"screen", {{"left", 0.5}}}}}},
-                     {"opacity", 0.5},
-                     {"first_frame", 3},
-                     {"last_frame", 9}},
-                    {{"take", "b"}, {"holdout", true}}};
+  shot["layers"] = {
+      {{"name", "sky"}, {"solid", {{"color", {0.1, 0.2, 0.9}}, {"depth_m", 90}}}},
+      {{"take", "a"},
+       {"clips",
+        {{{"plane", {1, 0, 0, 2}}, {"feather", 0.1}},
+         {{"box", {{-1, 0, -5}, {1, 2, -3}}}, {"invert", true}},
+         {{"screen", {{"left", 0.5}}}}}},
+       {"opacity", 0.5},
+       {"first_frame", 3},
+       {"last_frame", 9}},
+      {{"take", "b"}, {"holdout", true}},
+      {{"plate",
+        {{"file", "p.####.exr"}, {"frame_offset", -3}, {"depth_m", 7}, {"space", "ACEScg"}}}}};
+  shot["output"] = {{"overscan", {16, 9}}, {"color", {{"space", "lin_ap1_scene"}}}};
   const ShotDocument document = parse_shot(shot.dump(), "f");
   EXPECT_EQ(document.merge, ShotDocument::Merge::kDepth);
   EXPECT_FALSE(document.layers[0].is_light_field());
@@ -148,6 +152,10 @@ TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
   EXPECT_EQ(document.layers[1].clips[2].screen.right, 1);
   EXPECT_EQ(document.layers[1].last_frame, 9);
   EXPECT_TRUE(document.layers[2].holdout);
+  EXPECT_EQ(document.layers[3].plate->frame_offset, -3);
+  EXPECT_EQ(document.layers[3].plate->depth_m, 7);
+  EXPECT_EQ(document.output.overscan, (std::array{16, 9}));
+  EXPECT_EQ(document.output.color.space, "lin_ap1_scene");
   const std::string once = format_shot(document);
   EXPECT_EQ(format_shot(parse_shot(once, "f")), once);
 }

@@ -67,6 +67,22 @@ ordered_json json_from(const ShotDocument::Solid& solid) {
   return object;
 }
 
+ShotDocument::Plate plate_from(const Located& object) {
+  ShotDocument::Plate plate{.file = path_text(object.at("file"))};
+  plate.frame_offset = object.get("frame_offset", plate.frame_offset);
+  plate.depth_m = object.get_if<double>("depth_m");
+  plate.space = object.get("space", plate.space);
+  return plate;
+}
+
+ordered_json json_from(const ShotDocument::Plate& plate) {
+  ordered_json object{{"file", plate.file}};
+  if (plate.frame_offset != 0) object["frame_offset"] = plate.frame_offset;
+  add_optional(object, "depth_m", plate.depth_m);
+  if (!plate.space.empty()) object["space"] = plate.space;
+  return object;
+}
+
 ShotDocument::Clip clip_from(const Located& object) {
   if (count_of(object, {"plane", "box", "screen"}) != 1) {
     throw object.refuse("found not exactly one of \"plane\", \"box\" and \"screen\"",
@@ -146,8 +162,8 @@ void refuse_light_field_words(const Located& object) {
 }  // namespace
 
 Layer shot_layer_from(const Located& object) {
-  if (count_of(object, {"take", "geometry", "solid"}) != 1) {
-    throw object.refuse("found not exactly one of \"take\", \"geometry\" and \"solid\"",
+  if (count_of(object, {"take", "geometry", "plate", "solid"}) != 1) {
+    throw object.refuse("found not exactly one of \"take\", \"geometry\", \"plate\" and \"solid\"",
                         "Say what the layer shows");
   }
   Layer layer;
@@ -157,6 +173,7 @@ Layer shot_layer_from(const Located& object) {
   } else {
     refuse_light_field_words(object);
     if (object.has("solid")) layer.solid = solid_from(object.at("solid"));
+    if (object.has("plate")) layer.plate = plate_from(object.at("plate"));
     if (object.has("geometry")) layer.geometry = shot_geometry_from(object.at("geometry"));
   }
   if (object.has("clips")) {
@@ -180,6 +197,8 @@ ordered_json json_from(const Layer& layer) {
   ordered_json object{{"name", layer.name}};
   if (layer.solid) {
     object["solid"] = json_from(*layer.solid);
+  } else if (layer.plate) {
+    object["plate"] = json_from(*layer.plate);
   } else if (layer.geometry) {
     object["geometry"] = json_from(*layer.geometry);
   } else {

@@ -124,6 +124,15 @@ bool ColorTransform::changes_nothing() const { return state_->changes_nothing; }
 struct ColorConfig::State {
   OCIO::ConstConfigRcPtr config;
   std::string description, rec709;
+
+  /// The config's own name of a space.
+  std::string known(const std::string& space) const {
+    std::string name = own_name(*config, space.c_str());
+    if (name.empty()) name = space_by_interop_id(*config, space);
+    if (!name.empty()) return name;
+    throw Error::bad_input("the colour config has no space \"" + space + "\"", description,
+                           "Use one of " + names_of_spaces(*config));
+  }
 };
 
 ColorConfig ColorConfig::built_in() {
@@ -158,17 +167,15 @@ ColorConfig ColorConfig::from_file(const std::filesystem::path& file,
 const std::string& ColorConfig::description() const { return state_->description; }
 
 ColorTransform ColorConfig::to_space(const std::string& space) const {
-  const OCIO::Config& config = *state_->config;
-  std::string name = own_name(config, space.c_str());
-  if (name.empty()) name = space_by_interop_id(config, space);
-  if (name.empty()) {
-    throw Error::bad_input("the colour config has no space \"" + space + "\"", state_->description,
-                           "Use one of " + names_of_spaces(config));
-  }
-  ColorTransform transform;
-  transform.state_ = std::make_shared<const ColorTransform::State>(
-      config.getProcessor(state_->rec709.c_str(), name.c_str())->getDefaultCPUProcessor());
-  return transform;
+  return ColorTransform(std::make_shared<const ColorTransform::State>(
+      state_->config->getProcessor(state_->rec709.c_str(), state_->known(space).c_str())
+          ->getDefaultCPUProcessor()));
+}
+
+ColorTransform ColorConfig::from_space(const std::string& space) const {
+  return ColorTransform(std::make_shared<const ColorTransform::State>(
+      state_->config->getProcessor(state_->known(space).c_str(), state_->rec709.c_str())
+          ->getDefaultCPUProcessor()));
 }
 
 ColorTransform ColorConfig::to_display(const std::string& space, const std::string& display,
@@ -191,19 +198,11 @@ ColorTransform ColorConfig::to_display(const std::string& space, const std::stri
                            state_->description,
                            fmt::format("Use one of {}", fmt::join(known, ", ")));
   }
-  std::string name = own_name(config, space.c_str());
-  if (name.empty()) name = space_by_interop_id(config, space);
-  if (name.empty()) {
-    throw Error::bad_input("the colour config has no space \"" + space + "\"", state_->description,
-                           "Use one of " + names_of_spaces(config));
-  }
-  ColorTransform transform;
-  transform.state_ = std::make_shared<const ColorTransform::State>(
+  return ColorTransform(std::make_shared<const ColorTransform::State>(
       config
-          .getProcessor(name.c_str(), of_display.c_str(), through.c_str(),
+          .getProcessor(state_->known(space).c_str(), of_display.c_str(), through.c_str(),
                         OCIO::TRANSFORM_DIR_FORWARD)
-          ->getDefaultCPUProcessor());
-  return transform;
+          ->getDefaultCPUProcessor()));
 }
 
 std::string ColorConfig::interop_id(const std::string& space) const {

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 namespace raystage {
@@ -29,6 +30,7 @@ class ColorTransform {
  private:
   friend class ColorConfig;
   struct State;
+  explicit ColorTransform(std::shared_ptr<const State> state) : state_(std::move(state)) {}
   std::shared_ptr<const State> state_;
 };
 
@@ -47,6 +49,8 @@ class ColorConfig {
   const std::string& description() const;
   /// From kSceneSpace. Throws Error (bad input), naming the spaces there are, for an unknown one.
   ColorTransform to_space(const std::string& space) const;
+  /// To kSceneSpace. Throws Error likewise.
+  ColorTransform from_space(const std::string& space) const;
   /// From a space to what a display shows through a view: codes of full scale 1. Empty names: the
   /// config's default. Throws Error (bad input), naming those there are.
   ColorTransform to_display(const std::string& space, const std::string& display,

@@ -12,6 +12,7 @@
 #include <array>
 
 #include "compose/exr/memory_stream.h"
+#include "images/exr/exr_slice.h"
 #include "schemas/atomic_file.h"
 
 namespace raystage {
@@ -29,13 +30,15 @@ struct DeepPixels {
   Imf::DeepFrameBuffer frame_buffer;
 };
 
-/// Of a picture that starts at (0, 0).
+/// Where pixel (0, 0) would stand, which may lie outside the memory.
 template <class T>
-char* base_of(std::vector<T>& values) {
-  return reinterpret_cast<char*>(values.data());
+char* base_of(std::vector<T>& values, const ExrCamera& camera) {
+  return exr_slice(Imf::UINT, values.data(), camera.view.width, 1, -camera.overscan_x,
+                   -camera.overscan_y, 0.0)
+      .base;
 }
 
-DeepPixels pixels_of_view(const ExrDeepView& view, int width) {
+DeepPixels pixels_of_view(const ExrDeepView& view, const ExrCamera& camera) {
   DeepPixels pixels;
   const std::size_t samples = view.samples.size() / kValues, count = view.begin.size() - 1;
   pixels.colours.resize(4 * samples);
@@ -55,15 +58,17 @@ DeepPixels pixels_of_view(const ExrDeepView& view, int width) {
     }
     pixels.first[4][pixel] = pixels.depths.data() + view.begin[pixel];
   }
-  const auto columns = static_cast<std::size_t>(width);
-  pixels.frame_buffer.insertSampleCountSlice(Imf::Slice(
-      Imf::UINT, base_of(pixels.counts), sizeof(unsigned int), sizeof(unsigned int) * columns));
+  const auto columns = static_cast<std::size_t>(camera.view.width);
+  pixels.frame_buffer.insertSampleCountSlice(Imf::Slice(Imf::UINT, base_of(pixels.counts, camera),
+                                                        sizeof(unsigned int),
+                                                        sizeof(unsigned int) * columns));
   for (std::size_t c = 0; c < kValues; ++c) {
     const bool is_colour = c < 4;
     pixels.frame_buffer.insert(
         is_colour ? kColours[c] : "Z",
-        Imf::DeepSlice(is_colour ? Imf::HALF : Imf::FLOAT, base_of(pixels.first[c]), sizeof(void*),
-                       sizeof(void*) * columns, is_colour ? sizeof(half) : sizeof(float)));
+        Imf::DeepSlice(is_colour ? Imf::HALF : Imf::FLOAT, base_of(pixels.first[c], camera),
+                       sizeof(void*), sizeof(void*) * columns,
+                       is_colour ? sizeof(half) : sizeof(float)));
   }
   return pixels;
 }
@@ -99,7 +104,7 @@ std::vector<std::byte> encode_deep_exr(std::span<const ExrDeepView> views,
     Imf::MultiPartOutputFile output(stream, headers.data(), static_cast<int>(headers.size()), false,
                                     kNoExrThreads);
     for (std::size_t i = 0; i < views.size(); ++i) {
-      const DeepPixels pixels = pixels_of_view(views[i], cameras[i].view.width);
+      const DeepPixels pixels = pixels_of_view(views[i], cameras[i]);
       Imf::DeepScanLineOutputPart part(output, static_cast<int>(i));
       part.setFrameBuffer(pixels.frame_buffer);
       part.writePixels(cameras[i].view.height);

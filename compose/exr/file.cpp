@@ -52,8 +52,12 @@ struct PartPixels {
 };
 
 /// Adds the channels to the header, too.
-PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, int width,
+PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, const ExrCamera& camera,
                      Imf::Header& header) {
+  const auto slice = [&](Imf::PixelType type, auto* first) {
+    return exr_slice(type, first, camera.view.width, 1, -camera.overscan_x, -camera.overscan_y,
+                     0.0);
+  };
   const auto layer_of = [&](const ExrPlacedChannel& channel) -> const ExrLayer& {
     return views[channel.view].layers[channel.layer];
   };
@@ -73,14 +77,14 @@ PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, int wi
     const float* from = layer.values.data() + channel.channel;
     if (layer.is_colour) {
       for (std::size_t i = 0; i < count; ++i) colour[i] = finite_half(from[i * stride]);
-      pixels.frame_buffer.insert(channel.name, exr_slice(Imf::HALF, colour, width, 1, 0, 0, 0.0));
+      pixels.frame_buffer.insert(channel.name, slice(Imf::HALF, colour));
       colour += count;
     } else {
       for (std::size_t i = 0; i < count; ++i) {
         const float value = from[i * stride];
         number[i] = std::isnan(value) ? layer.for_nan : value;
       }
-      pixels.frame_buffer.insert(channel.name, exr_slice(Imf::FLOAT, number, width, 1, 0, 0, 0.0));
+      pixels.frame_buffer.insert(channel.name, slice(Imf::FLOAT, number));
       number += count;
     }
     // pLinear stays false: coverage is data, and must not be treated as light.
@@ -111,7 +115,7 @@ std::vector<std::byte> encode_exr(std::span<const ExrView> views,
   std::vector<Imf::Header> headers;
   for (const ExrPart& part : parts) {
     headers.push_back(exr_header(part, cameras[part.camera_of], metadata));
-    pixels.push_back(pixels_of(part, views, cameras[0].view.width, headers.back()));
+    pixels.push_back(pixels_of(part, views, cameras[0], headers.back()));
   }
   if (parts.size() == 1 && views.size() > 1) {
     Imf::StringVector names;

@@ -98,12 +98,12 @@ std::optional<Imf::Chromaticities> chromaticities_of(const std::string& interop_
   return std::nullopt;
 }
 
-void add_lens(Imf::Header& header, const ExrCamera& camera) {
-  const Intrinsics& k = camera.view.intrinsics;
+void add_lens(Imf::Header& header, const ExrCamera& camera, const VirtualCamera& picture) {
+  const Intrinsics& k = picture.intrinsics;
   const double width = camera.film_back_mm;
-  const double height = width * (camera.view.height / k.fy) / (camera.view.width / k.fx);
+  const double height = width * (picture.height / k.fy) / (picture.width / k.fx);
   header.insert("pinholeFocalLength",
-                Imf::FloatAttribute(static_cast<float>(width * k.fx / camera.view.width)));
+                Imf::FloatAttribute(static_cast<float>(width * k.fx / picture.width)));
   header.insert(
       "sensorOverallDimensions",
       Imf::V2fAttribute(Imath::V2f(static_cast<float>(width), static_cast<float>(height))));
@@ -127,6 +127,15 @@ void add_perspective(Imf::Header& header, const VirtualCamera& camera) {
 
 void check_exr_compression(const std::string& name) { compression_named(name); }
 
+VirtualCamera without_overscan(const ExrCamera& camera) {
+  VirtualCamera picture = camera.view;
+  picture.width -= 2 * camera.overscan_x;
+  picture.height -= 2 * camera.overscan_y;
+  picture.intrinsics.cx -= camera.overscan_x;
+  picture.intrinsics.cy -= camera.overscan_y;
+  return picture;
+}
+
 Imath::M44f exr_world_to_camera(const Pose& pose) {
   return imath_from_columns(forward_camera_from_world(pose));
 }
@@ -142,7 +151,11 @@ Imath::M44f exr_world_to_ndc(const VirtualCamera& camera) {
 }
 
 Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata) {
-  Imf::Header header(camera.view.width, camera.view.height);
+  const VirtualCamera picture = without_overscan(camera);
+  Imf::Header header(picture.width, picture.height);
+  header.dataWindow() = {
+      {-camera.overscan_x, -camera.overscan_y},
+      {picture.width + camera.overscan_x - 1, picture.height + camera.overscan_y - 1}};
   const bool same = part.is_colour || metadata.data_compression.empty();
   header.compression() = compression_named(same ? metadata.compression : metadata.data_compression);
   if (!part.name.empty()) {
@@ -151,8 +164,8 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   }
   if (!part.view.empty()) header.setView(part.view);
 
-  add_perspective(header, camera.view);
-  add_lens(header, camera);
+  add_perspective(header, picture);
+  add_lens(header, camera, picture);
   addTimeCode(header, time_code(metadata.frame, metadata.fps_numerator, metadata.fps_denominator));
   addFramesPerSecond(header, Imf::Rational(metadata.fps_numerator,
                                            static_cast<unsigned>(metadata.fps_denominator)));

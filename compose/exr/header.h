@@ -46,10 +46,16 @@ struct ExrMetadata {
 
 /// The camera that a view was taken with, as its header tells it.
 struct ExrCamera {
-  VirtualCamera view;
+  VirtualCamera view;  ///< with what lies beyond the picture
+  /// Pixels of it on either side of the picture, above and below it: the data window reaches
+  /// beyond the display window by so much.
+  int overscan_x = 0, overscan_y = 0;
   double film_back_mm = 36;  ///< width
   std::optional<double> focus_m = {}, f_number = {}, exposure_seconds = {};
 };
+
+/// The picture itself: the display window.
+VirtualCamera without_overscan(const ExrCamera& camera);
 
 /// OpenEXR's camera space: left-handed, x right, y up, z forward (ours: z backward). Imath
 /// multiplies row vectors, so the translation stands in the last row.

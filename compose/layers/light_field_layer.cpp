@@ -121,15 +121,25 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
 
 Reconstruction LightFieldLayer::reconstruction_for(const ExrCamera& camera) const {
   Reconstruction result = reconstruction_;
-  if (!focuses_as_camera() || !camera.focus_m) return result;
-  const Pose& pose = camera.view.pose;
-  const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
-  const double distance = -ahead.dot(pose.position) - *camera.focus_m;
-  result.focal_plane << ahead, distance;
-  const bool has_lens = result.options.contains("f_number") || result.options.contains("radius");
-  if (result.method != "aperture" || !camera.f_number || has_lens) return result;
-  result.options["f_number"] = *camera.f_number;
-  result.options["film_width"] = camera.film_back_mm;
+  OptionValues& options = result.options;
+  const bool is_aperture = result.method == "aperture";
+  if (focuses_as_camera() && camera.focus_m) {
+    const Pose& pose = camera.view.pose;
+    const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
+    const double distance = -ahead.dot(pose.position) - *camera.focus_m;
+    result.focal_plane << ahead, distance;
+    const bool has_lens = options.contains("f_number") || options.contains("radius");
+    if (is_aperture && camera.f_number && !has_lens) {
+      options["f_number"] = *camera.f_number;
+      options["film_width"] = camera.film_back_mm;
+    }
+  }
+  if (is_aperture && options.contains("f_number") && camera.overscan_x > 0) {
+    // The film is as wide as the picture; the method takes the view's width for it.
+    const MethodOptions given(method_named(result.method).options, options, result.method);
+    options["film_width"] = given.number("film_width") * camera.view.width /
+                            (camera.view.width - 2.0 * camera.overscan_x);
+  }
   return result;
 }
 

@@ -55,14 +55,26 @@ const char* lacking(const Imf::Header& header, std::span<const ExrChannel> chann
   return nullptr;
 }
 
-/// The first part that has what is asked for.
 std::string text_of(const Imf::Header& header, const char* attribute) {
   const auto* text = header.findTypedAttribute<Imf::StringAttribute>(attribute);
   return text == nullptr ? std::string() : text->value();
 }
 
+bool has_one(const Imf::Header& header, std::span<const ExrChannel> channels) {
+  return std::ranges::any_of(channels, [&](const ExrChannel& channel) {
+    return header.channels().findChannel(channel.name) != nullptr;
+  });
+}
+
+/// The first part that has what must be there; if nothing must, that has any of it.
 int part_with(const Imf::MultiPartInputFile& input, const std::filesystem::path& file,
               std::span<const ExrChannel> channels, const std::string& what_to_do) {
+  if (std::ranges::all_of(channels,
+                          [](const auto& channel) { return channel.fallback.has_value(); })) {
+    for (int part = 0; part < input.parts(); ++part) {
+      if (has_one(input.header(part), channels)) return part;
+    }
+  }
   for (int part = 0; part < input.parts(); ++part) {
     if (lacking(input.header(part), channels) == nullptr) return part;
   }

@@ -26,7 +26,8 @@ struct ExrPixels {
   std::string color_interop_id, color_space;
 };
 
-/// Reads channels of the first flat part of an EXR that has them, within its display window; where
+/// Reads channels of the first flat part of an EXR that has those that it must have, or if it must
+/// have none, any of them, within its display window; where
 /// the data window ends, they are 0. Throws Error (bad input, with `what_to_do`) where the file is
 /// missing, damaged, larger than 2^29 pixels, or without a channel that it must have.
 ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,

@@ -1,0 +1,156 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/plate.h"
+
+#include <fmt/format.h>
+#include <png.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <initializer_list>
+#include <limits>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "images/exr/exr_channels.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "schemas/transfer_function.h"
+#include "store/jpeg/decode.h"
+
+namespace raystage {
+namespace {
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+bool is_named(const std::filesystem::path& path, std::initializer_list<const char*> extensions) {
+  std::string extension = path.extension().string();
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return std::ranges::find(extensions, extension) != extensions.end();
+}
+
+/// Linear light of sRGB's codes.
+using LightOfCode = std::array<float, 256>;
+LightOfCode light_of_codes() {
+  LightOfCode light{};
+  for (std::size_t code = 0; code < light.size(); ++code) {
+    light[code] = static_cast<float>(linear_from_srgb(static_cast<double>(code) / 255));
+  }
+  return light;
+}
+
+LayerImage read_jpeg_plate(const std::filesystem::path& path, const LightOfCode& light) {
+  const std::string bytes = read_file(path);
+  const RgbImage codes = JpegDecoder().decode(std::as_bytes(std::span(bytes)), path.string());
+  LayerImage image = empty_image(codes.width, codes.height);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) image.rgba[4 * i + c] = light[codes.pixels[3 * i + c]];
+    image.rgba[4 * i + 3] = 1;
+  }
+  return image;
+}
+
+/// By sRGB's curve: libpng's own way to linear light is a power of 2.2.
+LayerImage read_png_plate(const std::filesystem::path& path, const LightOfCode& light) {
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  const auto refuse = [&](const std::string& why) {
+    png_image_free(&png);
+    return Error::bad_input("the plate cannot be read: " + why, path.string(),
+                            "Write it again, as PNG of 8 bits or as EXR");
+  };
+  if (png_image_begin_read_from_file(&png, path.c_str()) == 0) throw refuse(png.message);
+  if ((png.format & PNG_FORMAT_FLAG_LINEAR) != 0) throw refuse("it has 16 bits");
+  png.format = PNG_FORMAT_RGBA;
+  LayerImage image = empty_image(static_cast<int>(png.width), static_cast<int>(png.height));
+  std::vector<std::uint8_t> codes(image.rgba.size());
+  if (png_image_finish_read(&png, nullptr, codes.data(), 0, nullptr) == 0) {
+    throw refuse(png.message);
+  }
+  for (std::size_t i = 0; i < codes.size(); i += 4) {
+    const float alpha = static_cast<float>(codes[i + 3]) / 255;
+    for (std::size_t c = 0; c < 3; ++c) image.rgba[i + c] = alpha * light[codes[i + c]];
+    image.rgba[i + 3] = alpha;
+  }
+  return image;
+}
+
+}  // namespace
+
+PlateLayer::PlateLayer(const ShotDocument& shot, std::size_t index,
+                       const std::filesystem::path& shot_file, std::optional<ColorConfig> config)
+    : document_(*shot.layers[index].plate),
+      width_(shot.width),
+      height_(shot.height),
+      name_((shot_file.parent_path() / document_.file).lexically_normal().string()),
+      config_(std::move(config)) {}
+
+std::filesystem::path PlateLayer::file(int frame) const {
+  return name_.path(frame + document_.frame_offset);
+}
+
+void PlateLayer::check_file(int frame) const {
+  const std::filesystem::path path = file(frame);
+  if (!is_named(path, {".exr", ".png", ".jpg", ".jpeg"})) {
+    throw Error::bad_input("plates are EXR, PNG or JPEG", path.string(),
+                           "Turn it into EXR, e.g. by oiiotool IN -o OUT.exr");
+  }
+  if (std::filesystem::exists(path)) return;
+  throw Error::bad_input(fmt::format("frame {} needs a plate that is not there", frame),
+                         path.string(), "Put it there, or mend the layer's file or frame_offset");
+}
+
+LayerImage PlateLayer::read(const std::filesystem::path& path) const {
+  if (is_named(path, {".png"})) return read_png_plate(path, light_of_codes());
+  if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, light_of_codes());
+  constexpr ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
+  constexpr ExrChannel kDepth[] = {{"Z", kInfinity}};
+  const char* what_to_do = "Give a flat EXR file with channels R, G and B";
+  const ExrPixels pixels = read_exr_channels(path, kChannels, what_to_do);
+  LayerImage image = empty_image(pixels.width, pixels.height);
+  std::ranges::copy(pixels.values, image.rgba.begin());
+  std::ranges::copy(read_exr_channels(path, kDepth, what_to_do).values, image.z.begin());
+  const bool is_scene = pixels.color_interop_id.empty() || pixels.color_interop_id == kSceneSpace;
+  if (document_.space.empty() && !is_scene) {
+    turn_into_scene_colors(
+        image, pixels.color_interop_id == "unknown" ? pixels.color_space : pixels.color_interop_id);
+  }
+  return image;
+}
+
+void PlateLayer::turn_into_scene_colors(LayerImage& image, const std::string& space) const {
+  const ColorConfig config = config_ ? *config_ : ColorConfig::built_in();
+  config.from_space(space).apply(image.rgba);
+}
+
+LayerImage PlateLayer::image(int frame, int overscan_x, int overscan_y) const {
+  const std::filesystem::path path = file(frame);
+  LayerImage plate = read(path);
+  if (plate.width != width_ || plate.height != height_) {
+    throw Error::bad_input(fmt::format("the plate has {} x {} pixels, the shot {} x {}",
+                                       plate.width, plate.height, width_, height_),
+                           path.string(), "Scale it to the shot's size");
+  }
+  if (!document_.space.empty()) turn_into_scene_colors(plate, document_.space);
+  LayerImage image = empty_image(width_ + 2 * overscan_x, height_ + 2 * overscan_y);
+  const auto depth = document_.depth_m ? static_cast<float>(*document_.depth_m) : kInfinity;
+  for (int y = 0; y < height_; ++y) {
+    for (int x = 0; x < width_; ++x) {
+      const auto from = static_cast<std::size_t>(y * width_ + x);
+      const auto to = static_cast<std::size_t>((y + overscan_y) * image.width + x + overscan_x);
+      std::copy_n(&plate.rgba[4 * from], 4, &image.rgba[4 * to]);
+      const bool is_nothing = plate.rgba[4 * from + 3] == 0;
+      image.z[to] = is_nothing ? kInfinity : document_.depth_m ? depth : plate.z[from];
+    }
+  }
+  return image;
+}
+
+void PlateLayer::add_to(Fingerprint& print, int frame) const {
+  print.text("plate", read_file(file(frame))).text("space", document_.space);
+  print.number("depth", document_.depth_m.value_or(0));
+}
+
+}  // namespace raystage

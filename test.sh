@@ -18,9 +18,9 @@ if [ -z "${RAYSTAGE_SKIP_INSTALL:-}" ]; then
   scripts/install_packages.sh build run test
 fi
 
-configure_and_build() {  # PRESET
+configure_and_build() {  # PRESET [BUILD OPTION...]
   cmake --preset "$1" >"build/$1.configure.log" 2>&1 || { cat "build/$1.configure.log"; exit 1; }
-  cmake --build "build/$1" -j "$jobs"
+  cmake --build "build/$1" -j "$jobs" "${@:2}"
 }
 mkdir -p build
 
@@ -53,9 +53,8 @@ case "$what" in
     run_tests check
     step "quick form of the address and undefined behaviour sanitizers"
     sanitizer_options
-    cmake --preset asan >build/asan.configure.log 2>&1 || { cat build/asan.configure.log; exit 1; }
-    cmake --build build/asan -j "$jobs" --target sanitizer_quick
-    run_tests asan -L '^(schemas|jpeg|store|frames|fixity|frame_exr)$'
+    configure_and_build asan_quick --target sanitizer_quick
+    run_tests asan_quick -L '^(schemas|jpeg|store|frames|fixity|frame_exr)$'
     step "clang-format and clang-tidy"
     scripts/check_style.sh build/check
     step "done"

@@ -102,6 +102,12 @@ int main(int argc, char** argv) {
                  "Use every n-th row and column of the grid only")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
+  app.add_option("--views-step", options.settings.view_step, "Render every n-th view only")
+      ->capture_default_str()
+      ->check(CLI::PositiveNumber);
+  app.add_flag("!--no-count", options.settings.count_needed_pixels,
+               "Do not count which source pixels each view needs: no decoded/needed, in half the "
+               "time");
   app.add_option("--out", options.settings.image_folder,
                  "Folder for the rendered views, DIR/<view id>.png (default: not written)");
   app.add_option("--json", options.json, "Write the results as JSON to this file");

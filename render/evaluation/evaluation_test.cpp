@@ -110,6 +110,7 @@ TEST_F(EvaluatedTake, RepeatingChangesTimesOnly) {
   EXPECT_EQ(repeated.prepare_ms, 0);  // one plane keeps nothing
   EXPECT_FALSE(std::isnan(once.mean.decoded_per_needed));
   EXPECT_TRUE(std::isnan(repeated.mean.decoded_per_needed));
+  EXPECT_THAT(evaluation_as_text(repeated), HasSubstr(" -\n")) << "nothing was counted";
 }
 
 TEST_F(EvaluatedTake, EveryNthView) {

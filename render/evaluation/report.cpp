@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "render/evaluation/evaluation.h"
 #include "render/evaluation/report_json.h"
 
@@ -16,6 +18,10 @@ nlohmann::ordered_json as_json(const ViewEvaluation& view) {
           {"render_ms", view.render_ms},
           {"working_mb", view.working_mb},
           {"decoded_per_needed", json_number(view.decoded_per_needed)}};
+}
+
+std::string ratio_as_text(double ratio) {
+  return std::isnan(ratio) ? "-" : fmt::format("{:.3f}", ratio);
 }
 
 }  // namespace
@@ -50,10 +56,9 @@ std::string evaluation_as_text(const Evaluation& evaluation) {
   text += fmt::format("{:<20} {:>8} {:>7} {:>8} {:>10} {:>10} {:>15}\n", "view", "PSNR dB", "SSIM",
                       "covered", "decode ms", "render ms", "decoded/needed");
   const auto add = [&](const ViewEvaluation& view) {
-    text +=
-        fmt::format("{:<20} {:>8.2f} {:>7.4f} {:>7.1f}% {:>10.2f} {:>10.2f} {:>15.3f}\n", view.id,
-                    view.quality.psnr_db, view.quality.ssim, view.quality.covered * 100,
-                    view.decode_ms, view.render_ms, view.decoded_per_needed);
+    text += fmt::format("{:<20} {:>8.2f} {:>7.4f} {:>7.1f}% {:>10.2f} {:>10.2f} {:>15}\n", view.id,
+                        view.quality.psnr_db, view.quality.ssim, view.quality.covered * 100,
+                        view.decode_ms, view.render_ms, ratio_as_text(view.decoded_per_needed));
   };
   for (const ViewEvaluation& view : evaluation.views) add(view);
   add(evaluation.mean);
@@ -80,10 +85,10 @@ std::string evaluation_table_heading() {
 
 std::string evaluation_table_row(const Evaluation& evaluation, const std::string& label) {
   const ViewEvaluation& mean = evaluation.mean;
-  return fmt::format("| {} | {} | {:.4g} | {:.2f} | {:.4f} | {:.1f} | {:.1f} | {:.1f} | {:.3f} |\n",
+  return fmt::format("| {} | {} | {:.4g} | {:.2f} | {:.4f} | {:.1f} | {:.1f} | {:.1f} | {} |\n",
                      label, evaluation.cameras, evaluation.focal_depth, mean.quality.psnr_db,
                      mean.quality.ssim, mean.quality.covered * 100, mean.decode_ms, mean.render_ms,
-                     mean.decoded_per_needed);
+                     ratio_as_text(mean.decoded_per_needed));
 }
 
 }  // namespace raystage

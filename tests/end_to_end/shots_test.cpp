@@ -34,7 +34,7 @@ class Shots : public ::testing::Test {
       const CommandResult made =
           here("raystage simulate " + scene +
                " -q --rows 4 --columns 4 --spacing-mm 120 --width 160 --height 120 "
-               "--seconds 3 --truth-views 0 -o takes/" +
+               "--seconds 3 --fps 10 --truth-views 0 -o takes/" +
                take + " --seed " + seed + " && raystage sync -q takes/" + take);
       ASSERT_EQ(made.exit_code, 0) << made.err;
     }

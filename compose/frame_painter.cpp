@@ -4,12 +4,14 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 #include <limits>
 #include <utility>
 
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/merge.h"
+#include "compose/layers/volume.h"
 
 namespace raystage {
 namespace {
@@ -75,27 +77,50 @@ Surroundings FramePainter::surroundings_of(const PlannedFrame& frame, const ExrC
   // The first light is asked first: it lies in front.
   for (std::size_t l = plan_.light_field_lights().size(); l-- > 0;) {
     const ShotPlan::LayerLight& light = plan_.light_field_lights()[l];
-    const ShownInstant& shown = frame.shown[light.layer];
-    if (!shown.tick) continue;
-    const LightFieldLayer& light_field = *plan_.light_field(light.layer);
-    const LightFieldRenderer& renderer = *renderers_[light.layer];
-    const FrameSelection& tick = light_field.tick(shown);
-    seen_behind = [&renderer, &tick, how = light_field.reconstruction_for(camera),
-                   behind_it = std::move(seen_behind),
-                   strength = static_cast<float>(light.strength), ambient = behind.ambient](
-                      std::span<const WorldRay> rays, std::span<const float> spread,
-                      std::span<Eigen::Vector3f> seen) {
-      std::ranges::fill(seen, ambient);
-      if (behind_it) behind_it(rays, spread, seen);
-      std::vector<RaySample> samples(rays.size());
-      renderer.query(rays, tick, how, samples);
-      for (std::size_t i = 0; i < rays.size(); ++i) {
-        const auto& rgba = samples[i].rgba;
-        seen[i] = strength * Eigen::Vector3f(rgba[0], rgba[1], rgba[2]) + (1 - rgba[3]) * seen[i];
-      }
-    };
+    seen_behind = light_of(light, frame, camera, std::move(seen_behind), behind.ambient);
   }
   return seen_behind;
+}
+
+Surroundings FramePainter::light_of(const ShotPlan::LayerLight& light, const PlannedFrame& frame,
+                                    const ExrCamera& camera, Surroundings behind,
+                                    const Eigen::Vector3f& ambient) const {
+  struct Asked {
+    const LightFieldRenderer* renderer;
+    const FrameSelection* tick;
+    Reconstruction how;
+  };
+  std::vector<Asked> takes;
+  std::vector<Eigen::Vector3d> facing;
+  for (const std::size_t layer : light.layers) {
+    const ShownInstant& shown = frame.shown[layer];
+    if (!shown.tick) continue;
+    const LightFieldLayer& light_field = *plan_.light_field(layer);
+    takes.push_back({renderers_[layer].get(), &light_field.tick(shown),
+                     light_field.reconstruction_for(camera)});
+    facing.push_back(light_field.take().rig().mean_viewing_direction());
+  }
+  if (takes.empty()) return behind;
+  return [takes = std::move(takes), facing = std::move(facing), behind = std::move(behind),
+          strength = static_cast<float>(light.strength),
+          ambient](std::span<const WorldRay> rays, std::span<const float> spread,
+                   std::span<Eigen::Vector3f> seen) {
+    std::ranges::fill(seen, ambient);
+    if (behind) behind(rays, spread, seen);
+    std::vector<std::vector<RaySample>> samples;
+    for (const Asked& take : takes) {
+      samples.emplace_back(rays.size());
+      take.renderer->query(rays, *take.tick, take.how, samples.back());
+    }
+    RayHolders holders(facing);
+    std::vector<std::array<float, 4>> of_takes(takes.size());
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      holders.find(rays[i].direction);
+      for (std::size_t t = 0; t < takes.size(); ++t) of_takes[t] = samples[t][i].rgba;
+      const auto rgba = holders.blend(of_takes);
+      seen[i] = strength * Eigen::Vector3f(rgba[0], rgba[1], rgba[2]) + (1 - rgba[3]) * seen[i];
+    }
+  };
 }
 
 LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& frame,
@@ -126,6 +151,45 @@ LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& f
   return layer_image(std::move(view));
 }
 
+LayerImage FramePainter::volume_image_of(std::size_t foremost, std::size_t count,
+                                         const PlannedFrame& frame, const ExrCamera& camera) const {
+  std::vector<std::size_t> layers;
+  std::vector<Eigen::Vector3d> facing;
+  for (std::size_t i = foremost + 1 - count; i <= foremost; ++i) {
+    if (!plan_.is_visible(i, frame.frame)) continue;
+    layers.push_back(i);
+    facing.push_back(plan_.light_field(i)->take().rig().mean_viewing_direction());
+  }
+  if (layers.empty()) return empty_image(camera.view.width, camera.view.height);
+  std::vector<LayerImage> images(layers.size());
+  std::vector<const LayerImage*> takes(layers.size(), nullptr);
+  const auto render = [&](std::size_t i) {
+    images[i] = layer_image_of(layers[i], frame, camera, {});
+    tbb::this_task_arena::isolate([&] { apply(plan_.clips(layers[i]), camera.view, images[i]); });
+    takes[i] = &images[i];
+  };
+  LayerImage result;
+  const auto blend = [&] {
+    tbb::this_task_arena::isolate([&] { result = blend_volume(takes, facing, camera.view); });
+  };
+  std::vector<bool> holds;
+  tbb::this_task_arena::isolate([&] { holds = holders_of(facing, camera.view); });
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    if (holds[i]) render(i);
+  }
+  blend();
+  // The others are asked only where those that face the rays left something open.
+  const bool others = std::ranges::find(holds, false) != holds.end();
+  if (others && !hides_all(result)) {
+    for (std::size_t i = 0; i < layers.size(); ++i) {
+      if (!holds[i]) render(i);
+    }
+    blend();
+  }
+  for (const LayerImage& image : images) add_up(image.statistics, result.statistics);
+  return result;
+}
+
 LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camera,
                                const std::stop_token& stop, DeepImage* deep) const {
   std::vector<LayerImage> front_first;
@@ -134,14 +198,22 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camer
   const Geometry geometry = geometry_of(frame, camera);
   const bool stated = plan_.shot().merge == ShotDocument::Merge::kStated;
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
-    if (!plan_.is_visible(i, frame.frame)) continue;
+    const std::size_t of_picture = plan_.layers_of_picture(i);
+    const bool is_volume = !plan_.shot().layers[i].volume.empty();
+    const std::size_t foremost = i;
+    i -= of_picture - 1;
+    if (!is_volume && !plan_.is_visible(i, frame.frame)) continue;
     const ShotDocument::Layer& document = plan_.shot().layers[i];
-    LayerImage image = layer_image_of(i, frame, camera, geometry);
+    if (is_volume && document.opacity <= 0) continue;
+    LayerImage image = is_volume ? volume_image_of(foremost, of_picture, frame, camera)
+                                 : layer_image_of(i, frame, camera, geometry);
     if (plan_.shot().output.cryptomatte && image.ids.empty()) {
       make_one_object(image, ids_of(i).front());
     }
     add_up(image.statistics, statistics);
-    tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
+    if (!is_volume) {
+      tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
+    }
     if (document.opacity < 1) {
       for (float& value : image.rgba) value *= static_cast<float>(document.opacity);
     }

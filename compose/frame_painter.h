@@ -44,6 +44,13 @@ class FramePainter {
                                const Lights& behind) const;
   LayerImage layer_image_of(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
                             const Geometry& geometry) const;
+  /// Of `count` layers up to `foremost` that stand around one volume, those that are visible.
+  LayerImage volume_image_of(std::size_t foremost, std::size_t count, const PlannedFrame& frame,
+                             const ExrCamera& camera) const;
+  /// What rays see of a light that is one layer or more around a volume; none: nothing now.
+  Surroundings light_of(const ShotPlan::LayerLight& light, const PlannedFrame& frame,
+                        const ExrCamera& camera, Surroundings behind,
+                        const Eigen::Vector3f& ambient) const;
   /// Cryptomatte's, of the layer's objects; none where nobody asks.
   std::vector<float> ids_of(std::size_t layer) const;
   /// Of the picture, its colour AOVs and samples.

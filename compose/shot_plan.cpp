@@ -84,6 +84,7 @@ Fingerprint common_fingerprint(const ShotDocument& shot) {
 
 void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
   print.integer("holdout", layer.holdout ? 1 : 0).number("opacity", layer.opacity);
+  print.text("volume", layer.volume);
   for (const ShotDocument::Clip& clip : layer.clips) add_clip(clip, print);
   if (!layer.solid) return;
   for (const double value : layer.solid->color) print.number("color", value);
@@ -169,7 +170,8 @@ void ShotPlan::name_objects() {
   object_names_.resize(layers());
   if (!shot_.output.cryptomatte) return;
   for (std::size_t i = 0; i < layers(); ++i) {
-    const std::string& name = shot_.layers[i].name;
+    const ShotDocument::Layer& of_shot = shot_.layers[i];
+    const std::string& name = of_shot.volume.empty() ? of_shot.name : of_shot.volume;
     const std::string layer = name.empty() ? fmt::format("layer{}", i) : name;
     if (!geometries_[i]) {
       if (!shot_.layers[i].geometry) object_names_[i] = {layer};
@@ -185,17 +187,31 @@ void ShotPlan::find_layer_lights() {
   for (std::size_t i = 0; i < shot_.lights.size(); ++i) {
     const ShotDocument::Light& light = shot_.lights[i];
     if (light.light_field.empty()) continue;
+    LayerLight asked{{}, light.strength};
+    for (std::size_t layer = 0; layer < layers(); ++layer) {
+      if (shot_.layers[layer].volume == light.light_field) asked.layers.push_back(layer);
+    }
     const auto layer =
         std::ranges::find(shot_.layers, light.light_field, &ShotDocument::Layer::name);
-    if (layer == shot_.layers.end() || !layer->is_light_field()) {
+    const bool is_there = layer != shot_.layers.end();
+    if (asked.layers.empty() && is_there && layer->is_light_field()) {
+      asked.layers = {static_cast<std::size_t>(layer - shot_.layers.begin())};
+    }
+    if (asked.layers.empty()) {
       throw Error::bad_input(
           fmt::format("the light is to be the layer \"{}\", {}", light.light_field,
-                      layer == shot_.layers.end() ? "which is not there" : "which has no take"),
+                      is_there ? "which has no take" : "which is not there"),
           fmt::format("{}#/lights/{}", shot_file_.string(), i), "Name a layer with a take");
     }
-    layer_lights_.push_back(
-        {static_cast<std::size_t>(layer - shot_.layers.begin()), light.strength});
+    layer_lights_.push_back(std::move(asked));
   }
+}
+
+std::size_t ShotPlan::layers_of_picture(std::size_t layer) const {
+  const std::string& volume = shot_.layers[layer].volume;
+  std::size_t count = 1;
+  while (!volume.empty() && count <= layer && shot_.layers[layer - count].volume == volume) ++count;
+  return count;
 }
 
 void ShotPlan::open_geometry(std::size_t layer) {
@@ -238,7 +254,9 @@ bool ShotPlan::is_visible(std::size_t layer, int frame) const {
 
 bool ShotPlan::is_needed(std::size_t layer, int frame) const {
   if (is_visible(layer, frame)) return true;
-  if (std::ranges::find(layer_lights_, layer, &LayerLight::layer) == layer_lights_.end()) {
+  if (std::ranges::none_of(layer_lights_, [&](const LayerLight& light) {
+        return std::ranges::find(light.layers, layer) != light.layers.end();
+      })) {
     return false;
   }
   for (std::size_t i = 0; i < layers(); ++i) {

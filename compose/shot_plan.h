@@ -75,12 +75,15 @@ class ShotPlan {
   bool is_visible(std::size_t layer, int frame) const;
   /// Whether a light field is asked for rays at a frame: visible, or a light on visible geometry.
   bool is_needed(std::size_t layer, int frame) const;
-  /// Layers whose light fields are lights, in the order in which they are asked, with strengths.
+  /// Layers whose light fields are lights, in the order in which they are asked, with strengths:
+  /// one, or those around a volume.
   struct LayerLight {
-    std::size_t layer = 0;
+    std::vector<std::size_t> layers;
     double strength = 1;
   };
   const std::vector<LayerLight>& light_field_lights() const { return layer_lights_; }
+  /// How many layers up to this one, the foremost of its volume, make one picture: 1 without one.
+  std::size_t layers_of_picture(std::size_t layer) const;
 
   /// From the scene's colours to those of the files; null: they are the same.
   const ColorTransform* to_file_colors() const { return to_file_ ? &*to_file_ : nullptr; }

@@ -3,6 +3,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "schemas/atomic_file.h"
 #include "schemas/document.h"
 #include "schemas/frame_rate.h"
@@ -23,6 +25,24 @@ FrameRate frame_rate_at(const Located& fps) {
                                "text, greater than 0 and up to 1000",
                                found(fps.value)),
                    "Write the exact ratio, for example \"24000/1001\"");
+}
+
+/// Layers around one volume are one picture: nothing can lie between them, or fade one of them.
+void check_volumes(const std::vector<ShotDocument::Layer>& layers, const Located& located) {
+  for (std::size_t i = 1; i < layers.size(); ++i) {
+    if (layers[i].volume.empty()) continue;
+    const Located place = located.at(i);
+    const auto first = std::ranges::find(layers, layers[i].volume, &ShotDocument::Layer::volume);
+    if (first == layers.begin() + static_cast<std::ptrdiff_t>(i)) continue;
+    if (layers[i - 1].volume != layers[i].volume) {
+      throw place.at("volume").refuse("found another layer between those of the volume",
+                                      "Put the volume's layers one after the other");
+    }
+    if (layers[i].opacity != first->opacity || layers[i].holdout != first->holdout) {
+      throw place.refuse("found another opacity or holdout than the volume's first layer has",
+                         "Give all of them the same: they are one picture");
+    }
+  }
 }
 
 }  // namespace
@@ -50,6 +70,7 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
   const Located layers = document.at("layers");
   for (std::size_t i = 0; i < layers.size(); ++i)
     shot.layers.push_back(shot_layer_from(layers.at(i)));
+  check_volumes(shot.layers, layers);
   if (document.has("lights")) {
     const Located lights = document.at("lights");
     for (std::size_t i = 0; i < lights.size(); ++i) {

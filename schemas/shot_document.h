@@ -142,6 +142,9 @@ struct ShotDocument {
     std::optional<MatteSettings> matte = {};  ///< what shows of the take's frames; none: all
     double start_seconds = 0;  ///< time in the take, since its first tick, shown at first_frame
     double speed = 1;          ///< take seconds per shot second: 0 freezes, negative runs backwards
+    /// Of takes around one volume, the same name: each ray is answered by the one that faces where
+    /// it goes.
+    std::string volume = {};
   };
   struct Color {
     std::string space = "lin_rec709_scene";  ///< of the files: linear light

@@ -178,6 +178,30 @@ TEST(ShotLayerDocument, RefusesWhatIsNoLayer) {
   EXPECT_THAT(clip({{"box", {{0, 0, 0}, {1, 0, 1}}}}), HasSubstr("a box without an inside"));
 }
 
+TEST(ShotLayerDocument, LayersAroundAVolumeAreOnePicture) {
+  const auto with = [](const std::vector<json>& layers) {
+    json shot = shot_of_today();
+    shot["layers"] = layers;
+    return shot;
+  };
+  const json front = {{"take", "a"}, {"volume", "room"}},
+             back = {{"take", "b"}, {"volume", "room"}};
+  const json alone = {{"take", "c"}};
+  const ShotDocument document = parse_shot(with({alone, front, back}).dump(), "f");
+  EXPECT_EQ(document.layers[0].volume, "");
+  EXPECT_EQ(document.layers[2].volume, "room");
+  EXPECT_EQ(parse_shot(format_shot(document), "f").layers[1].volume, "room");
+  EXPECT_THAT(refusal(with({front, alone, back})),
+              HasSubstr("#/layers/2/volume: found another layer between"));
+  json faded = back, cut = back;
+  faded["opacity"] = 0.5;
+  cut["holdout"] = true;
+  EXPECT_THAT(refusal(with({front, faded})), HasSubstr("#/layers/1: found another opacity"));
+  EXPECT_THAT(refusal(with({front, cut})), HasSubstr("#/layers/1: found another opacity"));
+  const json solid = {{"solid", {{"color", {0, 0, 0}}}}, {"volume", "room"}};
+  EXPECT_THAT(refusal(with({solid})), HasSubstr("#/layers/0/volume: only light fields"));
+}
+
 json shot_with_matte(const json& matte) {
   json shot = shot_of_today();
   shot["layers"] = {{{"take", "a"}, {"matte", matte}}};

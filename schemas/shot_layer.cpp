@@ -142,6 +142,7 @@ void read_light_field(const Located& object, Layer& layer) {
   if (object.get("fill", std::string()) == "push_pull") layer.fill = HoleFill::kPushPull;
   layer.start_seconds = object.get("start_seconds", layer.start_seconds);
   layer.speed = object.get("speed", layer.speed);
+  layer.volume = object.get("volume", layer.volume);
   if (object.has("matte")) layer.matte = matte_settings_from(object.at("matte"));
   if (layer.matte && layer.fill != HoleFill::kNone) {
     throw object.at("fill").refuse("what a matte makes transparent would be filled again",
@@ -152,7 +153,7 @@ void read_light_field(const Located& object, Layer& layer) {
 /// What only a light field has must not stand beside something else, where it would do nothing.
 void refuse_light_field_words(const Located& object) {
   for (const char* word :
-       {"method", "options", "focal_plane", "fill", "start_seconds", "speed", "matte"}) {
+       {"method", "options", "focal_plane", "fill", "start_seconds", "speed", "matte", "volume"}) {
     if (!object.has(word)) continue;
     throw object.at(word).refuse("only light fields have this, and the layer is none",
                                  "Remove it, or give the layer a take instead");
@@ -209,6 +210,7 @@ ordered_json json_from(const Layer& layer) {
     object["fill"] = layer.fill == HoleFill::kPushPull ? "push_pull" : "none";
     object["start_seconds"] = layer.start_seconds;
     object["speed"] = layer.speed;
+    if (!layer.volume.empty()) object["volume"] = layer.volume;
     if (layer.matte) object["matte"] = json_from(*layer.matte);
   }
   if (!layer.clips.empty()) {

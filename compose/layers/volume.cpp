@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/layers/volume.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <iterator>
+#include <numbers>
+#include <numeric>
+
+#include "schemas/parallel.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+
+/// The world's direction of every pixel of some rows, and what to do with it.
+template <class Body>
+void for_rays(const VirtualCamera& camera, std::span<const Vector3d> facing, const Body& body) {
+  const Intrinsics& k = camera.intrinsics;
+  const Eigen::Matrix3d& rotation = camera.pose.world_from_camera_rotation;
+  parallel_for(tbb::blocked_range<int>(0, camera.height), [&](const tbb::blocked_range<int>& rows) {
+    RayHolders holders(facing);
+    std::vector<std::array<float, 4>> seen(facing.size());
+    for (int y = rows.begin(); y < rows.end(); ++y) {
+      for (int x = 0; x < camera.width; ++x) {
+        const Vector3d ray((x + 0.5 - k.cx) / k.fx, -(y + 0.5 - k.cy) / k.fy, -1);
+        holders.find(rotation * ray);
+        body(holders, seen,
+             static_cast<std::size_t>(y) * static_cast<std::size_t>(camera.width) +
+                 static_cast<std::size_t>(x));
+      }
+    }
+  });
+}
+
+/// A picture of nothing, with the takes' AOVs and what they note.
+LayerImage empty_like(std::span<const LayerImage* const> takes, int width, int height) {
+  LayerImage image = empty_image(width, height);
+  for (const LayerImage* take : takes) {
+    if (take == nullptr) continue;
+    std::ranges::copy_if(take->notes, std::back_inserter(image.notes), [&](const auto& note) {
+      return std::ranges::find(image.notes, note) == image.notes.end();
+    });
+    if (!image.aovs.empty()) continue;
+    for (const Aov& aov : take->aovs) {
+      image.aovs.push_back({aov.layer, aov.channels, aov.is_colour, aov.nothing, {}});
+      image.aovs.back().values.assign(aov.values.size(), aov.nothing);
+    }
+  }
+  return image;
+}
+
+}  // namespace
+
+RayHolders::RayHolders(std::span<const Vector3d> facing)
+    : facing_(facing), degrees_(facing.size()), nearest_(facing.size()), shares_(facing.size()) {}
+
+void RayHolders::find(const Vector3d& direction) {
+  for (std::size_t i = 0; i < facing_.size(); ++i) {
+    // By the tangent: exact for small angles, too.
+    const double across = facing_[i].cross(direction).norm();
+    degrees_[i] = std::atan2(across, facing_[i].dot(direction)) * 180 / std::numbers::pi;
+  }
+  std::iota(nearest_.begin(), nearest_.end(), std::size_t{0});
+  std::ranges::stable_sort(nearest_, {}, [&](std::size_t i) { return degrees_[i]; });
+  const double least = degrees_[nearest_.front()];
+  double sum = 0;
+  for (std::size_t i = 0; i < facing_.size(); ++i) {
+    const double share = std::max(0.0, 1 - (degrees_[i] - least) / kSeamDegrees);
+    shares_[i] = static_cast<float>(share);
+    sum += share;
+  }
+  for (float& share : shares_) share = static_cast<float>(static_cast<double>(share) / sum);
+}
+
+std::array<float, 4> RayHolders::blend(std::span<const std::array<float, 4>> seen) const {
+  // Takes that share a ray show the same thing: where one of them saw nothing of it, the others'
+  // colours count in full.
+  std::array<float, 4> result{};
+  float counted = 0, alpha = 0;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    if (shares_[i] <= 0 || seen[i][3] <= 0) continue;
+    for (std::size_t c = 0; c < 4; ++c) result[c] += shares_[i] * seen[i][c];
+    counted += shares_[i] * seen[i][3];
+    alpha = std::max(alpha, seen[i][3]);
+  }
+  if (counted > 0) {
+    for (float& value : result) value *= alpha / counted;
+  }
+  for (const std::size_t i : nearest_) {
+    if (result[3] >= 1) break;
+    if (shares_[i] > 0) continue;
+    const float room = 1 - result[3];
+    for (std::size_t c = 0; c < 4; ++c) result[c] += room * seen[i][c];
+  }
+  return result;
+}
+
+std::size_t RayHolders::main(std::span<const std::array<float, 4>> seen) const {
+  std::size_t best = nearest_.front();
+  float most = 0;
+  for (const std::size_t i : nearest_) {
+    const float shown = shares_[i] * seen[i][3];
+    if (shown <= most) continue;
+    most = shown;
+    best = i;
+  }
+  if (most > 0) return best;
+  const auto next = std::ranges::find_if(nearest_, [&](std::size_t i) { return seen[i][3] > 0; });
+  return next == nearest_.end() ? best : *next;
+}
+
+std::vector<bool> holders_of(std::span<const Vector3d> facing, const VirtualCamera& camera) {
+  std::vector<std::atomic<bool>> found(facing.size());
+  for_rays(camera, facing, [&](const RayHolders& holders, auto&, std::size_t) {
+    for (std::size_t i = 0; i < found.size(); ++i) {
+      if (holders.shares()[i] > 0 && !found[i].load(std::memory_order_relaxed)) found[i] = true;
+    }
+  });
+  return {found.begin(), found.end()};
+}
+
+LayerImage blend_volume(std::span<const LayerImage* const> takes, std::span<const Vector3d> facing,
+                        const VirtualCamera& camera) {
+  LayerImage image = empty_like(takes, camera.width, camera.height);
+  for_rays(camera, facing, [&](const RayHolders& holders, auto& seen, std::size_t pixel) {
+    for (std::size_t i = 0; i < takes.size(); ++i) {
+      seen[i] = {};
+      if (takes[i] != nullptr) std::copy_n(&takes[i]->rgba[4 * pixel], 4, seen[i].begin());
+    }
+    const std::array<float, 4> shown = holders.blend(seen);
+    std::ranges::copy(shown, &image.rgba[4 * pixel]);
+    const LayerImage* main = takes[holders.main(seen)];
+    if (shown[3] <= 0 || main == nullptr) return;
+    image.z[pixel] = main->z[pixel];
+    for (std::size_t a = 0; a < image.aovs.size(); ++a) {
+      const std::size_t width = image.aovs[a].channels.size();
+      std::copy_n(&main->aovs[a].values[width * pixel], width,
+                  &image.aovs[a].values[width * pixel]);
+    }
+  });
+  return image;
+}
+
+}  // namespace raystage

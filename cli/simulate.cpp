@@ -28,6 +28,15 @@ void add_array_options(CLI::App& app, Options& o) {
   app.add_option("--columns", s.columns, "Columns of cameras, 1-100")->group(group);
   app.add_option("--spacing-mm", o.spacing_mm, "Distance between neighbours, millimetres, 0-10000")
       ->group(group);
+  app.add_option("--position", s.position,
+                 "Middle of the array in the scene, metres: X,Y,Z (default: 0,0,0)")
+      ->delimiter(',')
+      ->type_name("X,Y,Z")
+      ->group(group);
+  app.add_option("--turn-deg", s.turn_deg,
+                 "Turn of the array about the vertical, counter-clockwise from above, degrees, "
+                 "-360 to 360; 0: it looks down -z")
+      ->group(group);
   app.add_option("--fov-deg", s.horizontal_fov_deg,
                  "Horizontal field of view without distortion, full angle, degrees, 1-150")
       ->group(group);

@@ -26,7 +26,17 @@ Eigen::Vector3d in_ball(HashRandom& random) {
 
 }  // namespace
 
+Pose array_pose(const SimulationSettings& s) {
+  Pose pose;
+  pose.position = {s.position[0], s.position[1], s.position[2]};
+  pose.world_from_camera_rotation =
+      Eigen::AngleAxisd(s.turn_deg * std::numbers::pi / 180, Eigen::Vector3d::UnitY())
+          .toRotationMatrix();
+  return pose;
+}
+
 SimulatedArray make_array(const SimulationSettings& s) {
+  const Pose of_array = array_pose(s);
   SimulatedArray array;
   array.nominal.name = fmt::format("simulated {}x{}", s.rows, s.columns);
   array.nominal.topology = "grid";
@@ -43,9 +53,9 @@ SimulatedArray make_array(const SimulationSettings& s) {
       geometry.intrinsics = {focal, focal, s.width / 2.0, s.height / 2.0, {s.k1, s.k2, 0, 0, 0}};
       geometry.row = row;
       geometry.column = column;
-      Pose pose;
-      pose.position = {s.spacing * (column - (s.columns - 1) / 2.0),
-                       s.spacing * ((s.rows - 1) / 2.0 - row), 0};
+      Pose pose = of_array;
+      pose.position = of_array.world_from_camera(Eigen::Vector3d(
+          s.spacing * (column - (s.columns - 1) / 2.0), s.spacing * ((s.rows - 1) / 2.0 - row), 0));
       geometry.world_from_camera = matrix_from_pose(pose);
       array.nominal.cameras.push_back(camera);
 
@@ -55,6 +65,7 @@ SimulatedArray make_array(const SimulationSettings& s) {
       const Eigen::Vector3d turn = s.mounting_error_deg * std::numbers::pi / 180 * in_ball(place);
       if (turn.norm() > 0) {
         pose.world_from_camera_rotation =
+            of_array.world_from_camera_rotation *
             Eigen::AngleAxisd(turn.norm(), turn.normalized()).toRotationMatrix();
       }
       geometry.world_from_camera = matrix_from_pose(pose);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "ingest/simulated/settings.h"
+#include "rig/pose.h"
 #include "schemas/rig_document.h"
 
 namespace raystage {
@@ -11,6 +12,9 @@ namespace raystage {
 struct SimulatedArray {
   RigDocument nominal, truth;
 };
+
+/// From the array as if it looked down -z from the origin.
+Pose array_pose(const SimulationSettings& settings);
 
 SimulatedArray make_array(const SimulationSettings& settings);
 

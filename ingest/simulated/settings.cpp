@@ -32,6 +32,8 @@ void check_square(const char* name, int value) {
 void check_settings(const SimulationSettings& s) {
   check_range("rows", s.rows, 1, 100);
   check_range("columns", s.columns, 1, 100);
+  for (const double value : s.position) check_range("position (m)", value, -1e6, 1e6);
+  check_range("turn (degrees)", s.turn_deg, -360.0, 360.0);
   check_range("spacing (m)", s.spacing, 0.0, 10.0);
   check_range("horizontal field of view (degrees)", s.horizontal_fov_deg, 1.0, 150.0);
   check_range("width", s.width, 1, 16384);

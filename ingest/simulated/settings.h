@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 
@@ -13,7 +14,10 @@ struct SimulationSettings {
   std::string scene = "stage";
   std::uint64_t seed = 1;
 
-  // The array as designed: wall-eyed, in the plane z = 0 around the origin, looking down -z.
+  // The array as designed: wall-eyed, in a plane around `position`, looking down -z where nothing
+  // turns it.
+  std::array<double, 3> position{0, 0, 0};  ///< of its middle, world, metres
+  double turn_deg = 0;                      ///< about the y axis, counter-clockwise from above
   int rows = 8, columns = 8;
   double spacing = 0.06;           ///< between neighbours, metres
   double horizontal_fov_deg = 62;  ///< of the lens without its distortion, full angle

@@ -172,6 +172,31 @@ TEST_F(SmallTake, ViewsLieOnTheShot) {
   }
 }
 
+TEST(Simulate, AnArrayMayStandElsewhereAndLookElsewhere) {
+  SimulationSettings settings = small_settings();
+  settings.scene = "still";
+  settings.position = {0.5, 0.25, -1};
+  settings.turn_deg = 90;
+  const TestFolder folder;
+  const fs::path made = folder.path() / "take";
+  simulate_with(2, settings, made);
+  const Take take(made);
+  EXPECT_LT((take.rig().centre() - Eigen::Vector3d(0.5, 0.25, -1)).norm(), 0.003);
+  EXPECT_GT(take.rig().mean_viewing_direction().dot(-Eigen::Vector3d::UnitX()), 0.9999);
+  // The wall on the left stands at -6; corners are seen that lie no farther.
+  ASSERT_TRUE(take.document().depth_range);
+  EXPECT_NEAR(take.document().depth_range->far, 6.5, 0.03);
+  const ShotDocument shot = read_shot(made / "shot.json");
+  const ViewsDocument views = read_views(made / "views.json");
+  for (const auto& view : views.views) {
+    const Pose pose = pose_from_matrix(view.geometry.world_from_camera);
+    EXPECT_LT((pose.position - Eigen::Vector3d(0.5, 0.25, -1)).norm(), 0.2);
+    EXPECT_GT(pose.viewing_direction().dot(-Eigen::Vector3d::UnitX()), 0.98);
+  }
+  settings.turn_deg = 361;
+  EXPECT_THROW(check_settings(settings), Error);
+}
+
 TEST_F(SmallTake, DepthRangeIsTheScenes) {
   const Take take(take_folder());
   ASSERT_TRUE(take.document().depth_range);

@@ -12,6 +12,8 @@ ordered_json settings_json(const SimulationSettings& s) {
   return {{"scene", s.scene},
           {"rows", s.rows},
           {"columns", s.columns},
+          {"position_m", s.position},
+          {"turn_deg", s.turn_deg},
           {"spacing_m", s.spacing},
           {"horizontal_fov_deg", s.horizontal_fov_deg},
           {"width", s.width},

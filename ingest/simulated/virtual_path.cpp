@@ -9,6 +9,7 @@
 #include <numbers>
 #include <set>
 
+#include "ingest/simulated/array.h"
 #include "rig/pose.h"
 #include "schemas/frame_rate.h"
 #include "store/timeline.h"
@@ -31,13 +32,16 @@ ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double
   const double depth = 0.35 * std::min(half_x, half_y * s.view_width() / s.view_height()) / slope;
   const double yaw = 0.03 * widest * std::sin(kTurn * u) * kDegrees;
   const double pitch = 0.015 * widest * std::sin(kTurn * u + 1) * kDegrees;
-  const Eigen::Quaterniond orientation(Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
+  const Pose of_array = array_pose(s);
+  const Eigen::Quaterniond orientation(Eigen::Quaterniond(of_array.world_from_camera_rotation) *
+                                       Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
                                        Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
   ShotDocument::CameraKey key;
   key.frame = frame;
-  key.position = {{0.5 * half_x * std::sin(kTurn * (0.9 * u - 0.2)),
-                   0.4 * half_y * std::sin(kTurn * (0.6 * u + 0.1)),
-                   depth * std::cos(kTurn * 0.7 * u)}};
+  const Eigen::Vector3d place = of_array.world_from_camera(Eigen::Vector3d(
+      0.5 * half_x * std::sin(kTurn * (0.9 * u - 0.2)),
+      0.4 * half_y * std::sin(kTurn * (0.6 * u + 0.1)), depth * std::cos(kTurn * 0.7 * u)));
+  key.position = {{place.x(), place.y(), place.z()}};
   key.orientation = {{orientation.w(), orientation.x(), orientation.y(), orientation.z()}};
   key.horizontal_fov_deg = fov;
   return key;

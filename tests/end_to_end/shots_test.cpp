@@ -23,19 +23,25 @@ const std::filesystem::path kShots = std::filesystem::path(RAYSTAGE_SOURCE_DIR) 
 
 class Shots : public ::testing::Test {
  protected:
-  /// Takes of 16 cameras and 3 s beside copies of the shots.
+  /// Takes of 16 cameras and 3 s beside copies of the shots; four of 1.2 s around a volume.
   void SetUp() override {
     for (const auto& file : std::filesystem::directory_iterator(kShots)) {
       std::filesystem::copy(file.path(), folder_.path() / file.path().filename());
     }
-    for (const auto& [take, scene, seed] : {std::array<std::string, 3>{"stage", "stage", "1"},
-                                            {"other", "stage", "2"},
-                                            {"actor", "blue_screen", "1"}}) {
-      const CommandResult made =
-          here("raystage simulate " + scene +
-               " -q --rows 4 --columns 4 --spacing-mm 120 --width 160 --height 120 "
-               "--seconds 3 --fps 10 --truth-views 0 -o takes/" +
-               take + " --seed " + seed + " && raystage sync -q takes/" + take);
+    const std::string apart = " --spacing-mm 120 --seconds 3";
+    const std::string around = " --spacing-mm 150 --seconds 1.2 --fov-deg 105 --k1 0 --k2 0";
+    for (const auto& [take, options] :
+         {std::array<std::string, 2>{"stage", "stage" + apart},
+          {"other", "stage --seed 2" + apart},
+          {"actor", "blue_screen" + apart},
+          {"ahead", "stage --position 0,0,-0.2" + around},
+          {"left", "stage --position=-0.2,0,0 --turn-deg 90" + around},
+          {"behind", "stage --position 0,0,0.2 --turn-deg 180" + around},
+          {"right", "stage --position 0.2,0,0 --turn-deg -90" + around}}) {
+      const CommandResult made = here(
+          "raystage simulate " + options +
+          " -q --rows 4 --columns 4 --width 160 --height 120 --fps 10 --truth-views 0 -o takes/" +
+          take + " && raystage sync -q takes/" + take);
       ASSERT_EQ(made.exit_code, 0) << made.err;
     }
   }
@@ -88,7 +94,7 @@ TEST_F(Shots, EachRenders) {
     check(file.path().stem());
     ++shots;
   }
-  EXPECT_GE(shots, 11);
+  EXPECT_GE(shots, 12);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <limits>
 #include <utility>
 
+#include "compose/geometry/cast_shadows.h"
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/merge.h"
 #include "compose/layers/volume.h"
@@ -148,11 +149,19 @@ LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& f
     view = renderers_[layer]->render(camera.view, light_field.tick(frame.shown[layer]),
                                      light_field.reconstruction_for(camera));
   });
-  return layer_image(std::move(view));
+  LayerImage image = layer_image(std::move(view));
+  if (document.shadows) {
+    const auto& [strength, reach, rays] = *document.shadows;
+    tbb::this_task_arena::isolate([&] {
+      cast_shadows(geometry.scene, camera.view, {strength, reach, rays}, image);
+    });
+  }
+  return image;
 }
 
 LayerImage FramePainter::volume_image_of(std::size_t foremost, std::size_t count,
-                                         const PlannedFrame& frame, const ExrCamera& camera) const {
+                                         const PlannedFrame& frame, const ExrCamera& camera,
+                                         const Geometry& geometry) const {
   std::vector<std::size_t> layers;
   std::vector<Eigen::Vector3d> facing;
   for (std::size_t i = foremost + 1 - count; i <= foremost; ++i) {
@@ -164,7 +173,7 @@ LayerImage FramePainter::volume_image_of(std::size_t foremost, std::size_t count
   std::vector<LayerImage> images(layers.size());
   std::vector<const LayerImage*> takes(layers.size(), nullptr);
   const auto render = [&](std::size_t i) {
-    images[i] = layer_image_of(layers[i], frame, camera, {});
+    images[i] = layer_image_of(layers[i], frame, camera, geometry);
     tbb::this_task_arena::isolate([&] { apply(plan_.clips(layers[i]), camera.view, images[i]); });
     takes[i] = &images[i];
   };
@@ -205,7 +214,7 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camer
     if (!is_volume && !plan_.is_visible(i, frame.frame)) continue;
     const ShotDocument::Layer& document = plan_.shot().layers[i];
     if (is_volume && document.opacity <= 0) continue;
-    LayerImage image = is_volume ? volume_image_of(foremost, of_picture, frame, camera)
+    LayerImage image = is_volume ? volume_image_of(foremost, of_picture, frame, camera, geometry)
                                  : layer_image_of(i, frame, camera, geometry);
     if (plan_.shot().output.cryptomatte && image.ids.empty()) {
       make_one_object(image, ids_of(i).front());

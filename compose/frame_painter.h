@@ -46,7 +46,7 @@ class FramePainter {
                             const Geometry& geometry) const;
   /// Of `count` layers up to `foremost` that stand around one volume, those that are visible.
   LayerImage volume_image_of(std::size_t foremost, std::size_t count, const PlannedFrame& frame,
-                             const ExrCamera& camera) const;
+                             const ExrCamera& camera, const Geometry& geometry) const;
   /// What rays see of a light that is one layer or more around a volume; none: nothing now.
   Surroundings light_of(const ShotPlan::LayerLight& light, const PlannedFrame& frame,
                         const ExrCamera& camera, Surroundings behind,

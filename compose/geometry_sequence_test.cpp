@@ -68,6 +68,36 @@ TEST_F(GeometrySequence, StandsInTheLightFieldByDepth) {
   EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005) << "the rearmost is stated first";
 }
 
+TEST_F(GeometrySequence, ThrowsShadowsOnALightFieldThatReceivesThem) {
+  // Light from behind the camera; the wall is looked up 3 m before the array, a metre behind.
+  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.lights = {{.direction = {{0.5, 0, -1}}, .color = {1, 1, 1}}};
+  run();
+  const auto row = [&] {
+    std::vector<float> values;
+    for (int x = 0; x < 40; ++x) values.push_back(value("R", x, 15));
+    return values;
+  };
+  const std::vector<float> without = row();
+  shot_.layers[0].shadows = ShotDocument::ReceivedShadows{.strength = 0.75, .rays = 0};
+  run();
+  const std::vector<float> with = row();
+  int shadowed = 0;
+  for (std::size_t x = 0; x < 40; ++x) {
+    const bool is_wall = std::abs(without[x] - grey(0)) < 0.005F;  // alone
+    if (with[x] == without[x] || !is_wall) continue;
+    ++shadowed;
+    EXPECT_NEAR(with[x], 0.25F * grey(0), 0.005) << x;
+    EXPECT_GT(x, 20U) << "the light goes to the right";
+  }
+  EXPECT_GT(shadowed, 2);
+  EXPECT_EQ(with[1], without[1]);
+  // What receives them does so in files, and files know.
+  options_.existing = ExistingFiles::kSkip;
+  shot_.layers[0].shadows->strength = 0.5;
+  EXPECT_EQ(run().rendered, 1);
+}
+
 TEST_F(GeometrySequence, HasTheSameChannelsInFramesThatDoNotShowIt) {
   shot_.layers[1].first_frame = 103;
   run();

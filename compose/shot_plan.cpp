@@ -85,6 +85,10 @@ Fingerprint common_fingerprint(const ShotDocument& shot) {
 void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
   print.integer("holdout", layer.holdout ? 1 : 0).number("opacity", layer.opacity);
   print.text("volume", layer.volume);
+  if (layer.shadows) {
+    print.number("strength", layer.shadows->strength).number("reach", layer.shadows->reach_m);
+    print.integer("shadow rays", layer.shadows->rays);
+  }
   for (const ShotDocument::Clip& clip : layer.clips) add_clip(clip, print);
   if (!layer.solid) return;
   for (const double value : layer.solid->color) print.number("color", value);

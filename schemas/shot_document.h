@@ -122,6 +122,12 @@ struct ShotDocument {
     double strength = 1;           ///< of the environment or light field
     int rays = 0;                  ///< by which diffuse surfaces gather it, each sample
   };
+  /// How what a light field shows receives the shadows of geometry.
+  struct ReceivedShadows {
+    double strength = 1;   ///< a share of what is taken away
+    double reach_m = 0.5;  ///< within which meshes take away light that comes from everywhere
+    int rays = 64;         ///< a pixel, for that; 0: it is not taken away
+  };
   struct Layer {
     std::string name;
     /// A light field's: folder of the take, relative to the shot's folder. Empty: something else.
@@ -145,6 +151,7 @@ struct ShotDocument {
     /// Of takes around one volume, the same name: each ray is answered by the one that faces where
     /// it goes.
     std::string volume = {};
+    std::optional<ReceivedShadows> shadows = {};  ///< of geometry; none: it receives none
   };
   struct Color {
     std::string space = "lin_rec709_scene";  ///< of the files: linear light

@@ -136,7 +136,9 @@ TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
        {"opacity", 0.5},
        {"first_frame", 3},
        {"last_frame", 9}},
-      {{"take", "b"}, {"holdout", true}},
+      {{"take", "b"},
+       {"holdout", true},
+       {"receives_shadows", {{"strength", 0.5}, {"reach_m", 2}, {"rays", 0}}}},
       {{"plate",
         {{"file", "p.####.exr"}, {"frame_offset", -3}, {"depth_m", 7}, {"space", "ACEScg"}}}}};
   shot["output"] = {{"overscan", {16, 9}}, {"color", {{"space", "lin_ap1_scene"}}}};
@@ -152,6 +154,10 @@ TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
   EXPECT_EQ(document.layers[1].clips[2].screen.right, 1);
   EXPECT_EQ(document.layers[1].last_frame, 9);
   EXPECT_TRUE(document.layers[2].holdout);
+  EXPECT_FALSE(document.layers[1].shadows);
+  EXPECT_EQ(document.layers[2].shadows->strength, 0.5);
+  EXPECT_EQ(document.layers[2].shadows->reach_m, 2);
+  EXPECT_EQ(document.layers[2].shadows->rays, 0);
   EXPECT_EQ(document.layers[3].plate->frame_offset, -3);
   EXPECT_EQ(document.layers[3].plate->depth_m, 7);
   EXPECT_EQ(document.output.overscan, (std::array{16, 9}));

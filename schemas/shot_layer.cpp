@@ -143,6 +143,13 @@ void read_light_field(const Located& object, Layer& layer) {
   layer.start_seconds = object.get("start_seconds", layer.start_seconds);
   layer.speed = object.get("speed", layer.speed);
   layer.volume = object.get("volume", layer.volume);
+  if (object.has("receives_shadows")) {
+    const Located from = object.at("receives_shadows");
+    ShotDocument::ReceivedShadows& shadows = layer.shadows.emplace();
+    shadows.strength = from.get("strength", shadows.strength);
+    shadows.reach_m = from.get("reach_m", shadows.reach_m);
+    shadows.rays = from.get("rays", shadows.rays);
+  }
   if (object.has("matte")) layer.matte = matte_settings_from(object.at("matte"));
   if (layer.matte && layer.fill != HoleFill::kNone) {
     throw object.at("fill").refuse("what a matte makes transparent would be filled again",
@@ -152,8 +159,8 @@ void read_light_field(const Located& object, Layer& layer) {
 
 /// What only a light field has must not stand beside something else, where it would do nothing.
 void refuse_light_field_words(const Located& object) {
-  for (const char* word :
-       {"method", "options", "focal_plane", "fill", "start_seconds", "speed", "matte", "volume"}) {
+  for (const char* word : {"method", "options", "focal_plane", "fill", "start_seconds", "speed",
+                           "matte", "volume", "receives_shadows"}) {
     if (!object.has(word)) continue;
     throw object.at(word).refuse("only light fields have this, and the layer is none",
                                  "Remove it, or give the layer a take instead");
@@ -211,6 +218,11 @@ ordered_json json_from(const Layer& layer) {
     object["start_seconds"] = layer.start_seconds;
     object["speed"] = layer.speed;
     if (!layer.volume.empty()) object["volume"] = layer.volume;
+    if (layer.shadows) {
+      object["receives_shadows"] = {{"strength", layer.shadows->strength},
+                                    {"reach_m", layer.shadows->reach_m},
+                                    {"rays", layer.shadows->rays}};
+    }
     if (layer.matte) object["matte"] = json_from(*layer.matte);
   }
   if (!layer.clips.empty()) {

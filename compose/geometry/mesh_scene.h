@@ -40,6 +40,8 @@ class MeshScene {
   void meet(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
             double from_distance, std::span<SurfaceHit> hits) const;
 
+  /// Middle of its bounds, coordinates of the file.
+  const Eigen::Vector3d& centre() const { return centre_; }
   /// Half the diagonal of its bounds, units of the file.
   double radius() const { return radius_; }
   std::size_t bytes() const { return bytes_; }

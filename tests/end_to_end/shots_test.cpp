@@ -94,7 +94,7 @@ TEST_F(Shots, EachRenders) {
     check(file.path().stem());
     ++shots;
   }
-  EXPECT_GE(shots, 12);
+  EXPECT_GE(shots, 13);
 }
 
 }  // namespace

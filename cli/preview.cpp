@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   PreviewOptions options;
   std::string frames;
   std::filesystem::path color_config;
+  std::string rec709_space;
   double fps = 0;
   bool black = false, quiet = false;
   std::string missing = "error";
@@ -49,6 +50,9 @@ int main(int argc, char** argv) {
                  "OpenColorIO config whose displays and views are meant (default: a built-in one; "
                  "$OCIO is\nnot looked at)")
       ->type_name("CONFIG");
+  app.add_option("--rec709-space", rec709_space,
+                 "what that config calls linear Rec.709 (default: found by usual names)")
+      ->type_name("SPACE");
   app.add_option("--display", options.display.monitor,
                  "what the pictures are for: sRGB, Rec.1886, P3-D65 or the config's "
                  "(default: the first)");
@@ -74,7 +78,7 @@ int main(int argc, char** argv) {
     if (black) options.display.background = Background::kBlack;
     options.hold_missing = missing == "hold";
     if (!color_config.empty()) {
-      options.display.colors = ColorConfig::from_file(color_config, "");
+      options.display.colors = ColorConfig::from_file(color_config, rec709_space);
     }
     Progress progress(!quiet);
     options.progress = [&](double done) { progress.report(done); };

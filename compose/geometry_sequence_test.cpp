@@ -98,6 +98,17 @@ TEST_F(GeometrySequence, ThrowsShadowsOnALightFieldThatReceivesThem) {
   EXPECT_EQ(run().rendered, 1);
 }
 
+TEST_F(GeometrySequence, ALightIsAskedForRaysAndSoNeedsAMethodThatHasThem) {
+  shot_.layers[0].name = "wall";
+  shot_.layers[1] = square(-2, "mirror");
+  shot_.lights = {{.light_field = "wall"}};
+  shot_.layers[0].method = "auto";
+  EXPECT_THAT(refusal(), HasSubstr("not for single rays"));
+  shot_.layers[0].method = "focal_plane";
+  options_.target = {{"target_time", 1.0}};
+  EXPECT_EQ(run().rendered, 1) << "a target is one of views";
+}
+
 TEST_F(GeometrySequence, HasTheSameChannelsInFramesThatDoNotShowIt) {
   shot_.layers[1].first_frame = 103;
   run();

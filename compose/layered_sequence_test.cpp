@@ -271,6 +271,9 @@ TEST_F(LayeredSequence, FocusesWhereTheCameraDoes) {
   constexpr ExrChannel kZ[] = {{"Z"}};
   EXPECT_NEAR(read_exr_channels(file(101), kZ, "").values[15 * 40 + 20], 2, 1e-4);
   EXPECT_NEAR(read_exr_channels(file(106), kZ, "").values[15 * 40 + 20], 4.5, 1e-4);
+  options_.existing = ExistingFiles::kSkip;
+  shot_.layers[0].focal_plane.kind = ShotDocument::FocalPlane::Kind::kInfinity;
+  EXPECT_EQ(run().rendered, 2) << "another plane is another picture";
 }
 
 TEST_F(LayeredSequence, TheApertureIsTheCameras) {

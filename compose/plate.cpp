@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <cmath>
 #include <initializer_list>
 #include <limits>
 #include <span>
@@ -31,14 +32,26 @@ bool is_named(const std::filesystem::path& path, std::initializer_list<const cha
   return std::ranges::find(extensions, extension) != extensions.end();
 }
 
-/// Linear light of sRGB's codes.
+/// What codes mean: sRGB's light, or shares of full scale that a colour space turns into light.
 using LightOfCode = std::array<float, 256>;
-LightOfCode light_of_codes() {
+LightOfCode light_of_codes(bool by_srgb) {
   LightOfCode light{};
   for (std::size_t code = 0; code < light.size(); ++code) {
-    light[code] = static_cast<float>(linear_from_srgb(static_cast<double>(code) / 255));
+    const double share = static_cast<double>(code) / 255;
+    light[code] = static_cast<float>(by_srgb ? linear_from_srgb(share) : share);
   }
   return light;
+}
+
+/// Other renderers write what nothing can be put over: light without an end, and none at all.
+void make_finite(LayerImage& image) {
+  constexpr float kMost = 65504;  // of a half
+  for (float& value : image.rgba) {
+    value = std::isnan(value) ? 0.0F : std::clamp(value, -kMost, kMost);
+  }
+  for (float& z : image.z) {
+    if (std::isnan(z)) z = kInfinity;
+  }
 }
 
 LayerImage read_jpeg_plate(const std::filesystem::path& path, const LightOfCode& light) {
@@ -85,7 +98,11 @@ PlateLayer::PlateLayer(const ShotDocument& shot, std::size_t index,
       width_(shot.width),
       height_(shot.height),
       name_((shot_file.parent_path() / document_.file).lexically_normal().string()),
-      config_(std::move(config)) {}
+      config_(std::move(config)) {
+  if (!document_.space.empty()) colors().from_space(document_.space);  // there is one
+}
+
+ColorConfig PlateLayer::colors() const { return config_ ? *config_ : ColorConfig::built_in(); }
 
 std::filesystem::path PlateLayer::file(int frame) const {
   return name_.path(frame + document_.frame_offset);
@@ -103,8 +120,9 @@ void PlateLayer::check_file(int frame) const {
 }
 
 LayerImage PlateLayer::read(const std::filesystem::path& path) const {
-  if (is_named(path, {".png"})) return read_png_plate(path, light_of_codes());
-  if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, light_of_codes());
+  const bool by_srgb = document_.space.empty();
+  if (is_named(path, {".png"})) return read_png_plate(path, light_of_codes(by_srgb));
+  if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, light_of_codes(by_srgb));
   constexpr ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
   constexpr ExrChannel kDepth[] = {{"Z", kInfinity}};
   const char* what_to_do = "Give a flat EXR file with channels R, G and B";
@@ -112,17 +130,17 @@ LayerImage PlateLayer::read(const std::filesystem::path& path) const {
   LayerImage image = empty_image(pixels.width, pixels.height);
   std::ranges::copy(pixels.values, image.rgba.begin());
   std::ranges::copy(read_exr_channels(path, kDepth, what_to_do).values, image.z.begin());
-  const bool is_scene = pixels.color_interop_id.empty() || pixels.color_interop_id == kSceneSpace;
-  if (document_.space.empty() && !is_scene) {
-    turn_into_scene_colors(
-        image, pixels.color_interop_id == "unknown" ? pixels.color_space : pixels.color_interop_id);
+  make_finite(image);
+  const bool has_id = !pixels.color_interop_id.empty() && pixels.color_interop_id != "unknown";
+  const std::string& space = has_id ? pixels.color_interop_id : pixels.color_space;
+  if (document_.space.empty() && !space.empty() && space != kSceneSpace) {
+    turn_into_scene_colors(image, space);
   }
   return image;
 }
 
 void PlateLayer::turn_into_scene_colors(LayerImage& image, const std::string& space) const {
-  const ColorConfig config = config_ ? *config_ : ColorConfig::built_in();
-  config.from_space(space).apply(image.rgba);
+  colors().from_space(space).apply(image.rgba);
 }
 
 LayerImage PlateLayer::image(int frame, int overscan_x, int overscan_y) const {

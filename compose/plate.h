@@ -32,6 +32,7 @@ class PlateLayer {
  private:
   /// Premultiplied light and depth, of the picture alone.
   LayerImage read(const std::filesystem::path& path) const;
+  ColorConfig colors() const;
   void turn_into_scene_colors(LayerImage& image, const std::string& space) const;
 
   ShotDocument::Plate document_;

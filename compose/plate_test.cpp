@@ -1,9 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compose/plate.h"
 
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfOutputFile.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <png.h>
+
+#include <array>
+#include <limits>
+#include <optional>
 
 #include "compose/sequence_test_data.h"
 #include "schemas/atomic_file.h"
@@ -68,7 +76,48 @@ TEST_F(Plates, OtherPrimariesBecomeTheScenes) {
   ASSERT_EQ(run().rendered, 1);
   EXPECT_NEAR(rgba_at(20, 15)[3], 1, 1e-3F);
   shot_.layers[0].plate->space = "nowhere";
-  EXPECT_EQ(run().failures.size(), 1U);
+  EXPECT_THAT(refusal(), HasSubstr("no space \"nowhere\""));
+}
+
+TEST_F(Plates, WithAnOldColourAttributeAreStillTheScenes) {
+  shot_.output.color.space = "lin_ap1_scene";
+  options_.chromaticities = true;
+  render_plate();
+  options_.chromaticities = false;
+  shot_.layers = {plate("plate.####.exr")};
+  ASSERT_EQ(run().rendered, 1);
+  EXPECT_NEAR(rgba_at(20, 15)[0], grey(0), 0.003F);
+}
+
+TEST_F(Plates, WhatIsNoNumberDoesNotShowThroughWhatHidesIt) {
+  constexpr float kInfinite = std::numeric_limits<float>::infinity();
+  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+  constexpr std::array<std::pair<const char*, float>, 5> kSun{
+      {{"R", kInfinite}, {"G", kNone}, {"B", 2}, {"A", 1}, {"Z", kNone}}};
+  Imf::Header header(40, 30);
+  Imf::FrameBuffer buffer;
+  std::array<std::vector<float>, kSun.size()> values;
+  for (std::size_t c = 0; c < kSun.size(); ++c) {
+    const auto& [name, value] = kSun[c];
+    values[c].assign(40 * 30, value);
+    header.channels().insert(name, Imf::Channel(Imf::FLOAT));
+    buffer.insert(name, Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(values[c].data()),
+                                   sizeof(float), 40 * sizeof(float)));
+  }
+  {
+    Imf::OutputFile sun((folder_.path() / "sun.exr").c_str(), header);
+    sun.setFrameBuffer(buffer);
+    sun.writePixels(30);
+  }
+  ShotDocument::Layer front;
+  front.solid = ShotDocument::Solid{{0.25, 0.5, 0.75}, 1, 2};
+  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.layers = {plate("sun.exr"), front};
+  ASSERT_EQ(run().rendered, 1);
+  EXPECT_EQ(rgba_at(20, 15), (std::array<float, 4>{0.25F, 0.5F, 0.75F, 1}));
+  shot_.layers = {plate("sun.exr")};
+  ASSERT_EQ(run().rendered, 1);
+  EXPECT_EQ(rgba_at(20, 15), (std::array<float, 4>{65504, 0, 2, 1}));
 }
 
 TEST_F(Plates, StandWhereTheirDepthSays) {
@@ -115,6 +164,13 @@ TEST_F(Plates, PngAndJpegAreCodesOfSrgb) {
   ASSERT_EQ(run().rendered, 1);
   EXPECT_NEAR(rgba_at(20, 15)[0], light(200) * 128 / 255, 0.002F);
   EXPECT_NEAR(rgba_at(20, 15)[3], 128.0F / 255, 0.002F);
+  // The same said in words is the same; another space is another light.
+  shot_.layers[0].plate->space = "srgb_texture";
+  ASSERT_EQ(run().rendered, 1);
+  EXPECT_NEAR(rgba_at(20, 15)[0], light(200) * 128 / 255, 0.002F);
+  shot_.layers[0].plate->space = "lin_rec709_scene";
+  ASSERT_EQ(run().rendered, 1);
+  EXPECT_NEAR(rgba_at(20, 15)[0], 200.0F / 255 * 128 / 255, 0.002F);
 }
 
 TEST_F(Plates, WhatIsWrongIsSaid) {

@@ -18,7 +18,17 @@
 namespace raystage {
 namespace {
 
-constexpr std::size_t kRawExrBytesPerPixel = 16;
+/// What a pixel takes without compression: the picture, Z and coverage; P, N and albedo; ids; a
+/// deep sample.
+constexpr double kPictureBytes = 16, kGeometryBytes = 30, kIdBytes = 48, kDeepSampleBytes = 12;
+
+double raw_bytes_per_pixel(const ShotDocument& shot, bool deep) {
+  const bool has_geometry = std::ranges::any_of(
+      shot.layers, [](const ShotDocument::Layer& layer) { return layer.geometry.has_value(); });
+  return kPictureBytes + (has_geometry ? kGeometryBytes : 0) +
+         (shot.output.cryptomatte ? kIdBytes : 0) +
+         (deep ? kDeepSampleBytes * static_cast<double>(shot.layers.size()) : 0);
+}
 
 }  // namespace
 
@@ -43,7 +53,8 @@ void check_room(const std::filesystem::path& folder, const ShotDocument& shot, s
   const int views = shot.camera.stereo ? 2 : 1;
   const auto [x, y] = shot.output.overscan;
   const double pixels = (shot.width + 2.0 * x) * (shot.height + 2.0 * y);
-  const double raw = pixels * kRawExrBytesPerPixel * views * static_cast<double>(frames);
+  const double raw =
+      pixels * raw_bytes_per_pixel(shot, options.deep) * views * static_cast<double>(frames);
   // Lossless compression rarely gains more than a factor of four on pictures.
   const double least = shot.output.compression == "none" ? raw : raw / 4;
   const double available = static_cast<double>(space.available);

@@ -137,8 +137,10 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
     plates_.emplace_back();
     if (!shows_in(i, options.frames)) continue;
     if (shot_.layers[i].is_light_field()) {
-      light_fields_.back() = std::make_unique<const LightFieldLayer>(shot_, i, shot_file,
-                                                                     options.fill, options.target);
+      // A target is one for views; a light is asked for rays.
+      light_fields_.back() = std::make_unique<const LightFieldLayer>(
+          shot_, i, shot_file, options.fill, is_light(i) ? OptionValues{} : options.target);
+      if (is_light(i)) check_answers_rays(light_fields_.back()->reconstruction());
     } else if (shot_.layers[i].geometry) {
       open_geometry(i);
     } else if (shot_.layers[i].plate) {
@@ -256,13 +258,15 @@ bool ShotPlan::is_visible(std::size_t layer, int frame) const {
          keeps_something(clips_[layer]);
 }
 
+bool ShotPlan::is_light(std::size_t layer) const {
+  return std::ranges::any_of(layer_lights_, [&](const LayerLight& light) {
+    return std::ranges::find(light.layers, layer) != light.layers.end();
+  });
+}
+
 bool ShotPlan::is_needed(std::size_t layer, int frame) const {
   if (is_visible(layer, frame)) return true;
-  if (std::ranges::none_of(layer_lights_, [&](const LayerLight& light) {
-        return std::ranges::find(light.layers, layer) != light.layers.end();
-      })) {
-    return false;
-  }
+  if (!is_light(layer)) return false;
   for (std::size_t i = 0; i < layers(); ++i) {
     if (shot_.layers[i].geometry && is_visible(i, frame)) return true;
   }
@@ -322,6 +326,11 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   print.integer("chromaticities", chromaticities ? 1 : 0);
   print.integer("coverage_measures", coverage_measures ? 1 : 0);
   print.integer("frame", frame.frame);
+  for (const LayerLight& light : layer_lights_) {
+    for (const std::size_t layer : light.layers) {
+      print.integer("light", static_cast<std::int64_t>(layer));
+    }
+  }
   for (const Eye eye : eyes()) add_camera(exr_camera(frame.frame, eye), print);
   for (std::size_t i = 0; i < layers(); ++i) {
     if (!is_needed(i, frame.frame)) continue;

@@ -114,6 +114,7 @@ class ShotPlan {
  private:
   void find_colors(const std::filesystem::path& config_file);
   void find_layer_lights();
+  bool is_light(std::size_t layer) const;
   void name_objects();
   void open_geometry(std::size_t layer);
   bool shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const;

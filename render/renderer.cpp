@@ -164,19 +164,6 @@ double filtered_pixels(const VirtualCamera& view, const Instant& instant, const 
   return ratio > 0 ? ratio : source_pixels_per_pixel(view, instant, {0, 0, 0, 1});
 }
 
-/// Rays of a query meet one surface, that of a method which has one.
-void check_has_surface(const Method& method, const MethodOptions& options) {
-  if (method.name == "auto") {
-    throw Error::bad_input("the method auto chooses for views, not for single rays", "method auto",
-                           "Name the method whose rays are wanted");
-  }
-  if (method.name == "slabs" && options.text("layout") == "box") {
-    throw Error::bad_input(
-        "slabs in a box look rays up on a plane before each side, single rays on one plane alone",
-        "method slabs", "Ask for views, or for the rays of another method");
-  }
-}
-
 /// Where rays of a query meet what `method` with its `options` takes for the scene.
 RaySurface surface_met(const Method& method, const MethodOptions& options,
                        const Eigen::Vector4d& focal_plane, const Instant& instant,
@@ -203,6 +190,21 @@ RaySurface surface_met(const Method& method, const MethodOptions& options,
 }
 
 }  // namespace
+
+void check_answers_rays(const Reconstruction& reconstruction) {
+  const Method& method = method_named(reconstruction.method);
+  if (method.name == "auto") {
+    throw Error::bad_input("the method auto chooses for views, not for single rays", "method auto",
+                           "Name the method whose rays are wanted");
+  }
+  const MethodOptions options(method.options, reconstruction.options,
+                              "method " + reconstruction.method);
+  if (method.name == "slabs" && options.text("layout") == "box") {
+    throw Error::bad_input(
+        "slabs in a box look rays up on a plane before each side, single rays on one plane alone",
+        "method slabs", "Ask for views, or for the rays of another method");
+  }
+}
 
 LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings& settings)
     : state_(std::make_unique<State>(take, settings)) {
@@ -322,7 +324,7 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
   const MethodOptions options(method.options, reconstruction.options,
                               "method " + reconstruction.method);
   const Instant instant = state_->instant(frames);
-  check_has_surface(method, options);
+  check_answers_rays(reconstruction);
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
   const RaySurface surface = surface_met(method, options, reconstruction.focal_plane, instant,

@@ -61,6 +61,10 @@ struct RendererSettings {
   bool use_take_folder = true;
 };
 
+/// Throws Error (bad input) where LightFieldRenderer::query() cannot answer rays so: there is no
+/// one surface that they meet.
+void check_answers_rays(const Reconstruction& reconstruction);
+
 /// Renders views of a take. Many threads may call render() at once (frames in flight); the pixels
 /// do not depend on how many threads there are. Uses the TBB arena it is called in.
 class LightFieldRenderer {

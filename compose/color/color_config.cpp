@@ -128,10 +128,23 @@ struct ColorConfig::State {
   /// The config's own name of a space.
   std::string known(const std::string& space) const {
     std::string name = own_name(*config, space.c_str());
+    if (name.empty() && space == kSceneSpace) return rec709;
     if (name.empty()) name = space_by_interop_id(*config, space);
     if (!name.empty()) return name;
     throw Error::bad_input("the colour config has no space \"" + space + "\"", description,
                            "Use one of " + names_of_spaces(*config));
+  }
+
+  /// Only now are the files read that the config refers to.
+  template <class Processor>
+  std::shared_ptr<const ColorTransform::State> transform(const Processor& processor) const {
+    try {
+      return std::make_shared<const ColorTransform::State>(
+          processor(*config)->getDefaultCPUProcessor());
+    } catch (const OCIO::Exception& error) {
+      throw Error::bad_input(std::string("the colour config cannot be used: ") + error.what(),
+                             description, "Put the files there that it refers to, or mend it");
+    }
   }
 };
 
@@ -167,15 +180,17 @@ ColorConfig ColorConfig::from_file(const std::filesystem::path& file,
 const std::string& ColorConfig::description() const { return state_->description; }
 
 ColorTransform ColorConfig::to_space(const std::string& space) const {
-  return ColorTransform(std::make_shared<const ColorTransform::State>(
-      state_->config->getProcessor(state_->rec709.c_str(), state_->known(space).c_str())
-          ->getDefaultCPUProcessor()));
+  const std::string name = state_->known(space);
+  return ColorTransform(state_->transform([&](const auto& config) {
+    return config.getProcessor(state_->rec709.c_str(), name.c_str());
+  }));
 }
 
 ColorTransform ColorConfig::from_space(const std::string& space) const {
-  return ColorTransform(std::make_shared<const ColorTransform::State>(
-      state_->config->getProcessor(state_->known(space).c_str(), state_->rec709.c_str())
-          ->getDefaultCPUProcessor()));
+  const std::string name = state_->known(space);
+  return ColorTransform(state_->transform([&](const auto& config) {
+    return config.getProcessor(name.c_str(), state_->rec709.c_str());
+  }));
 }
 
 ColorTransform ColorConfig::to_display(const std::string& space, const std::string& display,
@@ -198,15 +213,16 @@ ColorTransform ColorConfig::to_display(const std::string& space, const std::stri
                            state_->description,
                            fmt::format("Use one of {}", fmt::join(known, ", ")));
   }
-  return ColorTransform(std::make_shared<const ColorTransform::State>(
-      config
-          .getProcessor(state_->known(space).c_str(), of_display.c_str(), through.c_str(),
-                        OCIO::TRANSFORM_DIR_FORWARD)
-          ->getDefaultCPUProcessor()));
+  const std::string name = state_->known(space);
+  return ColorTransform(state_->transform([&](const auto& of) {
+    return of.getProcessor(name.c_str(), of_display.c_str(), through.c_str(),
+                           OCIO::TRANSFORM_DIR_FORWARD);
+  }));
 }
 
 std::string ColorConfig::interop_id(const std::string& space) const {
   const std::string name = own_name(*state_->config, space.c_str());
+  if (!name.empty() && name == state_->rec709) return std::string(kSceneSpace);
   for (const InteropSpace& known : kInteropSpaces) {
     if (known.id == space ||
         (!name.empty() && space_by_interop_id(*state_->config, known.id) == name)) {

@@ -125,6 +125,9 @@ TEST_F(StudioConfigs, MayNameRec709AsTheyLike) {
   EXPECT_THROW(ColorConfig::from_file(file("ours"), ""), Error);
   EXPECT_NO_THROW(ColorConfig::from_file(file("ours"), "ours"));
   EXPECT_THROW(ColorConfig::from_file(file("ours"), "theirs"), Error);
+  const ColorConfig ours = ColorConfig::from_file(file("ours"), "ours");
+  EXPECT_TRUE(ours.to_space("lin_rec709_scene").changes_nothing());
+  EXPECT_EQ(ours.interop_id("ours"), "lin_rec709_scene");
 }
 
 TEST_F(StudioConfigs, AreRefusedWithWhatThereIs) {

@@ -243,6 +243,7 @@ std::string LightFieldLayer::common_fingerprint() const {
     if (const std::string* text = std::get_if<std::string>(&value)) print.text("value", *text);
   }
   for (const double value : reconstruction_.focal_plane) print.number("plane", value);
+  print.integer("focuses as camera", focuses_as_camera() ? 1 : 0);
   print.text("fill", reconstruction_.fill == HoleFill::kPushPull ? "push_pull" : "none");
   print.text("take", read_file(take_.folder() / "take.json"));
   print.text("rig", read_file(take_.folder() / "rig.json"));

@@ -75,6 +75,7 @@ struct Merge {
     float through = 1;  // of what lies behind
     alphas.assign(layers.size(), 0.0F);
     for (const int i : front_first) {
+      if (through <= 0) break;
       const MergedLayer& layer = layers[static_cast<std::size_t>(i)];
       const float* rgba = layer.image->rgba.data() + 4 * pixel;
       if (!layer.is_holdout) {

@@ -91,7 +91,9 @@ RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
   RgbImage shown{image.width, image.height, {}};
   shown.pixels.reserve(light.size());
   const bool is_rec709 = (settings.space.empty() || settings.space == kSceneSpace) &&
-                         (image.color_interop_id.empty() || image.color_interop_id == kSceneSpace);
+                         (image.color_interop_id == kSceneSpace ||
+                          (image.color_interop_id.empty() &&
+                           (image.color_space.empty() || image.color_space == kSceneSpace)));
   if (is_rec709 && !settings.colors && settings.monitor.empty() && settings.view.empty()) {
     static const SrgbTable code_of;
     for (const float value : light) shown.pixels.push_back(code_of(value));

@@ -61,6 +61,7 @@ std::string text_of(const Imf::Header& header, const char* attribute) {
 }
 
 bool has_one(const Imf::Header& header, std::span<const ExrChannel> channels) {
+  if (header.hasType() && Imf::isDeepData(header.type())) return false;
   return std::ranges::any_of(channels, [&](const ExrChannel& channel) {
     return header.channels().findChannel(channel.name) != nullptr;
   });

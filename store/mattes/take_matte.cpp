@@ -7,6 +7,7 @@
 #include <mutex>
 #include <optional>
 
+#include "schemas/atomic_file.h"
 #include "schemas/error.h"
 #include "store/mattes/code_curve.h"
 #include "store/mattes/matte_file.h"
@@ -212,6 +213,12 @@ std::string TakeMatte::sources() const {
       text += fmt::format(" {:x}", records[i].xxh3);
     }
   };
+  if (state_->empty_take) {
+    // Colours of its cameras, and what its codes mean.
+    for (const char* name : {"take.json", "rig.json"}) {
+      text += read_file(state_->empty_take->folder() / name);
+    }
+  }
   for (std::size_t i = 0; i < state_->cameras.size(); ++i) {
     if (state_->settings.kind == Kind::kFiles) break;
     if (state_->empty_take) {

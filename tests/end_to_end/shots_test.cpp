@@ -17,6 +17,7 @@ namespace raystage {
 namespace {
 
 using testing::CommandResult;
+using ::testing::HasSubstr;
 using testing::run;
 
 const std::filesystem::path kShots = std::filesystem::path(RAYSTAGE_SOURCE_DIR) / "docs/shots";
@@ -78,6 +79,16 @@ void Shots::check(const std::string& name) const {
   ASSERT_EQ(
       here("raystage render -q " + name + ".json --layout single --frames 1 -o both.exr").exit_code,
       0);
+  const CommandResult header = here("exrheader '" + name + "/f.0001.exr'");
+  ASSERT_EQ(header.exit_code, 0) << header.err;
+  for (const char* line :
+       {"name (type string): \"rgba.left\"", "name (type string): \"rgba.right\"",
+        "view (type string): \"left\"", "view (type string): \"right\"",
+        "framesPerSecond (type rational): 15/1",
+        "worldToCamera (type m44f):", "worldToNDC (type m44f):", "timeCode (type timecode):",
+        "colorInteropID (type string): \"lin_rec709_scene\"", "capDate (type string):"}) {
+    EXPECT_THAT(header.out, HasSubstr(line));
+  }
   const auto right = read_exr_channels(folder_.path() / "both.exr", kRight, "").values;
   double apart = 0;
   for (std::size_t i = 0; i < right.size(); ++i) {

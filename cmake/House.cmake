@@ -39,7 +39,7 @@ function(raystage_test NAME)
   target_compile_definitions(raystage_${NAME}_test PRIVATE
     RAYSTAGE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" RAYSTAGE_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   gtest_discover_tests(raystage_${NAME}_test DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${NAME};${ARG_LABELS}" TIMEOUT 300)
+    PROPERTIES LABELS "${NAME};${ARG_LABELS}" TIMEOUT 600)  # a busy machine is no fault
 endfunction()
 include(GoogleTest)
 

@@ -31,6 +31,10 @@ endfunction()
 function(raystage_precompiled TARGET HOST)
   if(RAYSTAGE_PRECOMPILED_HEADERS)
     target_precompile_headers(${TARGET} REUSE_FROM ${HOST})
+    if(RAYSTAGE_SANITIZE)
+      # Compiled without optimisation, what the headers define is in every object, whether it is used or not.
+      target_link_libraries(${TARGET} PRIVATE TBB::tbb)
+    endif()
   endif()
 endfunction()
 

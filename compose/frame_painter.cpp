@@ -151,10 +151,10 @@ LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& f
   });
   LayerImage image = layer_image(std::move(view));
   if (document.shadows) {
-    const auto& [strength, reach, rays] = *document.shadows;
-    tbb::this_task_arena::isolate([&] {
-      cast_shadows(geometry.scene, camera.view, {strength, reach, rays}, image);
-    });
+    const ShadowCatcher catcher{document.shadows->strength, document.shadows->reach_m,
+                                document.shadows->rays};
+    tbb::this_task_arena::isolate(
+        [&] { cast_shadows(geometry.scene, camera.view, catcher, image); });
   }
   return image;
 }

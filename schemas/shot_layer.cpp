@@ -145,10 +145,11 @@ void read_light_field(const Located& object, Layer& layer) {
   layer.volume = object.get("volume", layer.volume);
   if (object.has("receives_shadows")) {
     const Located from = object.at("receives_shadows");
-    ShotDocument::ReceivedShadows& shadows = layer.shadows.emplace();
+    ShotDocument::ReceivedShadows shadows;
     shadows.strength = from.get("strength", shadows.strength);
     shadows.reach_m = from.get("reach_m", shadows.reach_m);
     shadows.rays = from.get("rays", shadows.rays);
+    layer.shadows = shadows;
   }
   if (object.has("matte")) layer.matte = matte_settings_from(object.at("matte"));
   if (layer.matte && layer.fill != HoleFill::kNone) {

@@ -7,6 +7,7 @@
 #include <iterator>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "schemas/parallel.h"
 
@@ -64,7 +65,8 @@ void RayHolders::find(const Vector3d& direction) {
     degrees_[i] = std::atan2(across, facing_[i].dot(direction)) * 180 / std::numbers::pi;
   }
   std::iota(nearest_.begin(), nearest_.end(), std::size_t{0});
-  std::ranges::stable_sort(nearest_, {}, [&](std::size_t i) { return degrees_[i]; });
+  // Not stable_sort(), which allocates; of equals the first stays in front.
+  std::ranges::sort(nearest_, {}, [&](std::size_t i) { return std::pair(degrees_[i], i); });
   const double least = degrees_[nearest_.front()];
   double sum = 0;
   for (std::size_t i = 0; i < facing_.size(); ++i) {
@@ -88,6 +90,7 @@ std::array<float, 4> RayHolders::blend(std::span<const std::array<float, 4>> see
   }
   if (counted > 0) {
     for (float& value : result) value *= alpha / counted;
+    result[3] = alpha;  // without rounding: what is opaque hides all, and no other take is asked
   }
   for (const std::size_t i : nearest_) {
     if (result[3] >= 1) break;

@@ -78,12 +78,11 @@ class Catcher {
 
   /// How many of the rays meet a mesh before `reach`.
   std::ptrdiff_t met(double from_distance, double reach) {
-    hits_.assign(rays_.size(), SurfaceHit{.distance = reach});
+    blocked_.assign(rays_.size(), 0);
     for (const PlacedMesh& mesh : scene_.meshes) {
-      mesh.scene->meet(mesh.object_from_world, rays_, from_distance, hits_);
+      mesh.scene->block(mesh.object_from_world, rays_, from_distance, reach, blocked_);
     }
-    return std::ranges::count_if(hits_,
-                                 [&](const SurfaceHit& hit) { return hit.distance < reach; });
+    return std::ranges::count(blocked_, 1);
   }
 
   const GeometryScene& scene_;
@@ -92,7 +91,7 @@ class Catcher {
   std::vector<Vector3d> centres_;
   std::vector<double> radii_;
   std::vector<WorldRay> rays_;
-  std::vector<SurfaceHit> hits_;
+  std::vector<std::uint8_t> blocked_;
 };
 
 }  // namespace

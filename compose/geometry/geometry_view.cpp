@@ -17,7 +17,7 @@ using Eigen::Vector3f;
 
 constexpr int kMostBounces = 4;       // of mirrors in mirrors
 constexpr int kGlossyRays = 4;        // at the first bounce, each sample of a pixel; then one
-constexpr double kOffSurface = 2e-5;  // of a mesh's radius: where rays that leave it begin
+constexpr double kOffSurface = 2e-5;  // of a mesh's radius
 constexpr int kRowsPerTask = 2;
 
 /// A ray under way, and what it brings to which pixel.
@@ -52,7 +52,12 @@ class Rows {
         end_(end),
         ids_(ids),
         image_(image),
-        light_(static_cast<std::size_t>((end - begin) * camera.width), Vector3f::Zero()) {}
+        light_(static_cast<std::size_t>((end - begin) * camera.width), Vector3f::Zero()) {
+    for (const PlacedMesh& placed : scene.meshes) {
+      off_surface_.push_back(kOffSurface * placed.scene->radius() *
+                             std::cbrt(std::abs(placed.world_from_object.linear().determinant())));
+    }
+  }
 
   void render() {
     start();
@@ -107,7 +112,7 @@ class Rows {
     for (const Path& path : paths_) rays.push_back(path.ray);
     std::vector<SurfaceHit> hits(rays.size());
     const PlacedMesh& mesh = scene_.meshes[mesh_];
-    mesh.scene->meet(mesh.object_from_world, rays, 0, hits);
+    mesh.scene->meet(mesh.object_from_world, rays, 0, hits, RayOrder::kAlike);
     return hits;
   }
 
@@ -172,8 +177,7 @@ class Rows {
       Path next = path;
       next.weight = path.weight.cwiseProduct(point.color);
       next.distance = path.distance + hits[i].distance;
-      next.from_distance = kOffSurface * mesh.scene->radius() *
-                           std::cbrt(std::abs(mesh.world_from_object.linear().determinant()));
+      next.from_distance = off_surface_[met[i]];
       next.ray.origin = point.position;
       switch (point.material->kind) {
         case Material::Kind::kDiffuse:
@@ -188,7 +192,7 @@ class Rows {
           break;
       }
     }
-    light_up(shadows);
+    light_up(shadows, is_first ? RayOrder::kAlike : RayOrder::kAny);
   }
 
   void light_diffuse(const Path& at, const SurfacePoint& point, std::vector<ShadowRay>& shadows) {
@@ -228,19 +232,20 @@ class Rows {
     }
   }
 
-  void light_up(const std::vector<ShadowRay>& shadows) {
+  void light_up(const std::vector<ShadowRay>& shadows, RayOrder order) {
     for (std::size_t begin = 0; begin < shadows.size();) {
       std::size_t end = begin;
       std::vector<WorldRay> rays;
       while (end < shadows.size() && shadows[end].from_distance == shadows[begin].from_distance) {
         rays.push_back(shadows[end++].ray);
       }
-      std::vector<SurfaceHit> hits(rays.size());
+      std::vector<std::uint8_t> blocked(rays.size(), 0);
       for (const PlacedMesh& mesh : scene_.meshes) {
-        mesh.scene->meet(mesh.object_from_world, rays, shadows[begin].from_distance, hits);
+        mesh.scene->block(mesh.object_from_world, rays, shadows[begin].from_distance,
+                          SurfaceHit::kNone, blocked, order);
       }
       for (std::size_t i = 0; i < rays.size(); ++i) {
-        if (!hits[i].is_hit()) light_[shadows[begin + i].pixel] += shadows[begin + i].light;
+        if (blocked[i] == 0) light_[shadows[begin + i].pixel] += shadows[begin + i].light;
       }
       begin = end;
     }
@@ -350,7 +355,8 @@ class Rows {
   int per_side_, begin_, end_;
   std::span<const float> ids_;
   LayerImage& image_;
-  std::vector<Vector3f> light_;  // of each pixel, summed over its samples
+  std::vector<double> off_surface_;  // of each mesh, metres: where rays that leave it begin
+  std::vector<Vector3f> light_;      // of each pixel, summed over its samples
   std::vector<Nearest> nearest_;
   std::vector<Path> paths_;  // of the wave to come
 };

@@ -4,6 +4,7 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "schemas/error.h"
@@ -11,6 +12,17 @@
 namespace raystage {
 
 using Eigen::Vector3d;
+
+namespace {
+
+RTCIntersectContext context_of(RayOrder order) {
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  if (order == RayOrder::kAlike) context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+  return context;
+}
+
+}  // namespace
 
 MeshScene::MeshScene(Mesh mesh, const std::string& name) : mesh_(std::move(mesh)) {
   device_.reset(rtcNewDevice(nullptr));
@@ -51,55 +63,83 @@ MeshScene::MeshScene(Mesh mesh, const std::string& name) : mesh_(std::move(mesh)
       mesh_.bytes() + mesh_.positions.size() * 12 + mesh_.corners.size() * (12 + kTreePerTriangle);
 }
 
+bool MeshScene::fill(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
+                     double from_distance, std::span<const double> to_distance,
+                     Packet& packet) const {
+  RTCRay16& of_embree = packet.rays.ray;
+  bool any = false;
+  for (std::size_t i = 0; i < kPacket; ++i) {
+    packet.valid[i] = 0;
+    if (i >= rays.size()) continue;
+    const WorldRay& ray = rays[i];
+    // Units of the file from here on, and from just before the mesh: float counts from there,
+    // however far the eye.
+    const Vector3d along = object_from_world.linear() * ray.direction;
+    packet.per_metre[i] = along.norm();
+    if (!(packet.per_metre[i] > 0) || !std::isfinite(packet.per_metre[i])) continue;
+    const Vector3d direction = along / packet.per_metre[i];
+    const Vector3d to_centre = centre_ - object_from_world * ray.origin;
+    const double closest = to_centre.dot(direction);
+    const double off2 = (to_centre - closest * direction).squaredNorm();
+    if (!(off2 <= 1.002 * radius_ * radius_)) continue;
+    packet.start[i] = std::max(from_distance * packet.per_metre[i], closest - 1.01 * radius_);
+    const double end = std::min(to_distance[i] * packet.per_metre[i], closest + 1.01 * radius_);
+    if (!(end > packet.start[i])) continue;
+    const Vector3d origin = packet.start[i] * direction - to_centre;
+    any = true;
+    packet.valid[i] = -1;
+    of_embree.org_x[i] = static_cast<float>(origin.x());
+    of_embree.org_y[i] = static_cast<float>(origin.y());
+    of_embree.org_z[i] = static_cast<float>(origin.z());
+    of_embree.dir_x[i] = static_cast<float>(direction.x());
+    of_embree.dir_y[i] = static_cast<float>(direction.y());
+    of_embree.dir_z[i] = static_cast<float>(direction.z());
+    of_embree.tnear[i] = 0;
+    of_embree.time[i] = 0;
+    of_embree.flags[i] = 0;
+    of_embree.tfar[i] = static_cast<float>(end - packet.start[i]);
+    of_embree.mask[i] = ~0U;
+    packet.rays.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+    packet.rays.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
+  }
+  return any;
+}
+
 void MeshScene::meet(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
-                     double from_distance, std::span<SurfaceHit> hits) const {
-  constexpr std::size_t kPacket = 16;
+                     double from_distance, std::span<SurfaceHit> hits, RayOrder order) const {
+  Packet packet;
+  std::array<double, kPacket> to{};
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
     const std::size_t n = std::min(kPacket, rays.size() - begin);
-    alignas(64) RTCRayHit16 packet{};
-    alignas(64) int valid[kPacket] = {};
-    double start[kPacket] = {}, per_metre[kPacket] = {};
-    bool any = false;
+    for (std::size_t i = 0; i < n; ++i) to[i] = hits[begin + i].distance;
+    if (!fill(object_from_world, rays.subspan(begin, n), from_distance, to, packet)) continue;
+    RTCIntersectContext context = context_of(order);
+    rtcIntersect16(packet.valid.data(), scene_.get(), &context, &packet.rays);
     for (std::size_t i = 0; i < n; ++i) {
-      const WorldRay& ray = rays[begin + i];
-      // Units of the file from here on, and from just before the mesh: float counts from there,
-      // however far the eye.
-      const Vector3d along = object_from_world.linear() * ray.direction;
-      per_metre[i] = along.norm();
-      if (!(per_metre[i] > 0) || !std::isfinite(per_metre[i])) continue;
-      const Vector3d direction = along / per_metre[i];
-      const Vector3d to_centre = centre_ - object_from_world * ray.origin;
-      const double closest = to_centre.dot(direction);
-      const double off = (to_centre - closest * direction).norm();
-      if (!(off <= 1.001 * radius_)) continue;
-      start[i] = std::max(from_distance * per_metre[i], closest - 1.01 * radius_);
-      const double end =
-          std::min(hits[begin + i].distance * per_metre[i], closest + 1.01 * radius_);
-      if (!(end > start[i])) continue;
-      const Vector3d origin = start[i] * direction - to_centre;
-      any = true;
-      valid[i] = -1;
-      packet.ray.org_x[i] = static_cast<float>(origin.x());
-      packet.ray.org_y[i] = static_cast<float>(origin.y());
-      packet.ray.org_z[i] = static_cast<float>(origin.z());
-      packet.ray.dir_x[i] = static_cast<float>(direction.x());
-      packet.ray.dir_y[i] = static_cast<float>(direction.y());
-      packet.ray.dir_z[i] = static_cast<float>(direction.z());
-      packet.ray.tfar[i] = static_cast<float>(end - start[i]);
-      packet.ray.mask[i] = ~0U;
-      packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
-      packet.hit.instID[0][i] = RTC_INVALID_GEOMETRY_ID;
-    }
-    if (!any) continue;
-    RTCIntersectContext context;
-    rtcInitIntersectContext(&context);
-    rtcIntersect16(valid, scene_.get(), &context, &packet);
-    for (std::size_t i = 0; i < n; ++i) {
-      if (valid[i] == 0 || packet.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
+      if (packet.valid[i] == 0 || packet.rays.hit.geomID[i] == RTC_INVALID_GEOMETRY_ID) continue;
       SurfaceHit& hit = hits[begin + i];
-      const double distance = (start[i] + double{packet.ray.tfar[i]}) / per_metre[i];
+      const double distance =
+          (packet.start[i] + double{packet.rays.ray.tfar[i]}) / packet.per_metre[i];
       if (distance >= hit.distance) continue;
-      hit = {distance, packet.hit.primID[i], packet.hit.u[i], packet.hit.v[i]};
+      hit = {distance, packet.rays.hit.primID[i], packet.rays.hit.u[i], packet.rays.hit.v[i]};
+    }
+  }
+}
+
+void MeshScene::block(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
+                      double from_distance, double to_distance, std::span<std::uint8_t> blocked,
+                      RayOrder order) const {
+  Packet packet;
+  std::array<double, kPacket> to{};
+  for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
+    const std::size_t n = std::min(kPacket, rays.size() - begin);
+    // Nothing is asked of rays that are blocked already.
+    for (std::size_t i = 0; i < n; ++i) to[i] = blocked[begin + i] != 0 ? 0 : to_distance;
+    if (!fill(object_from_world, rays.subspan(begin, n), from_distance, to, packet)) continue;
+    RTCIntersectContext context = context_of(order);
+    rtcOccluded16(packet.valid.data(), scene_.get(), &context, &packet.rays.ray);
+    for (std::size_t i = 0; i < n; ++i) {
+      if (packet.valid[i] != 0 && packet.rays.ray.tfar[i] < 0) blocked[begin + i] = 1;
     }
   }
 }

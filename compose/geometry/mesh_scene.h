@@ -4,6 +4,7 @@
 #include <embree3/rtcore.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -27,6 +28,10 @@ struct SurfaceHit {
   bool is_hit() const { return distance < kNone; }
 };
 
+/// Whether rays that follow each other go alike, as a camera's do: Embree traces those faster. Hits
+/// are the same.
+enum class RayOrder { kAny, kAlike };
+
 /// A mesh in Embree, to be placed anywhere. Thread-safe.
 class MeshScene {
  public:
@@ -35,16 +40,25 @@ class MeshScene {
 
   const Mesh& mesh() const { return mesh_; }
 
-  /// Replaces hits by nearer ones, and returns whether there are any. Rays are the world's, hits
+  /// Replaces hits by nearer ones. Rays are the world's, hits
   /// beyond `from_distance` of their origins count.
   void meet(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
-            double from_distance, std::span<SurfaceHit> hits) const;
+            double from_distance, std::span<SurfaceHit> hits,
+            RayOrder order = RayOrder::kAny) const;
+
+  /// Sets `blocked` to 1 for rays that meet the mesh anywhere between the distances; where it is 1
+  /// already nobody looks.
+  void block(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
+             double from_distance, double to_distance, std::span<std::uint8_t> blocked,
+             RayOrder order = RayOrder::kAny) const;
 
   /// Middle of its bounds, coordinates of the file.
   const Eigen::Vector3d& centre() const { return centre_; }
   /// Half the diagonal of its bounds, units of the file.
   double radius() const { return radius_; }
   std::size_t bytes() const { return bytes_; }
+  /// For benchmarks: Embree's own, in units of the file about the centre.
+  RTCScene embree() const { return scene_.get(); }
 
  private:
   struct Release {
@@ -54,6 +68,18 @@ class MeshScene {
   };
   template <typename Handle>
   using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Release>;
+
+  static constexpr std::size_t kPacket = 16;
+  /// Rays as Embree takes them, and how to read its answers: each begins `start` units of the file
+  /// from its ray's origin, which has `per_metre` of them.
+  struct Packet {
+    alignas(64) RTCRayHit16 rays{};
+    alignas(64) std::array<int, kPacket> valid{};
+    std::array<double, kPacket> start{}, per_metre{};
+  };
+  /// Of `rays`, kPacket at most, the parts between the distances; false: none comes near the mesh.
+  bool fill(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
+            double from_distance, std::span<const double> to_distance, Packet& packet) const;
 
   Mesh mesh_;
   Owned<RTCDevice> device_;

@@ -170,6 +170,7 @@ ExitCode render(const Options& options, std::stop_token stop) {
   const SequenceReport report =
       arena.execute([&] { return render_sequence(options.shot, sequence, stop); });
   progress.say(report.summary());
+  if (report.rendered > 0) progress.say(report.stages());
   return report.exit_code();
 }
 

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <iterator>
 #include <limits>
 #include <utility>
@@ -42,6 +43,18 @@ void add_up(const RenderStatistics& from, RenderStatistics& to) {
   to.render_ms += from.render_ms;
   to.pixels_decoded += from.pixels_decoded;
 }
+
+/// Since it was made.
+class Stopwatch {
+ public:
+  double ms() const {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_)
+        .count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
 
 }  // namespace
 
@@ -199,8 +212,10 @@ LayerImage FramePainter::volume_image_of(std::size_t foremost, std::size_t count
   return result;
 }
 
-LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camera,
-                               const std::stop_token& stop, DeepImage* deep) const {
+PaintedView FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camera,
+                                const std::stop_token& stop, DeepImage* deep) const {
+  const Stopwatch total;
+  PaintTimes times;
   std::vector<LayerImage> front_first;
   std::vector<bool> is_holdout;
   RenderStatistics statistics;
@@ -214,8 +229,11 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camer
     if (!is_volume && !plan_.is_visible(i, frame.frame)) continue;
     const ShotDocument::Layer& document = plan_.shot().layers[i];
     if (is_volume && document.opacity <= 0) continue;
+    const Stopwatch of_layer;
     LayerImage image = is_volume ? volume_image_of(foremost, of_picture, frame, camera, geometry)
                                  : layer_image_of(i, frame, camera, geometry);
+    if (document.is_light_field()) times.light_fields_ms += of_layer.ms();
+    if (document.geometry) times.geometry_ms += of_layer.ms();
     if (plan_.shot().output.cryptomatte && image.ids.empty()) {
       make_one_object(image, ids_of(i).front());
     }
@@ -249,7 +267,8 @@ LayerImage FramePainter::paint(const PlannedFrame& frame, const ExrCamera& camer
   result.statistics = statistics;
   turn_into_file_colors(result, deep);
   complete(result);
-  return result;
+  times.merge_ms = total.ms() - times.light_fields_ms - times.geometry_ms;
+  return {std::move(result), times};
 }
 
 void FramePainter::turn_into_file_colors(LayerImage& image, DeepImage* deep) const {

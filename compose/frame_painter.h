@@ -13,6 +13,17 @@
 
 namespace raystage {
 
+/// Where a view's time went: wall-clock, of the thread that has its frame; others help.
+struct PaintTimes {
+  double light_fields_ms = 0, geometry_ms = 0;
+  double merge_ms = 0;  ///< and all else: plates, clips, colours
+};
+
+struct PaintedView {
+  LayerImage picture;
+  PaintTimes times;
+};
+
 /// Paints the views of a shot's frames: every layer, cut and faded as the shot says, merged. Many
 /// threads may paint at once. `plan` must live on.
 class FramePainter {
@@ -24,8 +35,8 @@ class FramePainter {
   /// and those in front hide all, the others are left alone. What remains once `stop` is requested
   /// is not painted.
   /// `deep`: not null, becomes the samples that the view is made of.
-  LayerImage paint(const PlannedFrame& frame, const ExrCamera& camera, const std::stop_token& stop,
-                   DeepImage* deep = nullptr) const;
+  PaintedView paint(const PlannedFrame& frame, const ExrCamera& camera, const std::stop_token& stop,
+                    DeepImage* deep = nullptr) const;
 
   /// Asks the disk for what a frame will need.
   void read_ahead(const PlannedFrame& frame) const;

@@ -33,9 +33,14 @@ constexpr std::size_t kGeometryBytesPerPixel = 36, kGeometryBytesPerPixelMerged 
 /// Six ids and shares: of a layer, and of the picture with its channels and their EXR samples.
 constexpr std::size_t kIdBytesPerPixel = 48, kIdBytesPerPixelMerged = 144;
 
-/// Where a pixel's samples stand, for us and for OpenEXR; a sample, its halves and its place in the
-/// file.
-constexpr std::size_t kDeepBytesPerPixel = 48, kDeepBytesPerSample = 44;
+/// Where a pixel's samples stand, for us and for OpenEXR; a sample, in lists that grow by
+/// doubling, its halves and its place in the file.
+constexpr std::size_t kDeepBytesPerPixel = 48, kDeepBytesPerSample = 76;
+
+/// Of a finished file, were nothing compressed: the picture with depth and coverage; the measures;
+/// P, N and albedo; ids and shares; a sample of a deep one.
+constexpr std::size_t kFileBytesPerPixel = 16, kFileMeasures = 8, kFileGeometry = 30, kFileIds = 48,
+                      kFileBytesPerSample = 12;
 
 std::size_t pixels_of(const ShotDocument& shot) {
   const auto [x, y] = shot.output.overscan;
@@ -91,6 +96,17 @@ std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> fram
       geometry_bytes_per_pixel(plan);
   return plan.eyes().size() *
          (pixels_of(plan.shot()) * beside + most_view_bytes(plan, frames, coverage_measures));
+}
+
+/// What a finished frame takes until it is on the disk.
+std::size_t file_bytes(const ShotPlan& plan, const MemoryRequest& request) {
+  bool has_geometry = false;
+  for (std::size_t i = 0; i < plan.layers(); ++i) has_geometry |= plan.geometry(i) != nullptr;
+  const std::size_t per_pixel =
+      kFileBytesPerPixel + (request.coverage_measures ? kFileMeasures : 0) +
+      (has_geometry ? kFileGeometry : 0) + (plan.shot().output.cryptomatte ? kFileIds : 0) +
+      (request.deep ? plan.layers() * kFileBytesPerSample : 0);
+  return plan.eyes().size() * pixels_of(plan.shot()) * per_pixel;
 }
 
 /// Of all cameras, decoded: what a view may hold while it is rendered. Most look through fewer.
@@ -166,7 +182,8 @@ MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frame
                        const MemoryRequest& request) {
   const std::size_t per_frame = frame_bytes(plan, frames, request);
   const std::size_t granted = request.bytes > 0 ? request.bytes : available_memory() / 2;
-  const std::size_t held = plan.geometry_bytes() + matte_bytes(plan);
+  const std::size_t held =
+      plan.geometry_bytes() + matte_bytes(plan) + (1 + kFilesWaiting) * file_bytes(plan, request);
   const std::size_t least = held + per_frame + kMinCache;
   if (granted < least) {
     throw Error::bad_input(

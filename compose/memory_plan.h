@@ -13,6 +13,9 @@ namespace raystage {
 /// "12.3 MB" or "1.23 GB", of 10^6 and 10^9 bytes.
 std::string size_text(double bytes);
 
+/// Finished frames that wait for the disk at most, beside the one that is being written.
+inline constexpr std::size_t kFilesWaiting = 1;
+
 /// What is granted, and for what.
 struct MemoryRequest {
   std::size_t bytes = 0;     ///< 0: half of available_memory(), at most 4 GiB of them for the cache

@@ -13,6 +13,7 @@
 
 #include "compose/exr/deep_file.h"
 #include "compose/exr/file.h"
+#include "compose/file_writer.h"
 #include "compose/frame_painter.h"
 #include "compose/frame_range.h"
 #include "compose/memory_plan.h"
@@ -101,7 +102,7 @@ class SequenceRun {
         stop_(std::move(stop)) {}
 
   SequenceReport run(int in_flight) {
-    const auto start = std::chrono::steady_clock::now();
+    const Clock::time_point start = Clock::now();
     for_each_in_flight(
         frames_.size(), static_cast<std::size_t>(in_flight),
         [this] { return stop_.stop_requested(); },
@@ -109,8 +110,9 @@ class SequenceRun {
           read_ahead(index + static_cast<std::size_t>(in_flight));
           process(frames_[index]);
         });
-    report_.seconds =
-        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    writer_.finish();
+    report_.seconds = ms_since(start) / 1e3;
+    report_.in_flight = in_flight;
     report_.asked = static_cast<int>(frames_.size());
     report_.frames_read_ahead = painter_.frames_read_ahead();
     const std::size_t done =
@@ -144,15 +146,20 @@ class SequenceRun {
     } catch (const std::bad_alloc&) {
       throw;  // a farm retries with more memory; the other frames would fare no better
     } catch (const std::exception& error) {
-      options_.say(fmt::format("frame {} failed: {}", frame.frame, error.what()));
-      const std::scoped_lock lock(mutex_);
-      const auto* known = dynamic_cast<const Error*>(&error);
-      const bool is_bad_input = known != nullptr && known->exit_code() == ExitCode::kBadInput;
-      report_.failures.push_back({frame.frame, error.what(), is_bad_input});
+      fail(frame.frame, error);
     }
     if (!stop_.stop_requested()) advance(parts_left);
   }
 
+  void fail(int frame, const std::exception& error) {
+    options_.say(fmt::format("frame {} failed: {}", frame, error.what()));
+    const std::scoped_lock lock(mutex_);
+    const auto* known = dynamic_cast<const Error*>(&error);
+    const bool is_bad_input = known != nullptr && known->exit_code() == ExitCode::kBadInput;
+    report_.failures.push_back({frame, error.what(), is_bad_input});
+  }
+
+  /// What is left of `parts_left` is done. Its files are with the writer then, who does the rest.
   void process_or_throw(const PlannedFrame& frame, int& parts_left) {
     const std::filesystem::path file = name_.path(frame.frame);
     const std::string fingerprint =
@@ -170,41 +177,74 @@ class SequenceRun {
     metadata.chromaticities = options_.chromaticities;
 
     const std::vector<Eye> eyes = plan_.eyes();
-    std::vector<LayerImage> pictures;
+    std::vector<PaintedView> painted;
     std::vector<DeepImage> deep(options_.deep ? eyes.size() : 0);
     std::vector<ExrView> views;
     std::vector<ExrCamera> cameras;
     for (const Eye eye : eyes) {
       cameras.push_back(plan_.exr_camera(frame.frame, eye));
-      pictures.push_back(painter_.paint(frame, cameras.back(), stop_,
-                                        options_.deep ? &deep[pictures.size()] : nullptr));
+      painted.push_back(painter_.paint(frame, cameras.back(), stop_,
+                                       options_.deep ? &deep[painted.size()] : nullptr));
       if (stop_.stop_requested()) return;
     }
     // Of the finished list: views refer to its pictures.
     for (std::size_t i = 0; i < eyes.size(); ++i) {
-      views.push_back(exr_view(pictures[i], view_name(eyes[i])));
-      add_new(pictures[i].notes, metadata.notes);
+      views.push_back(exr_view(painted[i].picture, view_name(eyes[i])));
+      add_new(painted[i].picture.notes, metadata.notes);
     }
     advance(kPartsOfRender);
     parts_left -= kPartsOfRender;
 
-    std::size_t bytes = 0;
-    if (options_.deep)
-      bytes += write_deep_exr(deep_views(deep, eyes), cameras, metadata, deep_file);
-    bytes += write_exr(views, cameras, metadata, file);
+    const Clock::time_point encoding = Clock::now();
+    std::vector<FileWriter::File> files;
+    if (options_.deep) {
+      files.push_back({deep_file, encode_deep_exr(deep_views(deep, eyes), cameras, metadata)});
+    }
+    files.push_back({file, encode_exr(views, cameras, metadata)});
+    account(painted, metadata, ms_since(encoding));
+    const double held_up =
+        writer_.write(std::move(files),
+                      [this, frame = frame.frame, parts_left](const FileWriter::Written& written) {
+                        wrote(frame, written, parts_left);
+                      });
+    parts_left = 0;
+    const std::scoped_lock lock(mutex_);
+    report_.milliseconds.held_up += held_up * 1e3;
+  }
+
+  void account(const std::vector<PaintedView>& painted, const ExrMetadata& metadata,
+               double encode_ms) {
     const std::scoped_lock lock(mutex_);
     for (const std::string& note : metadata.notes) {
       if (notes_.insert(note).second) options_.say(note);
     }
-    ++report_.rendered;
     report_.decoded_bytes_held =
         std::max(report_.decoded_bytes_held, painter_.decoded_bytes_held());
-    report_.bytes_written += static_cast<std::int64_t>(bytes);
-    for (const LayerImage& picture : pictures) {
-      report_.pixels_decoded += picture.statistics.pixels_decoded;
-      report_.decode_ms += picture.statistics.decode_ms;
-      report_.render_ms += picture.statistics.render_ms;
+    StageTimes& ms = report_.milliseconds;
+    ms.encode += encode_ms;
+    for (const PaintedView& view : painted) {
+      report_.pixels_decoded += view.picture.statistics.pixels_decoded;
+      ms.light_fields += view.times.light_fields_ms;
+      ms.geometry += view.times.geometry_ms;
+      ms.merge += view.times.merge_ms;
     }
+  }
+
+  /// On the writer's thread.
+  void wrote(int frame, const FileWriter::Written& written, int parts) {
+    if (written.error) {
+      try {
+        std::rethrow_exception(written.error);
+      } catch (const std::exception& error) {
+        fail(frame, error);
+      }
+    } else {
+      const std::scoped_lock lock(mutex_);
+      ++report_.rendered;
+      report_.bytes_written += static_cast<std::int64_t>(written.bytes);
+      report_.milliseconds.write += written.seconds * 1e3;
+    }
+    if (!stop_.stop_requested()) advance(parts);
   }
 
   static std::vector<ExrDeepView> deep_views(const std::vector<DeepImage>& deep,
@@ -218,6 +258,11 @@ class SequenceRun {
                        {samples.empty() ? nullptr : samples.data()->rgba, 5 * samples.size()}});
     }
     return views;
+  }
+
+  using Clock = std::chrono::steady_clock;
+  static double ms_since(Clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   }
 
   static void add_new(const std::vector<std::string>& from, std::vector<std::string>& to) {
@@ -242,38 +287,11 @@ class SequenceRun {
   std::atomic<std::int64_t> parts_done_ = 0;
   std::mutex mutex_;  ///< of what follows
   SequenceReport report_;
-  std::set<std::string> notes_;  ///< said already
+  std::set<std::string> notes_;       ///< said already
+  FileWriter writer_{kFilesWaiting};  ///< last: it is done before the others go
 };
 
 }  // namespace
-
-ExitCode SequenceReport::exit_code() const {
-  if (rendered + skipped == asked && asked > 0) return ExitCode::kSuccess;
-  if (stopped) return ExitCode::kFailed;
-  if (rendered + skipped == 0) {
-    const bool is_bad_input =
-        !failures.empty() && std::ranges::all_of(failures, &Failure::is_bad_input);
-    return is_bad_input ? ExitCode::kBadInput : ExitCode::kFailed;
-  }
-  return ExitCode::kSomeFramesFailed;
-}
-
-std::string SequenceReport::summary() const {
-  std::string text = fmt::format("{} of {} frames rendered", rendered, asked);
-  if (skipped > 0) text += fmt::format(", {} were there already", skipped);
-  if (!failures.empty()) {
-    std::vector<int> frames;
-    for (const Failure& failure : failures) frames.push_back(failure.frame);
-    text += fmt::format(", {} failed ({})", failures.size(), format_frame_range(frames));
-  }
-  if (stopped) text += ", stopped early";
-  text += fmt::format("; {:.1f} s", seconds);
-  if (rendered > 0 && seconds > 0) text += fmt::format(", {:.2f} frames/s", rendered / seconds);
-  return text + fmt::format("; {:.1f} Mpixel decoded, {} written, peak memory {}",
-                            static_cast<double>(pixels_decoded) * 1e-6,
-                            size_text(static_cast<double>(bytes_written)),
-                            size_text(static_cast<double>(peak_memory())));
-}
 
 std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot) {
   const std::string shot_name = shot.name.empty() ? shot_file.stem().string() : shot.name;

@@ -46,6 +46,16 @@ struct SequenceOptions {
   std::function<void(std::string_view)> say = [](std::string_view) {};
 };
 
+/// Where the time of a sequence went: wall-clock milliseconds, summed over the frames, of which
+/// several are under way at once. Only writing runs beside the threads that render.
+struct StageTimes {
+  double light_fields = 0, geometry = 0;
+  double merge = 0;    ///< and all else: plates, clips, colours
+  double encode = 0;   ///< to EXR, in memory
+  double write = 0;    ///< to the disk
+  double held_up = 0;  ///< finished frames waited for the disk, holding up a thread that renders
+};
+
 /// What became of a sequence.
 struct SequenceReport {
   struct Failure {
@@ -58,14 +68,17 @@ struct SequenceReport {
   std::vector<Failure> failures;  ///< by frame
   double seconds = 0;             ///< wall-clock, of the frames
   std::int64_t bytes_written = 0, pixels_decoded = 0;
-  int frames_read_ahead = 0;            ///< of cameras, asked of the disk before they were decoded
-  std::size_t decoded_bytes_held = 0;   ///< the most that was kept of decoded frames after a frame
-  double decode_ms = 0, render_ms = 0;  ///< summed over the frames
+  int frames_read_ahead = 0;           ///< of cameras, asked of the disk before they were decoded
+  std::size_t decoded_bytes_held = 0;  ///< the most that was kept of decoded frames after a frame
+  StageTimes milliseconds;
+  int in_flight = 1;  ///< frames under way at once, at most
 
   /// kSuccess only if every frame asked for is there, whole; kBadInput where all failed by it.
   ExitCode exit_code() const;
   /// One line: frames, frames per second, decoded pixels, bytes written, peak memory.
   std::string summary() const;
+  /// One line: what the stages took for a frame.
+  std::string stages() const;
 };
 
 /// Renders a shot's frames to EXR files, several frames in flight. Everything that can be is

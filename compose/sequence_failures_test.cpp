@@ -157,7 +157,7 @@ TEST_F(SequenceFailures, MemoryIsWhatTheHeaviestFrameTakesWhereverItIs) {
   shot_.last_frame = 100;
   shot_.camera.keys = {testing::camera_key(1, {0.03, -0.03, 0}, 10),
                        testing::camera_key(100, {0.04, -0.03, 0}, 10)};
-  EXPECT_THAT(refusal(), HasSubstr("one frame needs 67.2 MB"));  // 64 MiB of cache; 1200 pixels
+  EXPECT_THAT(refusal(), HasSubstr("one frame needs 67.3 MB"));  // 64 MiB of cache; 1200 pixels
   const auto zoom = [](double frame, double degrees) {
     return testing::camera_key(frame, {0.035, -0.03, 0}, degrees);
   };

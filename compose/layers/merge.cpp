@@ -128,9 +128,11 @@ struct Merge {
     for (std::size_t a = 0; a < result.aovs.size(); ++a) {
       const Aov* from = aovs[static_cast<std::size_t>(layer)][a];
       if (from == nullptr) continue;
+      // A loop: for a value or three a call to copy takes longer than copying.
       const std::size_t width = from->channels.size();
-      std::copy_n(from->values.data() + pixel * width, width,
-                  result.aovs[a].values.data() + pixel * width);
+      const float* values = from->values.data() + pixel * width;
+      float* merged = result.aovs[a].values.data() + pixel * width;
+      for (std::size_t c = 0; c < width; ++c) merged[c] = values[c];
     }
   }
 };

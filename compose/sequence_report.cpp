@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "compose/frame_range.h"
+#include "compose/memory_plan.h"
+#include "compose/sequence.h"
+#include "schemas/resources.h"
+
+namespace raystage {
+
+ExitCode SequenceReport::exit_code() const {
+  if (rendered + skipped == asked && asked > 0) return ExitCode::kSuccess;
+  if (stopped) return ExitCode::kFailed;
+  if (rendered + skipped == 0) {
+    const bool is_bad_input =
+        !failures.empty() && std::ranges::all_of(failures, &Failure::is_bad_input);
+    return is_bad_input ? ExitCode::kBadInput : ExitCode::kFailed;
+  }
+  return ExitCode::kSomeFramesFailed;
+}
+
+std::string SequenceReport::summary() const {
+  std::string text = fmt::format("{} of {} frames rendered", rendered, asked);
+  if (skipped > 0) text += fmt::format(", {} were there already", skipped);
+  if (!failures.empty()) {
+    std::vector<int> frames;
+    for (const Failure& failure : failures) frames.push_back(failure.frame);
+    text += fmt::format(", {} failed ({})", failures.size(), format_frame_range(frames));
+  }
+  if (stopped) text += ", stopped early";
+  text += fmt::format("; {:.1f} s", seconds);
+  if (rendered > 0 && seconds > 0) text += fmt::format(", {:.2f} frames/s", rendered / seconds);
+  return text + fmt::format("; {:.1f} Mpixel decoded, {} written, peak memory {}",
+                            static_cast<double>(pixels_decoded) * 1e-6,
+                            size_text(static_cast<double>(bytes_written)),
+                            size_text(static_cast<double>(peak_memory())));
+}
+
+std::string SequenceReport::stages() const {
+  const auto of_frame = [&](double ms) { return ms / std::max(rendered, 1); };
+  const StageTimes& ms = milliseconds;
+  std::string text = fmt::format(
+      "milliseconds a frame, {} at once: light fields {:.0f}, geometry {:.0f}, merging {:.0f}, "
+      "encoding {:.0f}; beside them writing {:.0f}",
+      in_flight, of_frame(ms.light_fields), of_frame(ms.geometry), of_frame(ms.merge),
+      of_frame(ms.encode), of_frame(ms.write));
+  if (of_frame(ms.held_up) >= 10) {
+    text += fmt::format("; the disk held frames up for {:.0f}", of_frame(ms.held_up));
+  }
+  return text;
+}
+
+}  // namespace raystage

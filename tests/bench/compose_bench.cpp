@@ -1,0 +1,305 @@
+// SPDX-License-Identifier: Apache-2.0
+// The stages of a composited frame of 1920x1080, each beside the least that its library takes for
+// the same: a mesh of a million triangles beside Embree alone, merging beside copying, EXR files
+// beside OpenEXR alone. What a light field takes: methods_bench.
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfFrameBuffer.h>
+#include <OpenEXR/ImfOutputFile.h>
+#include <benchmark/benchmark.h>
+#include <tbb/global_control.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cmath>
+#include <cstring>
+#include <numbers>
+
+#include "compose/exr/file.h"
+#include "compose/exr/memory_stream.h"
+#include "compose/geometry/test_meshes.h"
+#include "compose/layers/merge.h"
+#include "schemas/parallel.h"
+#include "tests/bench/run_benchmarks.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kWidth = 1920, kHeight = 1080, kSamples = 4, kPerSide = 2, kThreads = 2;
+constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
+
+/// What fills most of the picture: 1,000,000 triangles, lit and shaded by one light.
+class Scene {
+ public:
+  Scene() : mesh_(bumpy_ball(), "ball") {
+    scene_.meshes.push_back(testing::placed_at(mesh_, {0, 0, -3}, 0.8));
+    scene_.lights.ambient.setConstant(0.2F);
+    DirectionalLight light;
+    light.towards = Eigen::Vector3d(0.4, 1, 0.5).normalized();
+    scene_.lights.directional.push_back(light);
+    camera_ = virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, {});
+  }
+  const GeometryScene& scene() const { return scene_; }
+  const VirtualCamera& camera() const { return camera_; }
+  const MeshScene& mesh() const { return mesh_; }
+
+ private:
+  static Mesh bumpy_ball() {
+    Mesh mesh = testing::ball(1, testing::material_of(Material::Kind::kDiffuse, 0.7F), 500);
+    for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
+      const Eigen::Vector3d& p = mesh.positions[i];
+      mesh.positions[i] =
+          p * (1 + 0.03 * std::sin(9 * std::acos(p.y())) * std::sin(11 * std::atan2(p.z(), p.x())));
+    }
+    mesh.normals.clear();
+    return mesh;
+  }
+  MeshScene mesh_;
+  GeometryScene scene_;
+  VirtualCamera camera_;
+};
+
+const Scene& scene() {
+  static const Scene one;
+  return one;
+}
+
+const LayerImage& mesh_image() {
+  static const LayerImage image = render_geometry(scene().scene(), 0, scene().camera(), kSamples);
+  return image;
+}
+
+/// As of a light field on a plane behind half of the mesh: smooth with fine noise.
+const LayerImage& light_field_image() {
+  static const LayerImage image = [] {
+    LayerImage result = empty_image(kWidth, kHeight);
+    for (std::size_t i = 0; i < kPixels; ++i) {
+      const auto x = static_cast<float>(i % kWidth), y = static_cast<float>(i / kWidth);
+      for (std::size_t c = 0; c < 3; ++c) {
+        result.rgba[4 * i + c] = 0.3F + 0.2F * std::sin(0.01F * x + 0.02F * y) +
+                                 0.02F * std::sin(7.1F * x + 3.7F * y + static_cast<float>(c));
+      }
+      result.rgba[4 * i + 3] = 1;
+      result.z[i] = 3;
+    }
+    result.aovs.push_back({"lf", {"coverage"}, false, 0, {}});
+    result.aovs.back().values.assign(kPixels, 1.0F);
+    return result;
+  }();
+  return image;
+}
+
+const LayerImage& merged_image() {
+  static const LayerImage image =
+      merge(std::vector<MergedLayer>{{&light_field_image(), false}, {&mesh_image(), false}},
+            MergeOrder::kDepth);
+  return image;
+}
+
+tbb::global_control threads(int count) {
+  return {tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(count)};
+}
+
+void OurGeometry(benchmark::State& state) {
+  const auto limit = threads(kThreads);
+  scene();  // built before it is timed
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(render_geometry(scene().scene(), 0, scene().camera(), kSamples));
+  }
+}
+
+/// Camera rays, and a shadow ray from each hit: made, traced, and nothing else.
+std::int64_t trace_rows(RTCScene mesh, int first_row, int last_row) {
+  constexpr int kPacket = 16;
+  const Eigen::Vector3f light =
+      scene().scene().lights.directional[0].towards.cast<float>().normalized();
+  const auto f = static_cast<float>(scene().camera().intrinsics.fx);
+  std::int64_t rays = 0;
+  for (int y = first_row; y < last_row; ++y) {
+    for (int x = 0; x < kWidth; x += kPacket / kSamples) {
+      alignas(64) RTCRayHit16 packet{};
+      alignas(64) std::array<int, kPacket> valid{};
+      for (int i = 0; i < kPacket; ++i) {
+        const int pixel = i / kSamples, sample = i % kSamples;
+        const Eigen::Vector3f direction =
+            Eigen::Vector3f((static_cast<float>(x + pixel) + 0.25F +
+                             0.5F * static_cast<float>(sample % kPerSide) - kWidth / 2.0F) /
+                                f,
+                            (kHeight / 2.0F - static_cast<float>(y) - 0.25F -
+                             0.5F * static_cast<float>(sample / kPerSide)) /
+                                f,
+                            -1)
+                .normalized();
+        packet.ray.org_z[i] = 3 / 0.8F;
+        packet.ray.dir_x[i] = direction.x();
+        packet.ray.dir_y[i] = direction.y();
+        packet.ray.dir_z[i] = direction.z();
+        packet.ray.tfar[i] = 1e9F;
+        packet.ray.mask[i] = ~0U;
+        packet.hit.geomID[i] = RTC_INVALID_GEOMETRY_ID;
+        valid[static_cast<std::size_t>(i)] = -1;
+      }
+      RTCIntersectContext context;
+      rtcInitIntersectContext(&context);
+      context.flags = RTC_INTERSECT_CONTEXT_FLAG_COHERENT;
+      rtcIntersect16(valid.data(), mesh, &context, &packet);
+      rays += kPacket;
+      int shadows = 0;
+      for (int i = 0; i < kPacket; ++i) {
+        const bool is_hit = packet.hit.geomID[i] != RTC_INVALID_GEOMETRY_ID;
+        const bool faces = packet.hit.Ng_x[i] * light.x() + packet.hit.Ng_y[i] * light.y() +
+                               packet.hit.Ng_z[i] * light.z() !=
+                           0;
+        valid[static_cast<std::size_t>(i)] = is_hit && faces ? -1 : 0;
+        if (!is_hit) continue;
+        ++shadows;
+        packet.ray.org_x[i] += packet.ray.tfar[i] * packet.ray.dir_x[i];
+        packet.ray.org_y[i] += packet.ray.tfar[i] * packet.ray.dir_y[i];
+        packet.ray.org_z[i] += packet.ray.tfar[i] * packet.ray.dir_z[i];
+        packet.ray.tnear[i] = 1e-4F;
+        packet.ray.tfar[i] = 1e9F;
+        packet.ray.dir_x[i] = light.x();
+        packet.ray.dir_y[i] = light.y();
+        packet.ray.dir_z[i] = light.z();
+      }
+      if (shadows > 0) rtcOccluded16(valid.data(), mesh, &context, &packet.ray);
+      rays += shadows;
+    }
+  }
+  return rays;
+}
+
+void EmbreeAlone(benchmark::State& state) {
+  const auto limit = threads(kThreads);
+  scene();
+  std::int64_t rays = 0;
+  for (auto _ : state) {
+    std::atomic<std::int64_t> traced = 0;
+    parallel_for(0, kHeight / 2, [&](int task) {
+      traced += trace_rows(scene().mesh().embree(), 2 * task, 2 * task + 2);
+    });
+    rays += traced;
+  }
+  state.counters["rays"] =
+      benchmark::Counter(static_cast<double>(rays), benchmark::Counter::kIsRate);
+}
+
+void OurMerge(benchmark::State& state) {
+  const auto limit = threads(kThreads);
+  const std::vector<MergedLayer> layers{{&light_field_image(), false}, {&mesh_image(), false}};
+  for (auto _ : state) benchmark::DoNotOptimize(merge(layers, MergeOrder::kDepth));
+}
+
+/// What merging reads and writes, copied.
+void CopyAlone(benchmark::State& state) {
+  const auto limit = threads(kThreads);
+  std::vector<std::vector<float>> from, to;
+  for (const LayerImage* image : {&light_field_image(), &mesh_image()}) {
+    from.emplace_back(image->rgba.begin(), image->rgba.end());
+    from.emplace_back(image->z.begin(), image->z.end());
+    for (const Aov& aov : image->aovs) from.emplace_back(aov.values.begin(), aov.values.end());
+  }
+  for (auto _ : state) {
+    to.assign(from.size(), {});
+    parallel_for(std::size_t{0}, from.size(), [&](std::size_t i) { to[i] = from[i]; });
+    benchmark::DoNotOptimize(to);
+  }
+}
+
+void OurEncoding(benchmark::State& state, const std::string& colours, const std::string& data) {
+  const auto limit = threads(1);  // a frame's file is one thread's; others render meanwhile
+  ExrCamera camera;
+  camera.view = scene().camera();
+  ExrMetadata metadata;
+  metadata.compression = colours;
+  metadata.data_compression = data;
+  const std::vector<ExrView> views{exr_view(merged_image(), "")};
+  std::size_t bytes = 0;
+  for (auto _ : state) {
+    bytes = encode_exr(views, std::vector<ExrCamera>{camera}, metadata).size();
+  }
+  state.counters["MB"] = static_cast<double>(bytes) * 1e-6;
+}
+
+/// OpenEXR with the pixels as it wants them: the same parts, one after the other.
+void OpenExrAlone(benchmark::State& state, Imf::Compression colours, Imf::Compression data,
+                  int zip_level) {
+  struct Part {
+    std::vector<half> halves;
+    std::vector<float> floats;
+    std::size_t channels = 0;
+  };
+  std::vector<Part> parts;
+  const auto add = [&](const PixelValues& values, std::size_t channels, bool is_colour) {
+    parts.emplace_back();
+    parts.back().channels = channels;
+    for (const float value : values) {
+      if (is_colour) {
+        parts.back().halves.emplace_back(value);
+      } else {
+        parts.back().floats.push_back(value);
+      }
+    }
+  };
+  add(merged_image().rgba, 4, true);
+  add(merged_image().z, 1, false);
+  for (const Aov& aov : merged_image().aovs) add(aov.values, aov.channels.size(), aov.is_colour);
+  std::size_t bytes = 0;
+  for (auto _ : state) {
+    bytes = 0;
+    for (Part& part : parts) {
+      const bool is_colour = !part.halves.empty();
+      Imf::Header header(kWidth, kHeight);
+      header.compression() = is_colour ? colours : data;
+      header.zipCompressionLevel() = zip_level;
+      Imf::FrameBuffer pixels;
+      for (std::size_t c = 0; c < part.channels; ++c) {
+        const std::string name(1, static_cast<char>('A' + c));
+        header.channels().insert(name, Imf::Channel(is_colour ? Imf::HALF : Imf::FLOAT));
+        const std::size_t size = is_colour ? sizeof(half) : sizeof(float);
+        char* first = is_colour ? reinterpret_cast<char*>(part.halves.data() + c)
+                                : reinterpret_cast<char*>(part.floats.data() + c);
+        pixels.insert(name, Imf::Slice(is_colour ? Imf::HALF : Imf::FLOAT, first,
+                                       size * part.channels, size * part.channels * kWidth));
+      }
+      MemoryStream stream;
+      {
+        Imf::OutputFile output(stream, header, 0);
+        output.setFrameBuffer(pixels);
+        output.writePixels(kHeight);
+      }
+      bytes += stream.take().size();
+    }
+  }
+  state.counters["MB"] = static_cast<double>(bytes) * 1e-6;
+}
+
+BENCHMARK(OurGeometry)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(EmbreeAlone)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(OurMerge)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK(CopyAlone)->Unit(benchmark::kMillisecond)->UseRealTime();
+BENCHMARK_CAPTURE(OurEncoding, piz_piz, "piz", "piz")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OurEncoding, piz_zip, "piz", "zip")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OurEncoding, zip_zip, "zip", "zip")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OurEncoding, zips_zips, "zips", "zips")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OurEncoding, piz_rle, "piz", "rle")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OurEncoding, none, "none", "none")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, piz_piz, Imf::PIZ_COMPRESSION, Imf::PIZ_COMPRESSION, 4)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, piz_zip_4, Imf::PIZ_COMPRESSION, Imf::ZIP_COMPRESSION, 4)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, piz_zip_2, Imf::PIZ_COMPRESSION, Imf::ZIP_COMPRESSION, 2)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, piz_zip_1, Imf::PIZ_COMPRESSION, Imf::ZIP_COMPRESSION, 1)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, zip_zip_1, Imf::ZIP_COMPRESSION, Imf::ZIP_COMPRESSION, 1)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, zips_zips_1, Imf::ZIPS_COMPRESSION, Imf::ZIPS_COMPRESSION, 1)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(OpenExrAlone, rle_rle, Imf::RLE_COMPRESSION, Imf::RLE_COMPRESSION, 4)
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) { return raystage::run_benchmarks(argc, argv); }

@@ -10,6 +10,7 @@
 #include <numeric>
 #include <optional>
 
+#include "render/confidence/confidence.h"
 #include "render/depth/depth.h"
 #include "render/fill/push_pull.h"
 #include "render/hull/visual_hull.h"
@@ -105,6 +106,7 @@ namespace {
 /// With what the request and the method add to a RenderedView.
 std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settings) {
   return bytes_of_view({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
+         (settings.measure_confidence ? sizeof(float) : 0) +
          (method.tells_nothing_there ? sizeof(float) : 0);
 }
 
@@ -234,6 +236,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   const Instant instant = state_->instant(frames);
   if (!instant.present) {
     RenderedView nothing = empty_view(view);
+    if (state_->settings.measure_confidence) nothing.confidence = nothing.coverage;
     if (!state_->settings.measure_coverage) return nothing;
     nothing.cameras.assign(nothing.coverage.size(), 0.0F);
     nothing.nearest_ray = nothing.z;  // infinity
@@ -261,6 +264,9 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                               first,
                               view.height};
     RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
+    if (state_->settings.measure_confidence) {
+      (by_reference ? measure_confidence_reference : measure_confidence)(fine, instant, image);
+    }
     return factor > 1 ? averaged(image, factor) : std::move(image);
   };
   RenderedView image;

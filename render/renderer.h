@@ -56,6 +56,7 @@ struct RendererSettings {
   std::size_t supersampling_bytes = std::size_t{512} << 20;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
   bool measure_coverage = false;     ///< fills RenderedView::cameras and nearest_ray (costs time)
+  bool measure_confidence = false;   ///< fills RenderedView::confidence (costs time)
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
   /// What methods derive from a take may be kept in its folder, and taken from there.
   bool use_take_folder = true;

@@ -115,11 +115,12 @@ RenderedView averaged(const RenderedView& image, int factor) {
   if (!image.cameras.empty()) mean.cameras.resize(pixels);
   if (!image.nearest_ray.empty()) mean.nearest_ray.resize(pixels);
   if (!image.nothing_there.empty()) mean.nothing_there.resize(pixels);
+  if (!image.confidence.empty()) mean.confidence.resize(pixels);
   const float share = 1.0F / static_cast<float>(factor * factor);
   raystage::parallel_for(0, mean.height, [&](int y) {
     for (int x = 0; x < mean.width; ++x) {
       float sum[4] = {0, 0, 0, 0}, coverage = 0, inverse_depth = 0, cameras = 0;
-      float nothing_there = 0;
+      float nothing_there = 0, confidence = 0;
       float nearest_ray = std::numeric_limits<float>::infinity();
       for (int i = 0; i < factor * factor; ++i) {
         const auto row = static_cast<std::size_t>(y * factor + i / factor);
@@ -129,6 +130,7 @@ RenderedView averaged(const RenderedView& image, int factor) {
         coverage += image.coverage[from];
         if (!image.cameras.empty()) cameras += image.cameras[from];
         if (!image.nothing_there.empty()) nothing_there += image.nothing_there[from];
+        if (!image.confidence.empty()) confidence += image.confidence[from];
         if (!image.nearest_ray.empty()) {
           nearest_ray = std::min(nearest_ray, image.nearest_ray[from]);
         }
@@ -143,6 +145,7 @@ RenderedView averaged(const RenderedView& image, int factor) {
       if (!image.cameras.empty()) mean.cameras[to] = cameras * share;
       if (!image.nearest_ray.empty()) mean.nearest_ray[to] = nearest_ray;
       if (!image.nothing_there.empty()) mean.nothing_there[to] = nothing_there * share;
+      if (!image.confidence.empty()) mean.confidence[to] = confidence * share;
       mean.z[to] =
           inverse_depth > 0 ? sum[3] / inverse_depth : std::numeric_limits<float>::infinity();
     }
@@ -171,6 +174,7 @@ void put_rows(RenderedView&& rows, int first, int height, RenderedView& whole) {
   put(rows.cameras, whole.cameras, 1);
   put(rows.nearest_ray, whole.nearest_ray, 1);
   put(rows.nothing_there, whole.nothing_there, 1);
+  put(rows.confidence, whole.confidence, 1);
   whole.width = rows.width;
   whole.height = height;
   RenderStatistics& sum = whole.statistics;

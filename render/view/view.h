@@ -88,6 +88,9 @@ struct RenderedView {
   /// On request, else empty: metres, least distance from the pixel's ray (a whole line) to the
   /// centre of a camera that contributes; +infinity where none does.
   PixelValues nearest_ray;
+  /// On request, else empty: how much of what the cameras about a pixel's ray see agrees with it, 0
+  /// to 1; see measure_confidence().
+  PixelValues confidence;
   /// Where a method knows of rays that meet nothing at all, else empty: the part of a pixel's rays
   /// that are such, 0 to 1. The others that are missing from A were seen by nobody.
   PixelValues nothing_there;

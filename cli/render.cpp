@@ -26,7 +26,7 @@ struct Options {
   std::string shot, output, frames;
   int threads = 0, frames_in_flight = 0;
   double memory_gb = 0;
-  bool chromaticities = false, coverage = false, deep = false;
+  bool chromaticities = false, coverage = false, confidence = false, deep = false;
   std::string layout;
   std::filesystem::path color_config;
   ExistingFiles existing = ExistingFiles::kError;
@@ -105,6 +105,9 @@ void declare(CLI::App& app, Options& options) {
       "write channels lf.cameras (how many cameras are behind a pixel) and lf.nearest (how near\n"
       "the nearest of them passes to its ray, metres)");
   app.add_flag(
+      "--confidence", options.confidence,
+      "write channel lf.confidence: how far the cameras about a pixel's ray agree with it, 0 to 1");
+  app.add_flag(
       "--deep", options.deep,
       "beside each file NAME.####.exr write NAME.deep.####.exr: the samples it is made of, "
       "by depth,\none of each layer at most");
@@ -159,7 +162,8 @@ ExitCode render(const Options& options, std::stop_token stop) {
   sequence.layout = options.layout;
   sequence.color_config = options.color_config;
   sequence.chromaticities = options.chromaticities;
-  sequence.coverage_measures = options.coverage;
+  if (options.coverage) sequence.aovs = {"lf.cameras", "lf.nearest"};
+  if (options.confidence) sequence.aovs.emplace_back("lf.confidence");
   sequence.deep = options.deep;
   sequence.program_version = RAYSTAGE_VERSION;
   sequence.progress = [&](double done) { progress.report(done); };

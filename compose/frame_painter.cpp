@@ -58,8 +58,7 @@ class Stopwatch {
 
 }  // namespace
 
-FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory, bool coverage_measures)
-    : plan_(plan), coverage_measures_(coverage_measures) {
+FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory) : plan_(plan) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     renderers_.emplace_back();
     const LightFieldLayer* light_field = plan.light_field(i);
@@ -68,7 +67,8 @@ FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory, bool 
     settings.cache_bytes = memory.of_layer[i].cache;
     settings.kept_bytes = memory.of_layer[i].kept;
     settings.working_bytes = memory.of_layer[i].working;
-    settings.measure_coverage = coverage_measures;
+    settings.measure_coverage = plan.measures_coverage();
+    settings.measure_confidence = plan.wants("lf.confidence");
     settings.ticks = light_field->timeline().ticks;
     settings.matte = light_field->matte();
     renderers_.back() = std::make_unique<const LightFieldRenderer>(light_field->take(), settings);
@@ -111,12 +111,13 @@ Surroundings FramePainter::light_of(const ShotPlan::LayerLight& light, const Pla
     if (!shown.tick) continue;
     const LightFieldLayer& light_field = *plan_.light_field(layer);
     takes.push_back({renderers_[layer].get(), &light_field.tick(shown),
-                     light_field.reconstruction_for(camera)});
+                     light_field.reconstruction_for(camera, frame.frame)});
     facing.push_back(light_field.take().rig().mean_viewing_direction());
   }
   if (takes.empty()) return behind;
   return [takes = std::move(takes), facing = std::move(facing), behind = std::move(behind),
           strength = static_cast<float>(light.strength),
+          to_working = plan_.colors().working_from_scene_matrix,
           ambient](std::span<const WorldRay> rays, std::span<const float> spread,
                    std::span<Eigen::Vector3f> seen) {
     std::ranges::fill(seen, ambient);
@@ -132,7 +133,8 @@ Surroundings FramePainter::light_of(const ShotPlan::LayerLight& light, const Pla
       holders.find(rays[i].direction);
       for (std::size_t t = 0; t < takes.size(); ++t) of_takes[t] = samples[t][i].rgba;
       const auto rgba = holders.blend(of_takes);
-      seen[i] = strength * Eigen::Vector3f(rgba[0], rgba[1], rgba[2]) + (1 - rgba[3]) * seen[i];
+      seen[i] = strength * (to_working * Eigen::Vector3f(rgba[0], rgba[1], rgba[2])) +
+                (1 - rgba[3]) * seen[i];
     }
   };
 }
@@ -147,10 +149,13 @@ LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& f
           render_geometry(geometry.scene, static_cast<std::size_t>(geometry.mesh_of_layer[layer]),
                           camera.view, document.geometry->samples, ids_of(layer));
     });
+    drop_unwanted(image);
     return image;
   }
   if (document.plate) {
-    return plan_.plate(layer)->image(frame.frame, camera.overscan_x, camera.overscan_y);
+    LayerImage image = plan_.plate(layer)->image(frame.frame, camera.overscan_x, camera.overscan_y);
+    turn_into_working_colors(image);
+    return image;
   }
   if (document.solid) return solid_image(*document.solid, camera.view.width, camera.view.height);
   if (!frame.shown[layer].tick) return empty_image(camera.view.width, camera.view.height);
@@ -160,9 +165,11 @@ LayerImage FramePainter::layer_image_of(std::size_t layer, const PlannedFrame& f
   // which would keep this one waiting.
   tbb::this_task_arena::isolate([&] {
     view = renderers_[layer]->render(camera.view, light_field.tick(frame.shown[layer]),
-                                     light_field.reconstruction_for(camera));
+                                     light_field.reconstruction_for(camera, frame.frame));
   });
   LayerImage image = layer_image(std::move(view));
+  turn_into_working_colors(image);
+  drop_unwanted(image);
   if (document.shadows) {
     const ShadowCatcher catcher{document.shadows->strength, document.shadows->reach_m,
                                 document.shadows->rays};
@@ -271,9 +278,19 @@ PaintedView FramePainter::paint(const PlannedFrame& frame, const ExrCamera& came
   return {std::move(result), times};
 }
 
+void FramePainter::turn_into_working_colors(LayerImage& image) const {
+  if (plan_.colors().working_from_scene) plan_.colors().working_from_scene->apply(image.rgba);
+}
+
+void FramePainter::drop_unwanted(LayerImage& image) const {
+  std::erase_if(image.aovs, [&](const Aov& aov) {
+    return !plan_.wants(aov.layer == "lf" ? "lf." + aov.channels.front() : aov.layer);
+  });
+}
+
 void FramePainter::turn_into_file_colors(LayerImage& image, DeepImage* deep) const {
-  const ColorTransform* transform = plan_.to_file_colors();
-  if (transform == nullptr) return;
+  const auto& transform = plan_.colors().file_from_working;
+  if (!transform) return;
   transform->apply(image.rgba);
   for (Aov& aov : image.aovs) {
     if (aov.is_colour && aov.channels.size() == 3) transform->apply_to_opaque(aov.values);
@@ -288,14 +305,17 @@ void FramePainter::complete(LayerImage& image) const {
   std::vector<Aov> wanted;
   const auto want = [&](const char* layer, const std::vector<std::string>& channels,
                         bool is_colour = false, float nothing = 0) {
-    wanted.push_back({layer, channels, is_colour, nothing, {}});
+    Aov aov{layer, channels, is_colour, nothing, {}};
+    const bool is_one_of_many = aov.layer == "lf";
+    if (plan_.wants(is_one_of_many ? "lf." + channels.front() : aov.layer)) {
+      wanted.push_back(std::move(aov));
+    }
   };
   if (std::ranges::any_of(layers, &ShotDocument::Layer::is_light_field)) {
     want("lf", {"coverage"});
-    if (coverage_measures_) {
-      want("lf", {"cameras"});
-      want("lf", {"nearest"}, false, std::numeric_limits<float>::infinity());
-    }
+    want("lf", {"confidence"});
+    want("lf", {"cameras"});
+    want("lf", {"nearest"}, false, std::numeric_limits<float>::infinity());
   }
   if (std::ranges::any_of(layers, [](const auto& layer) { return layer.geometry.has_value(); })) {
     want("P", {"X", "Y", "Z"});

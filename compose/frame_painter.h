@@ -28,13 +28,12 @@ struct PaintedView {
 /// threads may paint at once. `plan` must live on.
 class FramePainter {
  public:
-  FramePainter(const ShotPlan& plan, const MemoryPlan& memory, bool coverage_measures);
+  FramePainter(const ShotPlan& plan, const MemoryPlan& memory);
 
-  /// One view, with the same AOVs at every frame: of shots with a light field its coverage, on
-  /// request the measures. Layers are rendered from the front; where the shot states their order,
-  /// and those in front hide all, the others are left alone. What remains once `stop` is requested
-  /// is not painted.
-  /// `deep`: not null, becomes the samples that the view is made of.
+  /// One view, with the same AOVs at every frame. Layers are rendered from the front; where the
+  /// shot states their order, and those in front hide all, the others are left alone. What remains
+  /// once `stop` is requested is not painted. `deep`: not null, becomes the samples that the view
+  /// is made of.
   PaintedView paint(const PlannedFrame& frame, const ExrCamera& camera, const std::stop_token& stop,
                     DeepImage* deep = nullptr) const;
 
@@ -62,6 +61,10 @@ class FramePainter {
   Surroundings light_of(const ShotPlan::LayerLight& light, const PlannedFrame& frame,
                         const ExrCamera& camera, Surroundings behind,
                         const Eigen::Vector3f& ambient) const;
+  /// From kSceneSpace, as light fields and plates bring it.
+  void turn_into_working_colors(LayerImage& image) const;
+  /// AOVs that the files do not tell need not be merged.
+  void drop_unwanted(LayerImage& image) const;
   /// Cryptomatte's, of the layer's objects; none where nobody asks.
   std::vector<float> ids_of(std::size_t layer) const;
   /// Of the picture, its colour AOVs and samples.
@@ -70,7 +73,6 @@ class FramePainter {
   void complete(LayerImage& image) const;
 
   const ShotPlan& plan_;
-  bool coverage_measures_;
   std::vector<std::unique_ptr<const LightFieldRenderer>> renderers_;  ///< of each layer
 };
 

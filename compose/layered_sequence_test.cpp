@@ -284,7 +284,7 @@ TEST_F(LayeredSequence, TheApertureIsTheCameras) {
   const auto lens = [&] {
     write_shot(shot_, shot_file());
     const ShotPlan plan(shot_file());
-    return plan.light_field(0)->reconstruction_for(plan.exr_camera(101, Eye::kBoth)).options;
+    return plan.light_field(0)->reconstruction_for(plan.exr_camera(101, Eye::kBoth), 101).options;
   };
   EXPECT_FALSE(lens().contains("f_number"));
   shot_.camera.keys[0].f_number = 0.5;

@@ -22,7 +22,7 @@ constexpr std::size_t kDefaultCache = 4096 * kMiB, kDefaultKept = 1024 * kMiB;
 /// renderer's own tables.
 constexpr std::size_t kViewBytesPerPixel = 24, kBytesPerPixelBesideView = 72;
 /// The coverage measures on top: for the file, in it.
-constexpr std::size_t kMeasuresBytesPerPixelBesideView = 16;
+constexpr std::size_t kMeasuresBytesPerPixelBesideView = 16, kConfidenceBytesPerPixelBesideView = 8;
 
 /// A layer's picture that waits to be merged, and what merging writes.
 constexpr std::size_t kLayerBytesPerPixel = 28;
@@ -39,8 +39,8 @@ constexpr std::size_t kDeepBytesPerPixel = 48, kDeepBytesPerSample = 76;
 
 /// Of a finished file, were nothing compressed: the picture with depth and coverage; the measures;
 /// P, N and albedo; ids and shares; a sample of a deep one.
-constexpr std::size_t kFileBytesPerPixel = 16, kFileMeasures = 8, kFileGeometry = 30, kFileIds = 48,
-                      kFileBytesPerSample = 12;
+constexpr std::size_t kFileBytesPerPixel = 16, kFileMeasures = 8, kFileConfidence = 4,
+                      kFileGeometry = 30, kFileIds = 48, kFileBytesPerSample = 12;
 
 std::size_t pixels_of(const ShotDocument& shot) {
   const auto [x, y] = shot.output.overscan;
@@ -50,22 +50,23 @@ std::size_t pixels_of(const ShotDocument& shot) {
 
 /// What the views of the frames take at most. Every one is looked at: of a zoom a single frame may
 /// be the one that is supersampled most.
-std::size_t most_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
-                            bool coverage_measures) {
+std::size_t most_view_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames) {
   std::size_t most = pixels_of(plan.shot()) * kViewBytesPerPixel;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     const LightFieldLayer* light_field = plan.light_field(i);
     if (light_field == nullptr) continue;
     RendererSettings settings;
     settings.cache_bytes = settings.kept_bytes = 0;
-    settings.measure_coverage = coverage_measures;
+    settings.measure_coverage = plan.measures_coverage();
+    settings.measure_confidence = plan.wants("lf.confidence");
     const LightFieldRenderer renderer(light_field->take(), settings);
     for (const PlannedFrame& frame : frames) {
       if (!frame.shown[i].tick) continue;
       for (const Eye eye : plan.eyes()) {
-        most = std::max(most, renderer.view_bytes(plan.camera(frame.frame, eye),
-                                                  light_field->tick(frame.shown[i]),
-                                                  light_field->reconstruction()));
+        const ExrCamera camera = plan.exr_camera(frame.frame, eye);
+        most = std::max(most,
+                        renderer.view_bytes(camera.view, light_field->tick(frame.shown[i]),
+                                            light_field->reconstruction_for(camera, frame.frame)));
       }
     }
   }
@@ -87,15 +88,14 @@ std::size_t geometry_bytes_per_pixel(const ShotPlan& plan) {
 /// What a frame takes beside what is shared: its views, both eyes of which make one file.
 std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                         const MemoryRequest& request) {
-  const bool coverage_measures = request.coverage_measures;
   const std::size_t beside =
       kBytesPerPixelBesideView +
       (request.deep ? kDeepBytesPerPixel + plan.layers() * kDeepBytesPerSample : 0) +
-      (coverage_measures ? kMeasuresBytesPerPixelBesideView : 0) +
+      (plan.measures_coverage() ? kMeasuresBytesPerPixelBesideView : 0) +
+      (plan.wants("lf.confidence") ? kConfidenceBytesPerPixelBesideView : 0) +
       (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) +
       geometry_bytes_per_pixel(plan);
-  return plan.eyes().size() *
-         (pixels_of(plan.shot()) * beside + most_view_bytes(plan, frames, coverage_measures));
+  return plan.eyes().size() * (pixels_of(plan.shot()) * beside + most_view_bytes(plan, frames));
 }
 
 /// What a finished frame takes until it is on the disk.
@@ -103,8 +103,9 @@ std::size_t file_bytes(const ShotPlan& plan, const MemoryRequest& request) {
   bool has_geometry = false;
   for (std::size_t i = 0; i < plan.layers(); ++i) has_geometry |= plan.geometry(i) != nullptr;
   const std::size_t per_pixel =
-      kFileBytesPerPixel + (request.coverage_measures ? kFileMeasures : 0) +
-      (has_geometry ? kFileGeometry : 0) + (plan.shot().output.cryptomatte ? kFileIds : 0) +
+      kFileBytesPerPixel + (plan.measures_coverage() ? kFileMeasures : 0) +
+      (plan.wants("lf.confidence") ? kFileConfidence : 0) + (has_geometry ? kFileGeometry : 0) +
+      (plan.shot().output.cryptomatte ? kFileIds : 0) +
       (request.deep ? plan.layers() * kFileBytesPerSample : 0);
   return plan.eyes().size() * pixels_of(plan.shot()) * per_pixel;
 }

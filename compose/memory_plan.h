@@ -20,8 +20,7 @@ inline constexpr std::size_t kFilesWaiting = 1;
 struct MemoryRequest {
   std::size_t bytes = 0;     ///< 0: half of available_memory(), at most 4 GiB of them for the cache
   int frames_in_flight = 0;  ///< 0: one per thread of the TBB arena, at most 16
-  bool coverage_measures = false;
-  bool deep = false;  ///< as SequenceOptions
+  bool deep = false;         ///< as SequenceOptions
 };
 
 /// What a light field may use, bytes.

@@ -41,7 +41,7 @@ class Memory : public ::testing::Test {
     std::vector<int> frames;
     for (int frame = 1; frame <= kFrames; ++frame) frames.push_back(frame);
     return plan_memory(plan, plan.plan(frames, MissingFrames::kError),
-                       {megabytes * 1'000'000, in_flight, false});
+                       {megabytes * 1'000'000, in_flight});
   }
 
   TestFolder folder_;

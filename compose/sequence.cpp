@@ -162,8 +162,7 @@ class SequenceRun {
   /// What is left of `parts_left` is done. Its files are with the writer then, who does the rest.
   void process_or_throw(const PlannedFrame& frame, int& parts_left) {
     const std::filesystem::path file = name_.path(frame.frame);
-    const std::string fingerprint =
-        plan_.fingerprint(frame, options_.chromaticities, options_.coverage_measures);
+    const std::string fingerprint = plan_.fingerprint(frame, options_.chromaticities);
     const std::filesystem::path deep_file = deep_name_.path(frame.frame);
     if (options_.existing == ExistingFiles::kSkip && exr_is_whole(file, fingerprint) &&
         (!options_.deep || exr_is_whole(deep_file, fingerprint))) {
@@ -307,15 +306,14 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop) {
   const ShotPlan plan(shot_file, {options.fill, options.target, options.layout,
-                                  options.color_config, options.frames});
+                                  options.color_config, options.aovs, options.frames});
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
-  if (options.coverage_measures) check_measures(plan, shot_file);
-  const MemoryPlan memory = plan_memory(
-      plan, frames,
-      {options.memory_bytes, options.frames_in_flight, options.coverage_measures, options.deep});
+  if (plan.measures_coverage()) check_measures(plan, shot_file);
+  const MemoryPlan memory =
+      plan_memory(plan, frames, {options.memory_bytes, options.frames_in_flight, options.deep});
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
   const SequenceName name = checked_name(resolved, frames.size());
@@ -324,7 +322,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
     check_existing(name, numbers);
     if (options.deep) check_existing(name.with("deep"), numbers);
   }
-  const FramePainter painter(plan, memory, options.coverage_measures);
+  const FramePainter painter(plan, memory);
   check_folder(name.folder());
   check_room(name.folder(), shot, frames.size(), options);
 

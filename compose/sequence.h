@@ -36,7 +36,7 @@ struct SequenceOptions {
   std::string layout;            ///< not empty: in place of the shot's
   std::filesystem::path color_config;  ///< not empty: in place of the shot's
   bool chromaticities = false;         ///< as in ExrMetadata
-  bool coverage_measures = false;      ///< channels lf.cameras and lf.nearest
+  std::vector<std::string> aovs;       ///< beside the shot's: see ShotDocument::Output
   /// Beside each file one of the samples that it is made of: SequenceName::with("deep").
   bool deep = false;
   std::string program_version;

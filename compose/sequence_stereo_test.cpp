@@ -65,7 +65,7 @@ TEST_F(StereoSequence, WhatTheTakeLacksIsBlackInBothEyes) {
   options_.frames = {103, 120};
   shot_.last_frame = 120;
   options_.missing = MissingFrames::kBlack;
-  options_.coverage_measures = true;
+  options_.aovs = {"lf.cameras", "lf.nearest"};
   options_.layout = "single";
   EXPECT_EQ(run().rendered, 2);
   constexpr ExrChannel kChannels[] = {

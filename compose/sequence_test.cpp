@@ -100,7 +100,7 @@ TEST_F(Sequence, CoverageMeasuresAreChannelsOnRequest) {
   run();
   EXPECT_THAT(channels(), ElementsAre("A", "B", "G", "R", "Z", "lf.coverage"));
   options_.existing = ExistingFiles::kSkip;
-  options_.coverage_measures = true;
+  options_.aovs = {"lf.cameras", "lf.nearest"};
   EXPECT_EQ(run().rendered, 1) << "the fingerprint knows the difference";
   EXPECT_THAT(channels(),
               ElementsAre("A", "B", "G", "R", "Z", "lf.cameras", "lf.coverage", "lf.nearest"));

@@ -18,6 +18,10 @@ constexpr std::size_t kTextureBytes = std::size_t{256} << 20;
 
 ShotDocument shot_with(ShotDocument shot, const ShotPlanOptions& options) {
   if (!options.layout.empty()) shot.output.layout = options.layout;
+  for (const std::string& aov : options.aovs) {
+    auto& aovs = shot.output.aovs;
+    if (std::ranges::find(aovs, aov) == aovs.end()) aovs.push_back(aov);
+  }
   return shot;
 }
 
@@ -51,65 +55,6 @@ Clip clip_from(const ShotDocument::Clip& document, const ShotDocument& shot) {
   return clip;
 }
 
-void add_clip(const ShotDocument::Clip& clip, Fingerprint& print) {
-  print.integer("inverted", clip.inverted ? 1 : 0).number("feather", clip.feather);
-  if (clip.plane) {
-    for (const double value : *clip.plane) print.number("plane", value);
-  }
-  if (clip.box) {
-    for (const auto& corner : *clip.box) {
-      for (const double value : corner) print.number("box", value);
-    }
-  }
-  for (const double value :
-       {clip.screen.left, clip.screen.right, clip.screen.top, clip.screen.bottom}) {
-    print.number("screen", value);
-  }
-}
-
-/// What is the same in every frame's fingerprint, but for light fields.
-Fingerprint common_fingerprint(const ShotDocument& shot) {
-  Fingerprint print;
-  print.integer("reconstruction", kReconstructionVersion);
-  print.integer("width", shot.width).integer("height", shot.height);
-  print.integer("overscan_x", shot.output.overscan[0])
-      .integer("overscan_y", shot.output.overscan[1]);
-  print.integer("fps_n", shot.fps_numerator).integer("fps_d", shot.fps_denominator);
-  print.text("compression", shot.output.compression);
-  print.text("data_compression", shot.output.data_compression).text("layout", shot.output.layout);
-  print.integer("cryptomatte", shot.output.cryptomatte ? 1 : 0);
-  print.integer("merge", shot.merge == ShotDocument::Merge::kDepth ? 1 : 0);
-  return print;
-}
-
-void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
-  print.integer("holdout", layer.holdout ? 1 : 0).number("opacity", layer.opacity);
-  print.text("volume", layer.volume);
-  if (layer.shadows) {
-    print.number("strength", layer.shadows->strength).number("reach", layer.shadows->reach_m);
-    print.integer("shadow rays", layer.shadows->rays);
-  }
-  for (const ShotDocument::Clip& clip : layer.clips) add_clip(clip, print);
-  if (!layer.solid) return;
-  for (const double value : layer.solid->color) print.number("color", value);
-  print.number("alpha", layer.solid->alpha).number("depth", layer.solid->depth_m.value_or(0));
-}
-
-/// All that the file says of the camera.
-void add_camera(const ExrCamera& camera, Fingerprint& print) {
-  const VirtualCamera& view = camera.view;
-  for (const double value : view.pose.world_from_camera_rotation.reshaped()) {
-    print.number("rotation", value);
-  }
-  for (const double value : view.pose.position) print.number("position", value);
-  print.number("fx", view.intrinsics.fx).number("fy", view.intrinsics.fy);
-  print.number("cx", view.intrinsics.cx).number("cy", view.intrinsics.cy);
-  print.number("film_back", camera.film_back_mm);
-  for (const auto& value : {camera.focus_m, camera.f_number, camera.exposure_seconds}) {
-    print.number("lens", value.value_or(0));
-  }
-}
-
 }  // namespace
 
 bool PlannedFrame::holds() const {
@@ -120,11 +65,10 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
     : shot_file_(shot_file),
       shot_(shot_with(read_shot(shot_file), options)),
       camera_(shot_, shot_file),
-      common_(common_fingerprint(shot_)) {
+      colors_(shot_colors(shot_, shot_file, options.color_config)) {
   check_exr_compression(shot_.output.compression);
   if (!shot_.output.data_compression.empty()) check_exr_compression(shot_.output.data_compression);
   exr_layout_named(shot_.output.layout);
-  find_colors(options.color_config);
   for (const ShotDocument::Layer& layer : shot_.layers) {
     clips_.emplace_back();
     for (const ShotDocument::Clip& clip : layer.clips)
@@ -144,32 +88,10 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
     } else if (shot_.layers[i].geometry) {
       open_geometry(i);
     } else if (shot_.layers[i].plate) {
-      plates_.back() = std::make_unique<const PlateLayer>(shot_, i, shot_file, studio_colors_);
+      plates_.back() = std::make_unique<const PlateLayer>(shot_, i, shot_file, colors_.studio);
     }
   }
   name_objects();
-}
-
-void ShotPlan::find_colors(const std::filesystem::path& config_file) {
-  const ShotDocument::Color& color = shot_.output.color;
-  const bool has_config = !config_file.empty() || !color.config.empty();
-  if (!has_config && color.space == kSceneSpace) return;  // nothing to load
-  const ColorConfig config =
-      has_config ? ColorConfig::from_file(
-                       config_file.empty() ? shot_file_.parent_path() / color.config : config_file,
-                       color.rec709_space)
-                 : ColorConfig::built_in();
-  if (has_config) studio_colors_ = config;
-  const ColorTransform transform = config.to_space(color.space);
-  if (!transform.is_linear()) {
-    throw Error::bad_input("the colour space \"" + color.space + "\" is not linear light",
-                           shot_file_.string() + "#/output/color/space",
-                           "EXR files hold light: choose a linear space");
-  }
-  if (!transform.changes_nothing()) to_file_ = transform;
-  color_interop_id_ = config.interop_id(color.space);
-  color_config_ = config.description();
-  common_.text("color space", color.space).text("color config", color_config_);
 }
 
 void ShotPlan::name_objects() {
@@ -223,9 +145,11 @@ std::size_t ShotPlan::layers_of_picture(std::size_t layer) const {
 void ShotPlan::open_geometry(std::size_t layer) {
   const std::filesystem::path folder = shot_file_.parent_path();
   if (!textures_) {
-    textures_ = std::make_unique<Textures>(kTextureBytes);
+    textures_ = std::make_unique<Textures>(kTextureBytes, colors_.working_from_scene_matrix);
     lights_ = lights_from(shot_.lights, folder, *textures_);
-    raystage::add_to(common_, shot_.lights, folder);
+    Fingerprint print;
+    raystage::add_to(print, shot_.lights, folder);
+    lights_print_ = print.hex();
   }
   geometries_[layer] = std::make_unique<const GeometryLayer>(
       *shot_.layers[layer].geometry, folder,
@@ -250,6 +174,12 @@ std::size_t ShotPlan::geometry_bytes() const {
   for (const auto& geometry : geometries_) bytes += geometry ? geometry->bytes() : 0;
   return bytes;
 }
+
+bool ShotPlan::wants(std::string_view aov) const {
+  return std::ranges::find(shot_.output.aovs, aov) != shot_.output.aovs.end();
+}
+
+bool ShotPlan::measures_coverage() const { return wants("lf.cameras") || wants("lf.nearest"); }
 
 bool ShotPlan::is_visible(std::size_t layer, int frame) const {
   const ShotDocument::Layer& document = shot_.layers[layer];
@@ -320,31 +250,6 @@ void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
   }
 }
 
-std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities,
-                                  bool coverage_measures) const {
-  Fingerprint print(common_);
-  print.integer("chromaticities", chromaticities ? 1 : 0);
-  print.integer("coverage_measures", coverage_measures ? 1 : 0);
-  print.integer("frame", frame.frame);
-  for (const LayerLight& light : layer_lights_) {
-    for (const std::size_t layer : light.layers) {
-      print.integer("light", static_cast<std::int64_t>(layer));
-    }
-  }
-  for (const Eye eye : eyes()) add_camera(exr_camera(frame.frame, eye), print);
-  for (std::size_t i = 0; i < layers(); ++i) {
-    if (!is_needed(i, frame.frame)) continue;
-    print.integer("layer", static_cast<std::int64_t>(i));
-    print.integer("visible", is_visible(i, frame.frame) ? 1 : 0);
-    add_layer(shot_.layers[i], print);
-    for (const std::string& name : object_names_[i]) print.text("object", name);
-    if (light_fields_[i]) light_fields_[i]->add_to(print, frame.shown[i]);
-    if (geometries_[i]) geometries_[i]->add_to(print, frame.frame);
-    if (plates_[i]) plates_[i]->add_to(print, frame.frame);
-  }
-  return print.hex();
-}
-
 ExrCamera ShotPlan::exr_camera(int frame, Eye eye) const {
   const CameraState state = camera_.state(frame);
   ExrCamera camera;
@@ -373,15 +278,14 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
   metadata.layout = exr_layout_named(shot_.output.layout);
   metadata.compression = shot_.output.compression;
   metadata.data_compression = shot_.output.data_compression;
-  metadata.color_interop_id = color_interop_id_;
-  if (!color_config_.empty()) {
-    metadata.color_space = shot_.output.color.space;
-    metadata.color_config = color_config_;
-  }
+  metadata.color_interop_id = colors_.interop_id;
+  metadata.color_space = colors_.space;
+  metadata.color_config = colors_.config;
   if (shot_.output.cryptomatte) {
     std::vector<std::string> names;
-    for (const auto& of_layer : object_names_) {
-      names.insert(names.end(), of_layer.begin(), of_layer.end());
+    for (std::size_t i = 0; i < layers(); ++i) {
+      if (!is_visible(i, frame.frame)) continue;
+      names.insert(names.end(), object_names_[i].begin(), object_names_[i].end());
     }
     metadata.cryptomatte_key = cryptomatte_key();
     metadata.cryptomatte_name = kCryptomatteName;

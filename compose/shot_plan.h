@@ -6,10 +6,10 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "compose/camera/shot_camera.h"
-#include "compose/color/color_config.h"
 #include "compose/exr/header.h"
 #include "compose/geometry/geometry_layer.h"
 #include "compose/geometry/geometry_view.h"
@@ -17,6 +17,7 @@
 #include "compose/layers/fingerprint.h"
 #include "compose/layers/light_field_layer.h"
 #include "compose/plate.h"
+#include "compose/shot_colors.h"
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
 
@@ -40,6 +41,7 @@ struct ShotPlanOptions {
       {};  ///< not empty: the method `auto` with these options, for every light field
   std::string layout = "";                  ///< not empty: of the EXR files
   std::filesystem::path color_config = {};  ///< not empty: OpenColorIO's
+  std::vector<std::string> aovs = {};       ///< beside those of the shot
   /// Light fields and meshes are opened that show in one of these; none: in a frame of the shot.
   std::optional<std::vector<int>> frames = {};
 };
@@ -85,8 +87,11 @@ class ShotPlan {
   /// How many layers up to this one, the foremost of its volume, make one picture: 1 without one.
   std::size_t layers_of_picture(std::size_t layer) const;
 
-  /// From the scene's colours to those of the files; null: they are the same.
-  const ColorTransform* to_file_colors() const { return to_file_ ? &*to_file_ : nullptr; }
+  const ShotColors& colors() const { return colors_; }
+  /// Whether the files are to tell an AOV of this name (ShotDocument::Output::aovs).
+  bool wants(std::string_view aov) const;
+  /// Whether one of them is among what RendererSettings::measure_coverage gives.
+  bool measures_coverage() const;
 
   /// The views of a frame: left and right, or one.
   std::vector<Eye> eyes() const { return camera_.eyes(); }
@@ -105,14 +110,12 @@ class ShotPlan {
   /// of the shot, take.json and rig.json, time and XXH3 of each source frame (those of the ticks
   /// before and after, too, where the method looks at them), kReconstructionVersion. Not of paths,
   /// threads or other frames.
-  std::string fingerprint(const PlannedFrame& frame, bool chromaticities,
-                          bool coverage_measures) const;
+  std::string fingerprint(const PlannedFrame& frame, bool chromaticities) const;
   /// Of take and method the first light field's.
   ExrMetadata metadata(const PlannedFrame& frame) const;
   ExrCamera exr_camera(int frame, Eye eye) const;
 
  private:
-  void find_colors(const std::filesystem::path& config_file);
   void find_layer_lights();
   bool is_light(std::size_t layer) const;
   void name_objects();
@@ -122,6 +125,7 @@ class ShotPlan {
   std::filesystem::path shot_file_;
   ShotDocument shot_;
   ShotCamera camera_;
+  ShotColors colors_;
   std::vector<std::vector<Clip>> clips_;
   std::vector<std::unique_ptr<const LightFieldLayer>> light_fields_;
   std::unique_ptr<Textures> textures_;  ///< null: no mesh is visible
@@ -129,11 +133,8 @@ class ShotPlan {
   std::vector<std::unique_ptr<const PlateLayer>> plates_;
   std::vector<std::vector<std::string>> object_names_;
   Lights lights_;
-  std::optional<ColorConfig> studio_colors_;  ///< none: the built-in config will do
-  std::optional<ColorTransform> to_file_;
-  std::string color_interop_id_{kSceneSpace}, color_config_;
+  std::string lights_print_;
   std::vector<LayerLight> layer_lights_;
-  Fingerprint common_;
 };
 
 }  // namespace raystage

@@ -30,7 +30,7 @@ TEST_F(ShotPlans, AFrameThatLooksBesideDependsOnTheTicksThere) {
     const ShotPlan plan(shot_file());
     std::vector<std::string> prints;
     for (const int tick : {0, 1, 2})
-      prints.push_back(plan.fingerprint({101 + tick, {{tick, false}}}, false, false));
+      prints.push_back(plan.fingerprint({101 + tick, {{tick, false}}}, false));
     return prints;
   };
   const auto alone = fingerprints(false), beside = fingerprints(true);

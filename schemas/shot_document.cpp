@@ -85,11 +85,13 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
     shot.output.layout = output.get("layout", shot.output.layout);
     shot.output.cryptomatte = output.get("cryptomatte", shot.output.cryptomatte);
     shot.output.overscan = output.get("overscan", shot.output.overscan);
+    shot.output.aovs = output.get("aovs", shot.output.aovs);
     if (output.has("color")) {
       const Located color = output.at("color");
       shot.output.color.space = color.get("space", shot.output.color.space);
       if (color.has("config")) shot.output.color.config = path_text(color.at("config"));
       shot.output.color.rec709_space = color.get("rec709_space", shot.output.color.rec709_space);
+      shot.output.color.working = color.get("working", shot.output.color.working);
     }
   }
   return shot;
@@ -122,10 +124,12 @@ std::string format_shot(const ShotDocument& shot) {
   output["layout"] = shot.output.layout;
   if (shot.output.cryptomatte) output["cryptomatte"] = true;
   if (shot.output.overscan != std::array{0, 0}) output["overscan"] = shot.output.overscan;
+  output["aovs"] = shot.output.aovs;
   const ShotDocument::Color& color = shot.output.color;
   output["color"] = {{"space", color.space}};
   if (!color.config.empty()) output["color"]["config"] = color.config;
   if (!color.rec709_space.empty()) output["color"]["rec709_space"] = color.rec709_space;
+  output["color"]["working"] = color.working;
   return format_json(json);
 }
 

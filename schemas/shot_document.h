@@ -60,10 +60,16 @@ struct ShotDocument {
       kDepth,
       kInfinity,
       kEquation,
-      kCamera  ///< at the shot camera's focus distance, across its axis
+      kCamera,  ///< at the shot camera's focus distance, across its axis
+      kKeys     ///< as kDepth, changing
     } kind = Kind::kBest;
+    struct Key {
+      double frame = 0;
+      double depth = 0;  ///< metres in front of the array
+    };
     double depth = 0;                            ///< kDepth: metres in front of the array
     std::array<double, 4> equation{0, 0, 0, 1};  ///< kEquation: a x + b y + c z + d = 0, world
+    std::vector<Key> keys = {};                  ///< kKeys: by increasing frame
   };
   /// One colour everywhere.
   struct Solid {
@@ -158,12 +164,17 @@ struct ShotDocument {
     std::string config = {};                 ///< OpenColorIO's, relative to the shot's folder;
                                              ///< empty: the built-in one
     std::string rec709_space = {};           ///< the config's name of linear Rec.709; empty: found
+    /// What layers are put together in, and the colours that the shot states are of:
+    /// lin_rec709_scene or lin_ap1_scene.
+    std::string working = "lin_rec709_scene";
   };
   struct Output {
     std::string compression = "piz";  ///< none | rle | zips | zip | piz
     std::string data_compression;     ///< of parts of data; empty: the same
     std::string layout = "standard";  ///< standard | single | nuke
     bool cryptomatte = false;         ///< object ids
+    /// What the files tell beside the picture and its depth, as they name it; of layers that know.
+    std::vector<std::string> aovs{"lf.coverage", "P", "N", "albedo"};
     Color color = {};
     std::array<int, 2> overscan{0, 0};  ///< pixels beyond the picture on its sides, above and below
   };

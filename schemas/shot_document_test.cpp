@@ -74,6 +74,32 @@ TEST(ShotCameraDocument, ReadsEveryField) {
   EXPECT_EQ(camera.stereo->convergence_m, 5);
 }
 
+TEST(ShotOutputDocument, ReadsAovsWorkingSpaceAndFocusKeys) {
+  json shot = shot_of_today();
+  EXPECT_EQ(parse_shot(shot.dump(), "f").output.aovs,
+            (std::vector<std::string>{"lf.coverage", "P", "N", "albedo"}));
+  shot["output"] = {{"aovs", {"N", "lf.confidence"}}, {"color", {{"working", "lin_ap1_scene"}}}};
+  shot["layers"][0]["focal_plane"] = {
+      {"keys", {{{"frame", 1}, {"depth_m", 2}}, {{"frame", 9.5}, {"depth_m", 3}}}}};
+  const ShotDocument read = parse_shot(shot.dump(), "f");
+  EXPECT_EQ(read.output.aovs, (std::vector<std::string>{"N", "lf.confidence"}));
+  EXPECT_EQ(read.output.color.working, "lin_ap1_scene");
+  ASSERT_EQ(read.layers[0].focal_plane.keys.size(), 2U);
+  EXPECT_EQ(read.layers[0].focal_plane.keys[1].frame, 9.5);
+  EXPECT_EQ(read.layers[0].focal_plane.keys[1].depth, 3);
+  EXPECT_EQ(format_shot(parse_shot(format_shot(read), "f")), format_shot(read));
+
+  shot["layers"][0]["focal_plane"]["keys"][1]["frame"] = 1;
+  EXPECT_THAT(refusal(shot), HasSubstr("#/layers/0/focal_plane/keys/1/frame"));
+  shot["layers"][0]["focal_plane"]["keys"] = json::array();
+  EXPECT_NE(refusal(shot), "none");
+  shot["layers"][0].erase("focal_plane");
+  shot["output"]["aovs"] = {"velocity"};
+  EXPECT_THAT(refusal(shot), HasSubstr("#/output/aovs/0"));
+  shot["output"] = {{"color", {{"working", "srgb_texture"}}}};
+  EXPECT_THAT(refusal(shot), HasSubstr("#/output/color/working"));
+}
+
 TEST(ShotCameraDocument, ComesBackAsItWas) {
   const std::string once = format_shot(parse_shot(shot_of_today().dump(), "f"));
   EXPECT_EQ(format_shot(parse_shot(once, "f")), once);

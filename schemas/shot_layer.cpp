@@ -27,6 +27,20 @@ FocalPlane focal_plane_from(const Located& plane) {
   if (plane.has("depth_m")) {
     return {.kind = FocalPlane::Kind::kDepth, .depth = plane.at("depth_m").get<double>()};
   }
+  if (plane.has("keys")) {
+    FocalPlane result{.kind = FocalPlane::Kind::kKeys};
+    const Located keys = plane.at("keys");
+    for (std::size_t i = 0; i < keys.size(); ++i) {
+      const Located key = keys.at(i);
+      const double frame = key.at("frame").get<double>();
+      if (!result.keys.empty() && !(frame > result.keys.back().frame)) {
+        throw key.at("frame").refuse("found a key that does not come after the one before it",
+                                     "Order the keys by frame");
+      }
+      result.keys.push_back({frame, key.at("depth_m").get<double>()});
+    }
+    return result;
+  }
   const Located equation = plane.at("equation");
   FocalPlane result{.kind = FocalPlane::Kind::kEquation};
   result.equation = equation.get<std::array<double, 4>>();
@@ -48,6 +62,13 @@ ordered_json json_from(const FocalPlane& plane) {
       return {{"depth_m", plane.depth}};
     case FocalPlane::Kind::kEquation:
       return {{"equation", plane.equation}};
+    case FocalPlane::Kind::kKeys: {
+      ordered_json keys = ordered_json::array();
+      for (const FocalPlane::Key& key : plane.keys) {
+        keys.push_back({{"frame", key.frame}, {"depth_m", key.depth}});
+      }
+      return {{"keys", keys}};
+    }
     case FocalPlane::Kind::kBest:
       break;
   }

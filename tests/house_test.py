@@ -51,7 +51,7 @@ ROOMS = {
     "compose/camera": [],
     "compose/color": [],
     "compose/exr": [],
-    "compose/layers": ["compose/exr"],
+    "compose/layers": ["compose/camera", "compose/exr"],
     "compose/geometry": ["compose/camera", "compose/exr", "compose/layers"],
     "compose": ["compose/camera", "compose/color", "compose/exr", "compose/geometry", "compose/layers"],
     "compose/preview": ["compose", "compose/camera", "compose/color", "compose/exr", "compose/geometry", "compose/layers"],

@@ -193,6 +193,12 @@ ColorTransform ColorConfig::from_space(const std::string& space) const {
   }));
 }
 
+ColorTransform ColorConfig::between(const std::string& from, const std::string& to) const {
+  const std::string name = state_->known(from), other = state_->known(to);
+  return ColorTransform(state_->transform(
+      [&](const auto& config) { return config.getProcessor(name.c_str(), other.c_str()); }));
+}
+
 ColorTransform ColorConfig::to_display(const std::string& space, const std::string& display,
                                        const std::string& view) const {
   const OCIO::Config& config = *state_->config;

@@ -11,8 +11,8 @@
 
 namespace raystage {
 
-/// The space that light fields, meshes and plates are put together in: linear light, Rec.709
-/// primaries. Named as ASWF's ColorInterop names it.
+/// The space that light fields and mesh files bring, and that layers are put together in unless a
+/// shot says another: linear light, Rec.709 primaries. Named as ASWF's ColorInterop names it.
 inline constexpr std::string_view kSceneSpace = "lin_rec709_scene";
 
 /// From one colour space to another. Many threads may apply it.
@@ -51,6 +51,8 @@ class ColorConfig {
   ColorTransform to_space(const std::string& space) const;
   /// To kSceneSpace. Throws Error likewise.
   ColorTransform from_space(const std::string& space) const;
+  /// Throws Error likewise.
+  ColorTransform between(const std::string& from, const std::string& to) const;
   /// From a space to what a display shows through a view: codes of full scale 1. Empty names: the
   /// config's default. Throws Error (bad input), naming those there are.
   ColorTransform to_display(const std::string& space, const std::string& display,

@@ -72,6 +72,9 @@ GeometryLayer::GeometryLayer(const ShotDocument::Geometry& geometry,
     : placement_(geometry, where), samples_(geometry.samples) {
   const std::filesystem::path file = (folder / geometry.file).lexically_normal();
   Mesh mesh = read_mesh(file);
+  for (Material& material : mesh.materials) {
+    material.color = textures.working_from_rec709() * material.color;
+  }
   if (geometry.material) replace_materials(mesh, *geometry.material, folder);
   for (const Material& material : mesh.materials) {
     textures_.push_back(material.texture.empty() ? nullptr : textures.open(material.texture));

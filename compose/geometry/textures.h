@@ -18,7 +18,12 @@ class Textures {
  public:
   using Handle = TextureLookup::Handle;
 
-  explicit Textures(std::size_t cache_bytes) : cache_bytes_(cache_bytes) {}
+  /// `working_from_rec709`: from the files' primaries to those of the scene.
+  explicit Textures(std::size_t cache_bytes,
+                    const Eigen::Matrix3f& working_from_rec709 = Eigen::Matrix3f::Identity())
+      : cache_bytes_(cache_bytes), working_from_rec709_(working_from_rec709) {}
+
+  const Eigen::Matrix3f& working_from_rec709() const { return working_from_rec709_; }
 
   /// Throws Error (bad input) where the file is missing or no picture, Error (failed) where the
   /// module is not beside the program.
@@ -27,16 +32,17 @@ class Textures {
   /// Scene-linear R, G, B at (u, v), (0, 0) the lower left corner, repeated beyond; blurred over
   /// `width` of either.
   Eigen::Vector3f color(Handle texture, float u, float v, float width) const {
-    return lookup_->color(texture, u, v, width);
+    return working_from_rec709_ * lookup_->color(texture, u, v, width);
   }
   /// Of a picture all around (latitude by longitude, y up, its middle at -z, -x to the left of it),
   /// seen in `direction`, unit; blurred over `width`, radians.
   Eigen::Vector3f around(Handle texture, const Eigen::Vector3d& direction, float width) const {
-    return lookup_->around(texture, direction, width);
+    return working_from_rec709_ * lookup_->around(texture, direction, width);
   }
 
  private:
   std::size_t cache_bytes_;
+  Eigen::Matrix3f working_from_rec709_;
   std::unique_ptr<TextureLookup> lookup_;
 };
 

@@ -27,6 +27,9 @@ LayerImage layer_image(RenderedView view) {
   image.rgba = std::move(view.rgba);
   image.z = std::move(view.z);
   image.aovs.push_back({"lf", {"coverage"}, false, 0, std::move(view.coverage)});
+  if (!view.confidence.empty()) {
+    image.aovs.push_back({"lf", {"confidence"}, false, 0, std::move(view.confidence)});
+  }
   if (!view.cameras.empty()) {
     image.aovs.push_back({"lf", {"cameras"}, false, 0, std::move(view.cameras)});
   }

@@ -69,6 +69,8 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
       return {0, 0, 0, 1};
     case Kind::kDepth:
       return plane_in_front_of(rig, plane.depth);
+    case Kind::kKeys:
+      return plane_in_front_of(rig, plane.keys.front().depth);
     case Kind::kBest:
       if (!depth_range) {
         throw Error::bad_input("the best focal plane is unknown: the take has no depth range",
@@ -116,11 +118,17 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
                              pointer_of(shot_file_, index_), "Leave --fill out, or the matte");
     }
   }
+  if (layer_.focal_plane.kind == ShotDocument::FocalPlane::Kind::kKeys) {
+    std::vector<CurveKey<double>> keys;
+    for (const auto& key : layer_.focal_plane.keys) keys.push_back({key.frame, key.depth});
+    focus_ = Curve<double>(keys);
+  }
   common_ = common_fingerprint();
 }
 
-Reconstruction LightFieldLayer::reconstruction_for(const ExrCamera& camera) const {
+Reconstruction LightFieldLayer::reconstruction_for(const ExrCamera& camera, int frame) const {
   Reconstruction result = reconstruction_;
+  if (focus_) result.focal_plane = plane_in_front_of(take_.rig(), focus_(frame));
   OptionValues& options = result.options;
   const bool is_aperture = result.method == "aperture";
   if (focuses_as_camera() && camera.focus_m) {
@@ -254,8 +262,9 @@ std::string LightFieldLayer::common_fingerprint() const {
   return print.hex();
 }
 
-void LightFieldLayer::add_to(Fingerprint& print, const ShownInstant& shown) const {
+void LightFieldLayer::add_to(Fingerprint& print, int frame, const ShownInstant& shown) const {
   print.text("light field", common_);
+  if (focus_) print.number("focus", focus_(frame));
   if (!shown.tick) {
     print.text("source", "none");
     return;

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "compose/camera/curves.h"
 #include "compose/exr/header.h"
 #include "compose/layers/fingerprint.h"
 #include "render/renderer.h"
@@ -51,9 +52,9 @@ class LightFieldLayer {
   /// What shows of the take's frames; null: all.
   const std::shared_ptr<const TakeMatte>& matte() const { return matte_; }
   const Reconstruction& reconstruction() const { return reconstruction_; }
-  /// As a camera of the shot focuses, where the layer's focal plane is to be the camera's: there,
-  /// and `aperture` with its f-number. Otherwise reconstruction().
-  Reconstruction reconstruction_for(const ExrCamera& camera) const;
+  /// At a frame of the shot. As its camera focuses, where the layer's focal plane is to be the
+  /// camera's: there, and `aperture` with its f-number.
+  Reconstruction reconstruction_for(const ExrCamera& camera, int frame) const;
   bool focuses_as_camera() const {
     return layer_.focal_plane.kind == ShotDocument::FocalPlane::Kind::kCamera;
   }
@@ -79,7 +80,7 @@ class LightFieldLayer {
   /// XXH3 of each source frame (those of the ticks before and after, too, where the method looks at
   /// them). The timeline counts by what it selects, so that a take synchronised anew to the same
   /// frames needs no new rendering.
-  void add_to(Fingerprint& print, const ShownInstant& shown) const;
+  void add_to(Fingerprint& print, int frame, const ShownInstant& shown) const;
 
   /// What the header of a frame tells of the take and of the method.
   void describe(const ShownInstant& shown, ExrMetadata& metadata) const;
@@ -97,6 +98,7 @@ class LightFieldLayer {
   Take take_;
   Timeline timeline_;
   std::shared_ptr<const TakeMatte> matte_;
+  Channel<double> focus_;  ///< metres in front of the array; null: it rests
   Reconstruction reconstruction_;
   std::string common_;  ///< fingerprint of what is the same at every frame
 };

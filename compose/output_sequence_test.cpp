@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// What files tell, and in which colours layers are put together.
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfMultiPartInputFile.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <fstream>
+#include <set>
+
+#include "compose/exr/file.h"
+#include "compose/sequence_test_data.h"
+#include "images/exr/exr_channels.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::ElementsAre;
+
+/// The wall's light field, and before its middle a square mesh from frame 102 on.
+class OutputSequence : public testing::SequenceTest {
+ protected:
+  void SetUp() override {
+    SequenceTest::SetUp();
+    options_.existing = ExistingFiles::kOverwrite;
+    std::ofstream(folder_.path() / "square.obj")
+        << "o sign\nv -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n";
+    ShotDocument::Layer square;
+    square.name = "square";
+    square.geometry =
+        ShotDocument::Geometry{.file = "square.obj",
+                               .material = ShotDocument::Material{.color = {{0.8, 0.2, 0.1}}},
+                               .keys = {{.frame = 101, .position = {{0.03, -0.03, -2}}}},
+                               .samples = 4};
+    square.first_frame = 102;
+    shot_.layers.push_back(square);
+    shot_.lights = {{.ambient = {{0.5, 0.9, 0.2}}}};
+  }
+  std::array<float, 4> pixel(int frame, int x, int y) const {
+    const ExrImage image = read_exr(file(frame));
+    std::array<float, 4> rgba{};
+    std::copy_n(&image.rgba[4 * static_cast<std::size_t>(y * image.width + x)], 4, rgba.begin());
+    return rgba;
+  }
+  std::set<std::string> channels(int frame) const {
+    std::set<std::string> names;
+    Imf::MultiPartInputFile input(file(frame).c_str());
+    for (int part = 0; part < input.parts(); ++part) {
+      const auto& list = input.header(part).channels();
+      for (auto channel = list.begin(); channel != list.end(); ++channel) {
+        names.insert(channel.name());
+      }
+    }
+    return names;
+  }
+};
+
+TEST_F(OutputSequence, TellsTheAovsThatAreAskedFor) {
+  options_.frames = {101, 102};
+  shot_.output.aovs = {};
+  run();
+  for (const int frame : {101, 102}) {
+    EXPECT_THAT(channels(frame), ElementsAre("A", "B", "G", "R", "Z"));
+  }
+  shot_.output.aovs = {"N", "lf.confidence"};
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().rendered, 2) << "other channels are another file";
+  for (const int frame : {101, 102}) {
+    EXPECT_THAT(channels(frame),
+                ElementsAre("A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "lf.confidence"));
+  }
+  const ExrChannel confidence[] = {{"lf.confidence"}};
+  const auto values = read_exr_channels(file(102), confidence, "").values;
+  EXPECT_EQ(values[15 * 40 + 20], 0) << "the mesh";
+  EXPECT_GT(values[15 * 40 + 2], 0.9F) << "a wall of one colour";
+  options_.aovs = {"lf.nearest"};
+  EXPECT_EQ(run().rendered, 2);
+  EXPECT_TRUE(channels(101).contains("lf.nearest"));
+  EXPECT_FALSE(channels(101).contains("lf.cameras"));
+}
+
+/// Light times colour is another product in other primaries.
+TEST_F(OutputSequence, LightsAndMergesInTheWorkingSpace) {
+  options_.frames = {101, 102};
+  shot_.output.color.working = "lin_ap1_scene";
+  shot_.output.color.space = "lin_ap1_scene";
+  run();
+  const std::array<float, 4> lit = pixel(102, 20, 15);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const float product = std::array{0.8F * 0.5F, 0.2F * 0.9F, 0.1F * 0.2F}[c];
+    EXPECT_NEAR(lit[c], product, 1e-3F) << "the shot's numbers are of the working space";
+  }
+  const std::array<float, 4> wall_ap1 = pixel(101, 2, 15);
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(wall_ap1[c], grey(0), 0.005F) << "grey stays";
+
+  shot_.output.color.space = "lin_rec709_scene";
+  run();
+  // lin_ap1_scene to Rec.709 (ASWF's ColorInterop, Bradford).
+  Eigen::Matrix3f rec709_from_ap1;
+  rec709_from_ap1 << 1.70505F, -0.62179F, -0.08326F, -0.13026F, 1.14080F, -0.01055F, -0.02400F,
+      -0.12897F, 1.15297F;
+  const Eigen::Vector3f expected = rec709_from_ap1 * Eigen::Vector3f(lit[0], lit[1], lit[2]);
+  const std::array<float, 4> in_rec709 = pixel(102, 20, 15);
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(in_rec709[c], expected(static_cast<Eigen::Index>(c)), 1e-3F);
+  }
+  const std::array<float, 4> wall = pixel(101, 2, 15);
+  shot_.output.color.working = "lin_rec709_scene";
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().rendered, 2);
+  for (std::size_t c = 0; c < 4; ++c) EXPECT_NEAR(pixel(101, 2, 15)[c], wall[c], 1e-3F);
+  EXPECT_GT(std::abs(pixel(102, 20, 15)[0] - in_rec709[0]), 0.01F);
+}
+
+TEST_F(OutputSequence, FrameFilesKnowNothingOfOtherFramesMeshes) {
+  shot_.output.cryptomatte = true;
+  options_.frames = {101};
+  run();
+  options_.frames = {101, 102};
+  options_.existing = ExistingFiles::kSkip;
+  const SequenceReport report = run();
+  EXPECT_EQ(report.skipped, 1) << "of the whole shot a mesh is opened";
+  EXPECT_EQ(report.rendered, 1);
+}
+
+TEST_F(OutputSequence, ALayersFocusIsPulledByItsKeys) {
+  using Kind = ShotDocument::FocalPlane::Kind;
+  shot_.layers[0].focal_plane = {.kind = Kind::kKeys, .keys = {{101, 2}, {105, 4}}};
+  options_.frames = {101, 103, 105, 106};
+  EXPECT_EQ(run().rendered, 4);
+  const ExrChannel z[] = {{"Z"}};
+  for (const auto& [frame, depth] : {std::pair{101, 2.0F}, {103, 3.0F}, {105, 4.0F}, {106, 4.0F}}) {
+    EXPECT_NEAR(read_exr_channels(file(frame), z, "").values[2], depth, 1e-4F) << frame;
+  }
+  // Only the keys that a frame lies between are its own.
+  options_.existing = ExistingFiles::kSkip;
+  EXPECT_EQ(run().skipped, 4);
+  shot_.layers[0].focal_plane.keys[1].depth = 5;
+  const SequenceReport report = run();
+  EXPECT_EQ(report.skipped, 1);
+  EXPECT_EQ(report.rendered, 3);
+}
+
+}  // namespace
+}  // namespace raystage

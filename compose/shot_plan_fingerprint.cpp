@@ -1,0 +1,100 @@
+// SPDX-License-Identifier: Apache-2.0
+// What determines the file of a frame.
+#include "compose/shot_plan.h"
+
+namespace raystage {
+namespace {
+
+void add_clip(const ShotDocument::Clip& clip, Fingerprint& print) {
+  print.integer("inverted", clip.inverted ? 1 : 0).number("feather", clip.feather);
+  if (clip.plane) {
+    for (const double value : *clip.plane) print.number("plane", value);
+  }
+  if (clip.box) {
+    for (const auto& corner : *clip.box) {
+      for (const double value : corner) print.number("box", value);
+    }
+  }
+  for (const double value :
+       {clip.screen.left, clip.screen.right, clip.screen.top, clip.screen.bottom}) {
+    print.number("screen", value);
+  }
+}
+
+/// What is the same for every frame, but for what layers and colours bring.
+Fingerprint of_shot(const ShotDocument& shot) {
+  Fingerprint print;
+  print.integer("reconstruction", kReconstructionVersion);
+  print.integer("width", shot.width).integer("height", shot.height);
+  print.integer("overscan_x", shot.output.overscan[0])
+      .integer("overscan_y", shot.output.overscan[1]);
+  print.integer("fps_n", shot.fps_numerator).integer("fps_d", shot.fps_denominator);
+  print.text("compression", shot.output.compression);
+  print.text("data_compression", shot.output.data_compression).text("layout", shot.output.layout);
+  print.integer("cryptomatte", shot.output.cryptomatte ? 1 : 0);
+  for (const std::string& aov : shot.output.aovs) print.text("aov", aov);
+  print.integer("merge", shot.merge == ShotDocument::Merge::kDepth ? 1 : 0);
+  return print;
+}
+
+void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
+  print.integer("holdout", layer.holdout ? 1 : 0).number("opacity", layer.opacity);
+  print.text("volume", layer.volume);
+  if (layer.shadows) {
+    print.number("strength", layer.shadows->strength).number("reach", layer.shadows->reach_m);
+    print.integer("shadow rays", layer.shadows->rays);
+  }
+  for (const ShotDocument::Clip& clip : layer.clips) add_clip(clip, print);
+  if (!layer.solid) return;
+  for (const double value : layer.solid->color) print.number("color", value);
+  print.number("alpha", layer.solid->alpha).number("depth", layer.solid->depth_m.value_or(0));
+}
+
+/// All that the file says of the camera.
+void add_camera(const ExrCamera& camera, Fingerprint& print) {
+  const VirtualCamera& view = camera.view;
+  for (const double value : view.pose.world_from_camera_rotation.reshaped()) {
+    print.number("rotation", value);
+  }
+  for (const double value : view.pose.position) print.number("position", value);
+  print.number("fx", view.intrinsics.fx).number("fy", view.intrinsics.fy);
+  print.number("cx", view.intrinsics.cx).number("cy", view.intrinsics.cy);
+  print.number("film_back", camera.film_back_mm);
+  for (const auto& value : {camera.focus_m, camera.f_number, camera.exposure_seconds}) {
+    print.number("lens", value.value_or(0));
+  }
+}
+
+}  // namespace
+
+std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities) const {
+  Fingerprint print = of_shot(shot_);
+  print.integer("chromaticities", chromaticities ? 1 : 0);
+  if (!colors_.config.empty()) {
+    print.text("color space", colors_.space).text("color config", colors_.config);
+    print.text("working space", shot_.output.color.working);
+  }
+  print.integer("frame", frame.frame);
+  for (const LayerLight& light : layer_lights_) {
+    for (const std::size_t layer : light.layers) {
+      print.integer("light", static_cast<std::int64_t>(layer));
+    }
+  }
+  for (const Eye eye : eyes()) add_camera(exr_camera(frame.frame, eye), print);
+  bool shows_geometry = false;
+  for (std::size_t i = 0; i < layers(); ++i) {
+    if (!is_needed(i, frame.frame)) continue;
+    print.integer("layer", static_cast<std::int64_t>(i));
+    print.integer("visible", is_visible(i, frame.frame) ? 1 : 0);
+    add_layer(shot_.layers[i], print);
+    for (const std::string& name : object_names_[i]) print.text("object", name);
+    if (light_fields_[i]) light_fields_[i]->add_to(print, frame.frame, frame.shown[i]);
+    if (geometries_[i]) geometries_[i]->add_to(print, frame.frame);
+    shows_geometry = shows_geometry || geometries_[i] != nullptr;
+    if (plates_[i]) plates_[i]->add_to(print, frame.frame);
+  }
+  if (shows_geometry) print.text("lights", lights_print_);
+  return print.hex();
+}
+
+}  // namespace raystage

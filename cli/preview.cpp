@@ -19,9 +19,13 @@ int main(int argc, char** argv) {
   bool black = false, quiet = false;
   std::string missing = "error";
   app.add_option("SEQUENCE", options.sequence, "the frames, e.g. DIR/NAME.####.exr")->required();
-  app.add_option("-o,--output", options.movie,
-                 "movie to write, .mp4, .mov or .mkv: H.264 (MPEG-4 where libx264 is absent)")
-      ->type_name("MOVIE");
+  std::string output;
+  app.add_option("-o,--output", output,
+                 "movie to write, .mp4, .mov or .mkv: H.264 (MPEG-4 where libx264 is absent); or "
+                 "pictures,\nDIR/NAME.####.png")
+      ->type_name("MOVIE|PNGS");
+  app.add_flag("--burn-in", options.burn_in,
+               "frame number and time code in the lower left of movie and pictures");
   app.add_option("--contact-sheet", options.contact_sheet, "picture to write, .png")
       ->type_name("PNG");
   app.add_option("--columns", options.sheet_columns, "pictures side by side on it (default: 4)")
@@ -70,8 +74,13 @@ int main(int argc, char** argv) {
       ->type_name("error|hold");
   app.add_flag("-q,--quiet", quiet, "No progress on stderr");
   return parse_and_run(app, argc, argv, "preview", [&](std::stop_token stop) {
-    if (options.movie.empty() && options.contact_sheet.empty()) {
+    if (output.empty() && options.contact_sheet.empty()) {
       throw Error::bad_input("nothing to write", "", "Give -o MOVIE, --contact-sheet PNG or both");
+    }
+    if (std::filesystem::path(output).extension() == ".png") {
+      options.pictures = output;
+    } else {
+      options.movie = output;
     }
     if (!frames.empty()) options.frames = parse_frame_range(frames);
     if (fps > 0) options.fps = fps;
@@ -90,6 +99,7 @@ int main(int argc, char** argv) {
       line += fmt::format("; {} ({}, {:.3f} frames/s)", options.movie.string(), report.encoder,
                           report.fps);
     }
+    if (!options.pictures.empty()) line += "; " + options.pictures;
     if (!options.contact_sheet.empty()) line += "; " + options.contact_sheet.string();
     progress.say(line);
     return ExitCode::kSuccess;

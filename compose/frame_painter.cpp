@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "compose/geometry/cast_shadows.h"
+#include "compose/geometry/in_view.h"
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/merge.h"
 #include "compose/layers/volume.h"
@@ -79,10 +80,22 @@ FramePainter::Geometry FramePainter::geometry_of(const PlannedFrame& frame,
                                                  const ExrCamera& camera) const {
   Geometry geometry;
   geometry.scene = plan_.geometry_at(frame.frame, geometry.mesh_of_layer);
-  if (!geometry.scene.meshes.empty()) {
-    geometry.scene.lights.surroundings = surroundings_of(frame, camera, geometry.scene.lights);
+  bool is_needed = false;
+  for (std::size_t i = 0; i < plan_.layers() && !is_needed; ++i) {
+    is_needed = is_in_view(geometry, i, camera) ||
+                (plan_.shot().layers[i].shadows && plan_.is_visible(i, frame.frame));
   }
+  if (!is_needed || geometry.scene.meshes.empty()) return {};
+  for (const PlacedMesh& mesh : geometry.scene.meshes) mesh.scene->prepare();
+  geometry.scene.lights.surroundings = surroundings_of(frame, camera, geometry.scene.lights);
   return geometry;
+}
+
+bool FramePainter::is_in_view(const Geometry& geometry, std::size_t layer,
+                              const ExrCamera& camera) const {
+  if (geometry.mesh_of_layer.empty() || geometry.mesh_of_layer[layer] < 0) return false;
+  const auto mesh = static_cast<std::size_t>(geometry.mesh_of_layer[layer]);
+  return may_be_in_view(geometry.scene.meshes[mesh], camera.view);
 }
 
 Surroundings FramePainter::surroundings_of(const PlannedFrame& frame, const ExrCamera& camera,
@@ -236,6 +249,7 @@ PaintedView FramePainter::paint(const PlannedFrame& frame, const ExrCamera& came
     if (!is_volume && !plan_.is_visible(i, frame.frame)) continue;
     const ShotDocument::Layer& document = plan_.shot().layers[i];
     if (is_volume && document.opacity <= 0) continue;
+    if (document.geometry && !is_in_view(geometry, i, camera)) continue;
     const Stopwatch of_layer;
     LayerImage image = is_volume ? volume_image_of(foremost, of_picture, frame, camera, geometry)
                                  : layer_image_of(i, frame, camera, geometry);

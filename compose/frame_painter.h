@@ -48,7 +48,10 @@ class FramePainter {
     GeometryScene scene;
     std::vector<int> mesh_of_layer;
   };
+  /// Nothing where no mesh is in view and none throws shadows on a light field.
   Geometry geometry_of(const PlannedFrame& frame, const ExrCamera& camera) const;
+  /// Whether a layer of geometry may show.
+  bool is_in_view(const Geometry& geometry, std::size_t layer, const ExrCamera& camera) const;
   /// What rays see that leave the geometry: light fields, then what `behind` says.
   Surroundings surroundings_of(const PlannedFrame& frame, const ExrCamera& camera,
                                const Lights& behind) const;

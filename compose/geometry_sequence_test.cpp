@@ -109,6 +109,26 @@ TEST_F(GeometrySequence, ALightIsAskedForRaysAndSoNeedsAMethodThatHasThem) {
   EXPECT_EQ(run().rendered, 1) << "a target is one of views";
 }
 
+TEST_F(GeometrySequence, BehindASolidItIsStillInMirrorsBeforeIt) {
+  ShotDocument::Layer solid;
+  solid.solid = ShotDocument::Solid{{0, 0, 0}, 1, {}};
+  ShotDocument::Layer mirror = square(-2, "mirror"), seen = square(2);
+  seen.geometry->keys[0].scale = 9;  // behind the camera
+  seen.geometry->material->color = {{0.6, 0.6, 0.6}};
+  shot_.layers = {seen, solid, mirror};
+  shot_.lights = {{.ambient = {{1, 1, 1}}}};
+  run();
+  EXPECT_NEAR(value("R", 20, 15), 0.6, 1e-3);
+  // Out of view it is no layer of its own, and in the mirror all the same.
+  shot_.layers = {solid, seen, mirror};
+  run();
+  EXPECT_NEAR(value("R", 20, 15), 0.6, 1e-3);
+  shot_.layers = {solid, seen};
+  run();
+  EXPECT_EQ(value("R", 20, 15), 0);
+  EXPECT_EQ(value("N.Z", 20, 15), 0) << "the channel is there";
+}
+
 TEST_F(GeometrySequence, HasTheSameChannelsInFramesThatDoNotShowIt) {
   shot_.layers[1].first_frame = 103;
   run();

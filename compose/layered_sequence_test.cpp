@@ -229,6 +229,14 @@ TEST_F(LayeredSequence, WhatShowsNothingIsNotOpened) {
   shot_.layers[0].clips.clear();
   shot_.layers[0].opacity = 0;
   EXPECT_EQ(run().rendered, 1);
+  shot_.layers[0].opacity = 1;
+  shot_.layers.insert(shot_.layers.begin() + 1, solid(0.5, 1));
+  EXPECT_EQ(run().rendered, 1) << "it stands behind a solid";
+  shot_.layers[1].solid->alpha = 0.9;
+  EXPECT_THAT(refusal(), HasSubstr("gone"));
+  shot_.layers[1].solid->alpha = 1;
+  shot_.merge = ShotDocument::Merge::kDepth;
+  EXPECT_THAT(refusal(), HasSubstr("gone"));
 }
 
 TEST_F(LayeredSequence, WhatIsHiddenIsNotDecoded) {

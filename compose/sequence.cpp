@@ -318,6 +318,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
   const SequenceName name = checked_name(resolved, frames.size());
   if (options.deep) check_deep(shot, shot_file);
+  check_plates(plan, name, numbers, shot_file);
   if (options.existing == ExistingFiles::kError) {
     check_existing(name, numbers);
     if (options.deep) check_existing(name.with("deep"), numbers);

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <iterator>
 #include <limits>
+#include <set>
 #include <vector>
 
 #include "compose/frame_range.h"
@@ -77,6 +78,27 @@ void check_existing(const SequenceName& name, std::span<const int> frames) {
                          name.pattern(),
                          "Use --existing skip to keep those that are whole and up to date, or "
                          "--existing overwrite");
+}
+
+void check_plates(const ShotPlan& plan, const SequenceName& name, std::span<const int> frames,
+                  const std::filesystem::path& shot_file) {
+  std::set<std::filesystem::path> written;
+  std::error_code ignored;
+  const auto place_of = [&](const std::filesystem::path& path) {
+    return std::filesystem::weakly_canonical(path, ignored);
+  };
+  for (const int frame : frames) written.insert(place_of(name.path(frame)));
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.plate(i) == nullptr) continue;
+    for (const int frame : frames) {
+      const std::filesystem::path file = plan.plate(i)->file(frame);
+      if (!plan.is_visible(i, frame) || !written.contains(place_of(file))) continue;
+      throw Error::bad_input(
+          fmt::format("frame {} shows {}, which this render writes", frame, file.string()),
+          fmt::format("{}#/layers/{}/plate", shot_file.string(), i),
+          "Render to another place with --output, or show other pictures");
+    }
+  }
 }
 
 SequenceName checked_name(const SequenceOptions& options, std::size_t frames) {

@@ -18,6 +18,9 @@ void check_folder(const std::filesystem::path& folder);
 void check_room(const std::filesystem::path& folder, const ShotDocument& shot, std::size_t frames,
                 const SequenceOptions& options);
 void check_existing(const SequenceName& name, std::span<const int> frames);
+/// What a render shows it must not write.
+void check_plates(const ShotPlan& plan, const SequenceName& name, std::span<const int> frames,
+                  const std::filesystem::path& shot_file);
 SequenceName checked_name(const SequenceOptions& options, std::size_t frames);
 void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file);
 /// Readers put deep samples together by depth, and so must we.

@@ -181,11 +181,30 @@ bool ShotPlan::wants(std::string_view aov) const {
 
 bool ShotPlan::measures_coverage() const { return wants("lf.cameras") || wants("lf.nearest"); }
 
-bool ShotPlan::is_visible(std::size_t layer, int frame) const {
+bool ShotPlan::is_shown(std::size_t layer, int frame) const {
   const ShotDocument::Layer& document = shot_.layers[layer];
   return frame >= document.first_frame.value_or(frame) &&
          frame <= document.last_frame.value_or(frame) && document.opacity > 0 &&
          keeps_something(clips_[layer]);
+}
+
+bool ShotPlan::is_behind_a_solid(std::size_t layer, int frame) const {
+  if (shot_.merge != ShotDocument::Merge::kStated) return false;
+  for (std::size_t i = layers(); --i > layer;) {
+    const ShotDocument::Layer& front = shot_.layers[i];
+    if (!is_shown(i, frame)) continue;
+    // What is hidden throws shadows all the same, and is seen in mirrors.
+    const bool knows_of_geometry = front.geometry || front.shadows;
+    if (knows_of_geometry && shot_.layers[layer].geometry) return false;
+    if (front.solid && front.solid->alpha >= 1 && front.opacity >= 1 && front.clips.empty()) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool ShotPlan::is_visible(std::size_t layer, int frame) const {
+  return is_shown(layer, frame) && !is_behind_a_solid(layer, frame);
 }
 
 bool ShotPlan::is_light(std::size_t layer) const {

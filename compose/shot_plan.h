@@ -73,7 +73,8 @@ class ShotPlan {
   /// What meshes take, with their textures at most.
   std::size_t geometry_bytes() const;
   std::span<const Clip> clips(std::size_t layer) const { return clips_[layer]; }
-  /// Whether a layer can show anything at a frame: in its range, of some opacity, not clipped away.
+  /// Whether a layer can show anything at a frame: in its range, of some opacity, not clipped away,
+  /// not behind a solid that hides all.
   bool is_visible(std::size_t layer, int frame) const;
   /// Whether a light field is asked for rays at a frame: visible, or a light on visible geometry.
   bool is_needed(std::size_t layer, int frame) const;
@@ -118,6 +119,8 @@ class ShotPlan {
  private:
   void find_layer_lights();
   bool is_light(std::size_t layer) const;
+  bool is_shown(std::size_t layer, int frame) const;
+  bool is_behind_a_solid(std::size_t layer, int frame) const;
   void name_objects();
   void open_geometry(std::size_t layer);
   bool shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const;

@@ -150,6 +150,12 @@ Imath::M44f exr_world_to_ndc(const VirtualCamera& camera) {
   return imath_from_columns(ndc_from_camera * forward_camera_from_world(camera.pose));
 }
 
+std::string time_code_text(int frame, int fps_numerator, int fps_denominator) {
+  const Imf::TimeCode time = time_code(frame, fps_numerator, fps_denominator);
+  return fmt::format("{:02}:{:02}:{:02}:{:02}", time.hours(), time.minutes(), time.seconds(),
+                     time.frame());
+}
+
 Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata) {
   const VirtualCamera picture = without_overscan(camera);
   Imf::Header header(picture.width, picture.height);

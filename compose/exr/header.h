@@ -69,6 +69,9 @@ Imath::M44f exr_world_to_ndc(const VirtualCamera& camera);
 /// Error (bad input) for an unknown compression.
 Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMetadata& metadata);
 
+/// "HH:MM:SS:FF": frame numbers counted from 00:00:00:00, as `timeCode` in headers.
+std::string time_code_text(int frame, int fps_numerator, int fps_denominator);
+
 /// Throws Error (bad input) naming the compressions there are, unless `name` is one.
 void check_exr_compression(const std::string& name);
 

@@ -24,9 +24,7 @@ RTCIntersectContext context_of(RayOrder order) {
 
 }  // namespace
 
-MeshScene::MeshScene(Mesh mesh, const std::string& name) : mesh_(std::move(mesh)) {
-  device_.reset(rtcNewDevice(nullptr));
-  if (!device_) throw Error::failed("Embree does not start", name, "Check the processor");
+MeshScene::MeshScene(Mesh mesh, std::string name) : mesh_(std::move(mesh)), name_(std::move(name)) {
   Vector3d least = mesh_.positions.front(), most = least;
   for (const Vector3d& p : mesh_.positions) {
     least = least.cwiseMin(p);
@@ -34,6 +32,18 @@ MeshScene::MeshScene(Mesh mesh, const std::string& name) : mesh_(std::move(mesh)
   }
   centre_ = (least + most) / 2;
   radius_ = (most - least).norm() / 2;
+  constexpr std::size_t kTreePerTriangle = 100;  // bytes; Embree's manual, robust scenes
+  bytes_ =
+      mesh_.bytes() + mesh_.positions.size() * 12 + mesh_.corners.size() * (12 + kTreePerTriangle);
+}
+
+void MeshScene::prepare() const {
+  std::call_once(prepared_, [this] { build(); });
+}
+
+void MeshScene::build() const {
+  device_.reset(rtcNewDevice(nullptr));
+  if (!device_) throw Error::failed("Embree does not start", name_, "Check the processor");
   scene_.reset(rtcNewScene(device_.get()));
   rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
   const Owned<RTCGeometry> geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));
@@ -44,7 +54,7 @@ MeshScene::MeshScene(Mesh mesh, const std::string& name) : mesh_(std::move(mesh)
       rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                               3 * sizeof(std::uint32_t), mesh_.corners.size()));
   if (positions == nullptr || corners == nullptr) {
-    throw Error::failed("Embree has no memory for the mesh", name, "Free some and try again");
+    throw Error::failed("Embree has no memory for the mesh", name_, "Free some and try again");
   }
   for (const Vector3d& p : mesh_.positions) {
     for (int axis = 0; axis < 3; ++axis) *positions++ = static_cast<float>(p(axis) - centre_(axis));
@@ -55,12 +65,9 @@ MeshScene::MeshScene(Mesh mesh, const std::string& name) : mesh_(std::move(mesh)
   // Embree builds with TBB: while it waits, this thread must not take up other work.
   tbb::this_task_arena::isolate([&] { rtcCommitScene(scene_.get()); });
   if (rtcGetDeviceError(device_.get()) != RTC_ERROR_NONE) {
-    throw Error::failed("Embree could not take in the mesh", name,
+    throw Error::failed("Embree could not take in the mesh", name_,
                         "Free some memory and try again");
   }
-  constexpr std::size_t kTreePerTriangle = 100;  // bytes; Embree's manual, robust scenes
-  bytes_ =
-      mesh_.bytes() + mesh_.positions.size() * 12 + mesh_.corners.size() * (12 + kTreePerTriangle);
 }
 
 bool MeshScene::fill(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
@@ -107,6 +114,7 @@ bool MeshScene::fill(const Eigen::Affine3d& object_from_world, std::span<const W
 
 void MeshScene::meet(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
                      double from_distance, std::span<SurfaceHit> hits, RayOrder order) const {
+  prepare();
   Packet packet;
   std::array<double, kPacket> to{};
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
@@ -129,6 +137,7 @@ void MeshScene::meet(const Eigen::Affine3d& object_from_world, std::span<const W
 void MeshScene::block(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
                       double from_distance, double to_distance, std::span<std::uint8_t> blocked,
                       RayOrder order) const {
+  prepare();
   Packet packet;
   std::array<double, kPacket> to{};
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <mutex>
 #include <span>
 #include <string>
 #include <type_traits>
@@ -35,8 +36,13 @@ enum class RayOrder { kAny, kAlike };
 /// A mesh in Embree, to be placed anywhere. Thread-safe.
 class MeshScene {
  public:
-  /// `name`: of the mesh, for errors. Throws Error (failed) where memory is short.
-  MeshScene(Mesh mesh, const std::string& name);
+  /// `name`: of the mesh, for errors.
+  MeshScene(Mesh mesh, std::string name);
+
+  /// Builds Embree's tree, unless that is done: rays that come first do it, too, but make others
+  /// wait. A mesh that no ray ever asks for needs none. Throws Error (failed) where memory is
+  /// short.
+  void prepare() const;
 
   const Mesh& mesh() const { return mesh_; }
 
@@ -58,7 +64,10 @@ class MeshScene {
   double radius() const { return radius_; }
   std::size_t bytes() const { return bytes_; }
   /// For benchmarks: Embree's own, in units of the file about the centre.
-  RTCScene embree() const { return scene_.get(); }
+  RTCScene embree() const {
+    prepare();
+    return scene_.get();
+  }
 
  private:
   struct Release {
@@ -81,9 +90,13 @@ class MeshScene {
   bool fill(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
             double from_distance, std::span<const double> to_distance, Packet& packet) const;
 
+  void build() const;
+
   Mesh mesh_;
-  Owned<RTCDevice> device_;
-  Owned<RTCScene> scene_;
+  std::string name_;
+  mutable std::once_flag prepared_;
+  mutable Owned<RTCDevice> device_;
+  mutable Owned<RTCScene> scene_;
   Eigen::Vector3d centre_;  ///< Embree's coordinates are float, from here on
   double radius_ = 0;
   std::size_t bytes_ = 0;

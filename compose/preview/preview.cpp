@@ -10,11 +10,14 @@
 #include <set>
 #include <system_error>
 
+#include "compose/exr/header.h"
 #include "compose/frame_range.h"
 #include "compose/preview/contact_sheet.h"
+#include "compose/preview/digits.h"
 #include "compose/preview/movie_writer.h"
 #include "compose/sequence_name.h"
 #include "images/image_file.h"
+#include "schemas/atomic_file.h"
 #include "schemas/error.h"
 #include "schemas/frame_rate.h"
 
@@ -73,6 +76,22 @@ FrameRate movie_rate(const PreviewOptions& options, const ExrImage& first, int s
           static_cast<int>(std::min(denominator / divisor, kLargest))};
 }
 
+std::optional<SequenceName> picture_names(const PreviewOptions& options, std::size_t frames) {
+  if (options.pictures.empty()) return std::nullopt;
+  SequenceName name(options.pictures);
+  if (frames > 1 && !name.has_frame_token()) {
+    throw Error::bad_input(fmt::format("{} pictures would all get the same name", frames),
+                           options.pictures, "Write NAME.####.png");
+  }
+  create_folder(name.folder());
+  return name;
+}
+
+std::string burnt_text(int frame, const ExrImage& image) {
+  return fmt::format("{}  {}", frame,
+                     time_code_text(frame, image.fps_numerator, image.fps_denominator));
+}
+
 }  // namespace
 
 std::vector<int> existing_frames(const std::string& sequence) {
@@ -98,6 +117,7 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
   const SequenceName name(options.sequence);
   const std::vector<int> on_sheet = spread_evenly(selection.frames, options.sheet_frames);
   const bool want_movie = !options.movie.empty(), want_sheet = !options.contact_sheet.empty();
+  const std::optional<SequenceName> pictures = picture_names(options, selection.frames.size());
 
   PreviewReport report;
   std::unique_ptr<MovieWriter> movie;
@@ -131,7 +151,12 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
             MovieWriter::Settings{image.width, image.height, rate.numerator, rate.denominator});
         report.encoder = movie->encoder();
       }
-      movie->append(display(image, options.display));
+    }
+    if (want_movie || pictures) {
+      RgbImage shown = display(image, options.display);
+      if (options.burn_in) burn_in(burnt_text(frame, image), shown);
+      if (want_movie) movie->append(shown);
+      if (pictures) write_image(shown, pictures->path(frame));
     }
     if (sheet) {
       const int width = std::min(options.thumbnail_width, image.width);

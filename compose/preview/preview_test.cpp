@@ -182,6 +182,28 @@ TEST_F(Preview, ContactSheetShowsThePicturesInOrder) {
   EXPECT_EQ(red(2, 1), 38) << "an empty place";
 }
 
+TEST_F(Preview, PicturesMayCarryTheirFrameNumbers) {
+  for (const int i : {7, 8}) write_frame(i, flat_view(0, 0, 0));
+  options_.movie.clear();
+  options_.pictures = (folder_.path() / "png" / "p.###.png").string();
+  options_.display.background = Background::kBlack;
+  const auto light = [&](int frame) {
+    const RgbImage picture =
+        read_image(folder_.path() / "png" / ("p.00" + std::to_string(frame) + ".png"));
+    EXPECT_EQ(picture.width, kWidth);
+    return std::ranges::count(picture.pixels, 220);
+  };
+  EXPECT_EQ(make_preview(options_, {}).frames, 2);
+  EXPECT_EQ(light(7), 0);
+  options_.burn_in = true;
+  make_preview(options_, {});
+  // "7  00:00:00:07": seven dots of the 7, twelve of each 0, two of a colon.
+  EXPECT_EQ(light(7), 3 * (2 * 7 + 7 * 12 + 3 * 2));
+  EXPECT_GT(light(8), light(7));
+  options_.pictures = (folder_.path() / "one.png").string();
+  EXPECT_THAT(refusal(), HasSubstr("the same name"));
+}
+
 TEST_F(Preview, RefusesWhatItCannotShowAndLeavesNothing) {
   EXPECT_THAT(refusal(), HasSubstr("no file of this sequence"));
   write_frame(1, flat_view(1, 1, 1));

@@ -105,6 +105,21 @@ TEST_F(BadShot, WordsThatNothingIsCalled) {
   expect_refused(shot, "#/lights/0", "nobody");
 }
 
+/// The only way in which layers could wait for each other in a circle.
+TEST_F(BadShot, PlatesThatTheRenderItselfWrites) {
+  std::ofstream(folder_->path() / "shot.json") << good().dump();
+  ASSERT_EQ(here("rm -rf round && raystage render -q shot.json -o round/f.####.exr").exit_code, 0);
+  json shot = good();
+  shot["layers"].push_back({{"plate", {{"file", "round/f.####.exr"}}}});
+  std::ofstream(folder_->path() / "round.json") << shot.dump();
+  const CommandResult result = here(
+      "raystage render -q round.json --existing overwrite -o ../$(basename $PWD)/round/f.%04d.exr");
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.err, AllOf(HasSubstr("round.json#/layers/2/plate"), HasSubstr("frame 1 shows"),
+                                HasSubstr("which this render writes")));
+  EXPECT_EQ(here("raystage render -q round.json -o elsewhere/f.####.exr").exit_code, 0);
+}
+
 TEST_F(BadShot, NumbersThatAreNone) {
   const std::string text = good().dump();
   for (const char* number : {"NaN", "1e999", "-Infinity"}) {

@@ -240,6 +240,7 @@ PaintedView FramePainter::paint(const PlannedFrame& frame, const ExrCamera& came
   std::vector<bool> is_holdout;
   RenderStatistics statistics;
   const Geometry geometry = geometry_of(frame, camera);
+  times.geometry_ms = total.ms();  // the first frame builds trees
   const bool stated = plan_.shot().merge == ShotDocument::Merge::kStated;
   for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
     const std::size_t of_picture = plan_.layers_of_picture(i);

@@ -2,6 +2,7 @@
 // What files tell, and in which colours layers are put together.
 #include <OpenEXR/ImfChannelList.h>
 #include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfStringAttribute.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -87,6 +88,13 @@ TEST_F(OutputSequence, LightsAndMergesInTheWorkingSpace) {
   shot_.output.color.working = "lin_ap1_scene";
   shot_.output.color.space = "lin_ap1_scene";
   run();
+  {
+    const Imf::MultiPartInputFile input(file(102).c_str());
+    const auto* space =
+        input.header(0).findTypedAttribute<Imf::StringAttribute>("lf:workingSpace");
+    ASSERT_NE(space, nullptr);
+    EXPECT_EQ(space->value(), "lin_ap1_scene");
+  }
   const std::array<float, 4> lit = pixel(102, 20, 15);
   for (std::size_t c = 0; c < 3; ++c) {
     const float product = std::array{0.8F * 0.5F, 0.2F * 0.9F, 0.1F * 0.2F}[c];

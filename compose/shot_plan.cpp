@@ -300,6 +300,7 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
   metadata.color_interop_id = colors_.interop_id;
   metadata.color_space = colors_.space;
   metadata.color_config = colors_.config;
+  if (colors_.working_from_scene) metadata.working_space = shot_.output.color.working;
   if (shot_.output.cryptomatte) {
     std::vector<std::string> names;
     for (std::size_t i = 0; i < layers(); ++i) {

@@ -195,6 +195,7 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   if (part.is_colour) {
     add_string(header, "lf:colorSpace", metadata.color_space);
     add_string(header, "lf:colorConfig", metadata.color_config);
+    add_string(header, "lf:workingSpace", metadata.working_space);
   }
   if (!metadata.absent_cameras.empty()) {
     header.insert("lf:absentCameras", Imf::StringVectorAttribute(metadata.absent_cameras));

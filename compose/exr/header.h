@@ -39,6 +39,7 @@ struct ExrMetadata {
   /// of; the latter are left out when empty.
   std::string color_interop_id = "lin_rec709_scene";
   std::string color_space, color_config;
+  std::string working_space;  ///< where it is not linear Rec.709; left out when empty
   /// Writes `chromaticities` of the space for readers that do not know `colorInteropID`; the
   /// recommendation forbids both in one file.
   bool chromaticities = false;

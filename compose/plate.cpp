@@ -19,10 +19,12 @@
 #include "schemas/error.h"
 #include "schemas/transfer_function.h"
 #include "store/jpeg/decode.h"
+#include "store/jpeg/layout.h"
 
 namespace raystage {
 namespace {
 
+constexpr const char* kFlatExr = "Give a flat EXR file with channels R, G and B";
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 bool is_named(const std::filesystem::path& path, std::initializer_list<const char*> extensions) {
@@ -65,14 +67,35 @@ LayerImage read_jpeg_plate(const std::filesystem::path& path, const LightOfCode&
   return image;
 }
 
+Error bad_png(const std::string& why, const std::filesystem::path& path) {
+  return Error::bad_input("the plate cannot be read: " + why, path.string(),
+                          "Write it again, as PNG of 8 bits or as EXR");
+}
+
+/// Of a file of a kind that is read, without reading its pixels.
+std::array<int, 2> size_of(const std::filesystem::path& path) {
+  if (is_named(path, {".exr"})) return read_exr_size(path, kFlatExr);
+  if (!is_named(path, {".png"})) {
+    const std::string bytes = read_file(path);
+    const JpegLayout layout = parse_jpeg_layout(std::as_bytes(std::span(bytes)), path.string());
+    return {layout.width, layout.height};
+  }
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  const bool is_read = png_image_begin_read_from_file(&png, path.c_str()) != 0;
+  const std::string message = png.message;
+  png_image_free(&png);
+  if (!is_read) throw bad_png(message, path);
+  return {static_cast<int>(png.width), static_cast<int>(png.height)};
+}
+
 /// By sRGB's curve: libpng's own way to linear light is a power of 2.2.
 LayerImage read_png_plate(const std::filesystem::path& path, const LightOfCode& light) {
   png_image png{};
   png.version = PNG_IMAGE_VERSION;
   const auto refuse = [&](const std::string& why) {
     png_image_free(&png);
-    return Error::bad_input("the plate cannot be read: " + why, path.string(),
-                            "Write it again, as PNG of 8 bits or as EXR");
+    return bad_png(why, path);
   };
   if (png_image_begin_read_from_file(&png, path.c_str()) == 0) throw refuse(png.message);
   if ((png.format & PNG_FORMAT_FLAG_LINEAR) != 0) throw refuse("it has 16 bits");
@@ -114,9 +137,19 @@ void PlateLayer::check_file(int frame) const {
     throw Error::bad_input("plates are EXR, PNG or JPEG", path.string(),
                            "Turn it into EXR, e.g. by oiiotool IN -o OUT.exr");
   }
-  if (std::filesystem::exists(path)) return;
-  throw Error::bad_input(fmt::format("frame {} needs a plate that is not there", frame),
-                         path.string(), "Put it there, or mend the layer's file or frame_offset");
+  if (!std::filesystem::exists(path)) {
+    throw Error::bad_input(fmt::format("frame {} needs a plate that is not there", frame),
+                           path.string(), "Put it there, or mend the layer's file or frame_offset");
+  }
+  check_size(size_of(path), path);
+}
+
+void PlateLayer::check_size(const std::array<int, 2>& size,
+                            const std::filesystem::path& path) const {
+  if (size == std::array{width_, height_}) return;
+  throw Error::bad_input(fmt::format("the plate has {} x {} pixels, the shot {} x {}", size[0],
+                                     size[1], width_, height_),
+                         path.string(), "Scale it to the shot's size");
 }
 
 LayerImage PlateLayer::read(const std::filesystem::path& path) const {
@@ -125,11 +158,10 @@ LayerImage PlateLayer::read(const std::filesystem::path& path) const {
   if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, light_of_codes(by_srgb));
   constexpr ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
   constexpr ExrChannel kDepth[] = {{"Z", kInfinity}};
-  const char* what_to_do = "Give a flat EXR file with channels R, G and B";
-  const ExrPixels pixels = read_exr_channels(path, kChannels, what_to_do);
+  const ExrPixels pixels = read_exr_channels(path, kChannels, kFlatExr);
   LayerImage image = empty_image(pixels.width, pixels.height);
   std::ranges::copy(pixels.values, image.rgba.begin());
-  std::ranges::copy(read_exr_channels(path, kDepth, what_to_do).values, image.z.begin());
+  std::ranges::copy(read_exr_channels(path, kDepth, kFlatExr).values, image.z.begin());
   make_finite(image);
   const bool has_id = !pixels.color_interop_id.empty() && pixels.color_interop_id != "unknown";
   const std::string& space = has_id ? pixels.color_interop_id : pixels.color_space;
@@ -146,11 +178,7 @@ void PlateLayer::turn_into_scene_colors(LayerImage& image, const std::string& sp
 LayerImage PlateLayer::image(int frame, int overscan_x, int overscan_y) const {
   const std::filesystem::path path = file(frame);
   LayerImage plate = read(path);
-  if (plate.width != width_ || plate.height != height_) {
-    throw Error::bad_input(fmt::format("the plate has {} x {} pixels, the shot {} x {}",
-                                       plate.width, plate.height, width_, height_),
-                           path.string(), "Scale it to the shot's size");
-  }
+  check_size({plate.width, plate.height}, path);
   if (!document_.space.empty()) turn_into_scene_colors(plate, document_.space);
   LayerImage image = empty_image(width_ + 2 * overscan_x, height_ + 2 * overscan_y);
   const auto depth = document_.depth_m ? static_cast<float>(*document_.depth_m) : kInfinity;

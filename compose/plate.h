@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -22,7 +23,8 @@ class PlateLayer {
              std::optional<ColorConfig> config);
 
   std::filesystem::path file(int frame) const;
-  /// Throws Error (bad input) where the frame's file is missing or of a kind that is not read.
+  /// Throws Error (bad input) where the frame's file is missing, of a kind that is not read, or not
+  /// as large as the shot's pictures.
   void check_file(int frame) const;
   /// In the scene's colours, with nothing in the overscan. Throws Error (bad input) for a file that
   /// cannot be read or is not as large as the shot's pictures.
@@ -30,6 +32,7 @@ class PlateLayer {
   void add_to(Fingerprint& print, int frame) const;
 
  private:
+  void check_size(const std::array<int, 2>& size, const std::filesystem::path& path) const;
   /// Premultiplied light and depth, of the picture alone.
   LayerImage read(const std::filesystem::path& path) const;
   ColorConfig colors() const;

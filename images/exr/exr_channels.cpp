@@ -10,6 +10,7 @@
 #include <OpenEXR/ImfStringAttribute.h>
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 #include <limits>
 #include <new>
@@ -120,14 +121,14 @@ ExrPixels read_open_file(Imf::MultiPartInputFile& file_parts, const std::filesys
   return pixels;
 }
 
-}  // namespace
-
-ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
-                            const std::string& what_to_do) {
+/// What `read` makes of the open file, with errors as ours.
+template <class Read>
+auto read_file_with(const std::filesystem::path& file, const std::string& what_to_do,
+                    const Read& read) {
   constexpr int kNoThreads = 0;  // callers are parallel to each other
   try {
     Imf::MultiPartInputFile input(file.c_str(), kNoThreads);
-    return read_open_file(input, file, channels, what_to_do);
+    return read(input);
   } catch (const Error&) {
     throw;
   } catch (const std::bad_alloc&) {
@@ -137,6 +138,22 @@ ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const E
     while (!what.empty() && (what.back() == '.' || what.back() == '\n')) what.pop_back();
     throw Error::bad_input("the EXR file cannot be read: " + what, file.string(), what_to_do);
   }
+}
+
+}  // namespace
+
+ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
+                            const std::string& what_to_do) {
+  return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
+    return read_open_file(input, file, channels, what_to_do);
+  });
+}
+
+std::array<int, 2> read_exr_size(const std::filesystem::path& file, const std::string& what_to_do) {
+  return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
+    const Imath::Box2i display = input.header(0).displayWindow();
+    return std::array{display.max.x - display.min.x + 1, display.max.y - display.min.y + 1};
+  });
 }
 
 }  // namespace raystage

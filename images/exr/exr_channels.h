@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -32,5 +33,8 @@ struct ExrPixels {
 /// missing, damaged, larger than 2^29 pixels, or without a channel that it must have.
 ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
                             const std::string& what_to_do);
+
+/// Width and height of the display window; reads the header alone. Throws Error likewise.
+std::array<int, 2> read_exr_size(const std::filesystem::path& file, const std::string& what_to_do);
 
 }  // namespace raystage

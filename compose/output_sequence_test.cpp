@@ -90,8 +90,7 @@ TEST_F(OutputSequence, LightsAndMergesInTheWorkingSpace) {
   run();
   {
     const Imf::MultiPartInputFile input(file(102).c_str());
-    const auto* space =
-        input.header(0).findTypedAttribute<Imf::StringAttribute>("lf:workingSpace");
+    const auto* space = input.header(0).findTypedAttribute<Imf::StringAttribute>("lf:workingSpace");
     ASSERT_NE(space, nullptr);
     EXPECT_EQ(space->value(), "lin_ap1_scene");
   }

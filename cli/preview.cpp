@@ -10,7 +10,8 @@
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app{"Turns an EXR sequence into a movie and a contact sheet.", "raystage preview"};
+  CLI::App app{"Turns an EXR sequence into a movie or pictures, and a contact sheet.",
+               "raystage preview"};
   PreviewOptions options;
   std::string frames;
   std::filesystem::path color_config;
@@ -25,7 +26,8 @@ int main(int argc, char** argv) {
                  "pictures,\nDIR/NAME.####.png")
       ->type_name("MOVIE|PNGS");
   app.add_flag("--burn-in", options.burn_in,
-               "frame number and time code in the lower left of movie and pictures");
+               "frame number and time code in the lower left of movie and pictures (not of the "
+               "contact sheet)");
   app.add_option("--contact-sheet", options.contact_sheet, "picture to write, .png")
       ->type_name("PNG");
   app.add_option("--columns", options.sheet_columns, "pictures side by side on it (default: 4)")
@@ -41,9 +43,10 @@ int main(int argc, char** argv) {
       ->type_name("PIXELS");
   app.add_option("--frames", frames, "frames to show, e.g. 1-48x2 (default: all there are)")
       ->type_name("RANGE");
-  app.add_option("--fps", fps,
-                 "frames per second (default: as the files say; a sequence of every n-th frame\n"
-                 "plays at its own speed)")
+  app.add_option(
+         "--fps", fps,
+         "frames per second of a movie (default: as the files say; a sequence of every n-th frame\n"
+         "plays at its own speed)")
       ->check(CLI::Range(0.1, 1000.0))
       ->type_name("FPS");
   app.add_option("--exposure", options.display.exposure,
@@ -75,7 +78,16 @@ int main(int argc, char** argv) {
   app.add_flag("-q,--quiet", quiet, "No progress on stderr");
   return parse_and_run(app, argc, argv, "preview", [&](std::stop_token stop) {
     if (output.empty() && options.contact_sheet.empty()) {
-      throw Error::bad_input("nothing to write", "", "Give -o MOVIE, --contact-sheet PNG or both");
+      throw Error::bad_input("nothing to write", "",
+                             "Give -o MOVIE or PNGS, --contact-sheet PNG or both");
+    }
+    if (output.empty() && options.burn_in) {
+      throw Error::bad_input("--burn-in is for the movie or the pictures, and there is neither", "",
+                             "Give -o MOVIE or -o DIR/NAME.####.png");
+    }
+    if (color_config.empty() && !rec709_space.empty()) {
+      throw Error::bad_input("--rec709-space is a name of a config, and there is none", "",
+                             "Give --ocio CONFIG, too");
     }
     if (std::filesystem::path(output).extension() == ".png") {
       options.pictures = output;

@@ -86,7 +86,9 @@ FramePainter::Geometry FramePainter::geometry_of(const PlannedFrame& frame,
                 (plan_.shot().layers[i].shadows && plan_.is_visible(i, frame.frame));
   }
   if (!is_needed || geometry.scene.meshes.empty()) return {};
-  for (const PlacedMesh& mesh : geometry.scene.meshes) mesh.scene->prepare();
+  for (const PlacedMesh& mesh : geometry.scene.meshes) {
+    if (may_be_in_view(mesh, camera.view)) mesh.scene->prepare();
+  }
   geometry.scene.lights.surroundings = surroundings_of(frame, camera, geometry.scene.lights);
   return geometry;
 }

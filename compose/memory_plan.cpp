@@ -37,11 +37,6 @@ constexpr std::size_t kIdBytesPerPixel = 48, kIdBytesPerPixelMerged = 144;
 /// doubling, its halves and its place in the file.
 constexpr std::size_t kDeepBytesPerPixel = 48, kDeepBytesPerSample = 76;
 
-/// Of a finished file, were nothing compressed: the picture with depth and coverage; the measures;
-/// P, N and albedo; ids and shares; a sample of a deep one.
-constexpr std::size_t kFileBytesPerPixel = 16, kFileMeasures = 8, kFileConfidence = 4,
-                      kFileGeometry = 30, kFileIds = 48, kFileBytesPerSample = 12;
-
 std::size_t pixels_of(const ShotDocument& shot) {
   const auto [x, y] = shot.output.overscan;
   return static_cast<std::size_t>(shot.width + 2 * x) *
@@ -96,18 +91,6 @@ std::size_t frame_bytes(const ShotPlan& plan, std::span<const PlannedFrame> fram
       (plan.layers() > 1 ? plan.layers() * kLayerBytesPerPixel : 0) +
       geometry_bytes_per_pixel(plan);
   return plan.eyes().size() * (pixels_of(plan.shot()) * beside + most_view_bytes(plan, frames));
-}
-
-/// What a finished frame takes until it is on the disk.
-std::size_t file_bytes(const ShotPlan& plan, const MemoryRequest& request) {
-  bool has_geometry = false;
-  for (std::size_t i = 0; i < plan.layers(); ++i) has_geometry |= plan.geometry(i) != nullptr;
-  const std::size_t per_pixel =
-      kFileBytesPerPixel + (plan.measures_coverage() ? kFileMeasures : 0) +
-      (plan.wants("lf.confidence") ? kFileConfidence : 0) + (has_geometry ? kFileGeometry : 0) +
-      (plan.shot().output.cryptomatte ? kFileIds : 0) +
-      (request.deep ? plan.layers() * kFileBytesPerSample : 0);
-  return plan.eyes().size() * pixels_of(plan.shot()) * per_pixel;
 }
 
 /// Of all cameras, decoded: what a view may hold while it is rendered. Most look through fewer.
@@ -172,6 +155,9 @@ std::string short_of_cache(const LightFieldLayer& light_field, std::size_t cache
       size_text(static_cast<double>(cache)));
 }
 
+/// Bytes of a value in a file.
+constexpr std::size_t kHalf = 2, kFloat = 4;
+
 }  // namespace
 
 std::string size_text(double bytes) {
@@ -179,12 +165,32 @@ std::string size_text(double bytes) {
                      : fmt::format("{:.2f} GB", bytes * 1e-9);
 }
 
+std::size_t raw_file_bytes(const ShotPlan& plan, bool deep) {
+  const auto& layers = plan.shot().layers;
+  const bool has_light_field = std::ranges::any_of(layers, &ShotDocument::Layer::is_light_field);
+  const bool has_geometry =
+      std::ranges::any_of(layers, [](const auto& layer) { return layer.geometry.has_value(); });
+  std::size_t per_pixel = 4 * kHalf + kFloat;  // R, G, B, A and Z
+  const auto add = [&](bool is_there, const char* aov, std::size_t bytes) {
+    if (is_there && plan.wants(aov)) per_pixel += bytes;
+  };
+  for (const char* aov : {"lf.coverage", "lf.confidence", "lf.cameras", "lf.nearest"}) {
+    add(has_light_field, aov, kFloat);
+  }
+  add(has_geometry, "P", 3 * kFloat);
+  add(has_geometry, "N", 3 * kHalf);
+  add(has_geometry, "albedo", 3 * kHalf);
+  if (plan.shot().output.cryptomatte) per_pixel += 2 * kIdRanks * kFloat;
+  if (deep) per_pixel += layers.size() * (4 * kHalf + kFloat);
+  return plan.eyes().size() * pixels_of(plan.shot()) * per_pixel;
+}
+
 MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                        const MemoryRequest& request) {
   const std::size_t per_frame = frame_bytes(plan, frames, request);
   const std::size_t granted = request.bytes > 0 ? request.bytes : available_memory() / 2;
-  const std::size_t held =
-      plan.geometry_bytes() + matte_bytes(plan) + (1 + kFilesWaiting) * file_bytes(plan, request);
+  const std::size_t held = plan.geometry_bytes() + matte_bytes(plan) +
+                           (1 + kFilesWaiting) * raw_file_bytes(plan, request.deep);
   const std::size_t least = held + per_frame + kMinCache;
   if (granted < least) {
     throw Error::bad_input(

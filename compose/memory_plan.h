@@ -13,6 +13,10 @@ namespace raystage {
 /// "12.3 MB" or "1.23 GB", of 10^6 and 10^9 bytes.
 std::string size_text(double bytes);
 
+/// What the files of a frame take if nothing in them is compressed, bytes; both eyes of one that
+/// has two.
+std::size_t raw_file_bytes(const ShotPlan& plan, bool deep);
+
 /// Finished frames that wait for the disk at most, beside the one that is being written.
 inline constexpr std::size_t kFilesWaiting = 1;
 

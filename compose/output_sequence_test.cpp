@@ -14,6 +14,7 @@
 #include "compose/exr/file.h"
 #include "compose/sequence_test_data.h"
 #include "images/exr/exr_channels.h"
+#include "schemas/rig_document.h"
 
 namespace raystage {
 namespace {
@@ -121,6 +122,81 @@ TEST_F(OutputSequence, LightsAndMergesInTheWorkingSpace) {
   EXPECT_GT(std::abs(pixel(102, 20, 15)[0] - in_rec709[0]), 0.01F);
 }
 
+/// Unlit, or in white light, no colour depends on where layers are put together.
+TEST_F(OutputSequence, WhatComesFromElsewhereIsTurnedIntoTheWorkingSpace) {
+  // A light field of a saturated colour, a texture, and a plate of pure red.
+  RigDocument rig = read_rig(folder_.path() / "take" / "rig.json");
+  for (auto& camera : rig.cameras) camera.photometric.contrast = {1, 0.1, 0.3};
+  write_rig(rig, folder_.path() / "take" / "rig.json");
+  {
+    std::ofstream picture(folder_.path() / "green.ppm", std::ios::binary);
+    picture << "P6 8 8 255\n";
+    for (int i = 0; i < 64; ++i) picture << static_cast<char>(40) << static_cast<char>(230) << '\5';
+  }
+  std::ofstream(folder_.path() / "textured.obj")
+      << "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nv -2 -2 0\nv 2 -2 0\nv 2 2 0\nv -2 2 0\n"
+         "f 1/1 2/2 3/3 4/4\n";
+  const ShotDocument::Layer wall = [&] {
+    ShotDocument::Layer layer = shot_.layers[0];
+    layer.name = "wall";
+    return layer;
+  }();
+  const auto mesh = [&](const ShotDocument::Material& material) {
+    ShotDocument::Layer layer;
+    layer.geometry = ShotDocument::Geometry{.file = "textured.obj",
+                                            .material = material,
+                                            .keys = {{.frame = 101, .position = {{0, 0, -2}}}},
+                                            .samples = 1};
+    return layer;
+  };
+  ShotDocument::Layer red;
+  red.solid = ShotDocument::Solid{{1, 0, 0}, 1, {}};
+  options_.frames = {101};
+  const std::string output = options_.output;
+  options_.output = (folder_.path() / "red.exr").string();
+  shot_.layers = {red};
+  ASSERT_EQ(run().rendered, 1);
+  options_.output = output;
+  ShotDocument::Layer plate;
+  plate.plate = ShotDocument::Plate{.file = "red.exr"};
+  ShotDocument::Layer asked = wall;
+  asked.opacity = 0;
+
+  const std::vector<std::vector<ShotDocument::Layer>> pictures{
+      {wall},
+      {plate},
+      {mesh({.kind = "diffuse", .color = {{1, 1, 1}}, .texture = "green.ppm"})},
+      {asked, mesh({.kind = "mirror", .color = {{1, 1, 1}}})}};
+  Eigen::Matrix3f ap1_from_rec709;  // ASWF's ColorInterop, Bradford
+  ap1_from_rec709 << 0.61310F, 0.33952F, 0.04738F, 0.07019F, 0.91635F, 0.01345F, 0.02062F, 0.10957F,
+      0.86981F;
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    shot_.layers = pictures[i];
+    shot_.lights = {{.ambient = {{1, 1, 1}}}};
+    if (i == 3) {  // from behind the array a mirror shows what is before it
+      shot_.lights = {{.light_field = "wall"}};
+      shot_.layers[1].geometry->keys[0].position = {{0, 0, 2}};
+      shot_.camera.keys.resize(1);
+      shot_.camera.keys[0].orientation = {{0, 0, 1, 0}};
+    }
+    const auto rendered = [&](const char* working, const char* space) {
+      shot_.output.color.working = working;
+      shot_.output.color.space = space;
+      EXPECT_EQ(run().rendered, 1);
+      const std::array<float, 4> rgba = pixel(101, 20, 15);
+      return Eigen::Vector3f(rgba[0], rgba[1], rgba[2]);
+    };
+    const Eigen::Vector3f plain = rendered("lin_rec709_scene", "lin_rec709_scene");
+    EXPECT_GT(plain.maxCoeff() - plain.minCoeff(), 0.03F) << i << ": grey shows nothing";
+    EXPECT_LT((rendered("lin_ap1_scene", "lin_rec709_scene") - plain).norm(), 2e-3F) << i;
+    EXPECT_LT((rendered("lin_ap1_scene", "lin_ap1_scene") - ap1_from_rec709 * plain).norm(), 2e-3F)
+        << i;
+    EXPECT_LT((rendered("lin_rec709_scene", "lin_ap1_scene") - ap1_from_rec709 * plain).norm(),
+              2e-3F)
+        << i;
+  }
+}
+
 TEST_F(OutputSequence, FrameFilesKnowNothingOfOtherFramesMeshes) {
   shot_.output.cryptomatte = true;
   options_.frames = {101};
@@ -148,6 +224,8 @@ TEST_F(OutputSequence, ALayersFocusIsPulledByItsKeys) {
   const SequenceReport report = run();
   EXPECT_EQ(report.skipped, 1);
   EXPECT_EQ(report.rendered, 3);
+  shot_.layers[0].focal_plane.keys[0].depth = 3;
+  EXPECT_EQ(run().skipped, 2) << "at the last key and after it nothing changes";
 }
 
 }  // namespace

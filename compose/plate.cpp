@@ -24,6 +24,7 @@
 namespace raystage {
 namespace {
 
+constexpr ExrChannel kPicture[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
 constexpr const char* kFlatExr = "Give a flat EXR file with channels R, G and B";
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
@@ -74,7 +75,7 @@ Error bad_png(const std::string& why, const std::filesystem::path& path) {
 
 /// Of a file of a kind that is read, without reading its pixels.
 std::array<int, 2> size_of(const std::filesystem::path& path) {
-  if (is_named(path, {".exr"})) return read_exr_size(path, kFlatExr);
+  if (is_named(path, {".exr"})) return check_exr_channels(path, kPicture, kFlatExr);
   if (!is_named(path, {".png"})) {
     const std::string bytes = read_file(path);
     const JpegLayout layout = parse_jpeg_layout(std::as_bytes(std::span(bytes)), path.string());
@@ -86,6 +87,7 @@ std::array<int, 2> size_of(const std::filesystem::path& path) {
   const std::string message = png.message;
   png_image_free(&png);
   if (!is_read) throw bad_png(message, path);
+  if ((png.format & PNG_FORMAT_FLAG_LINEAR) != 0) throw bad_png("it has 16 bits", path);
   return {static_cast<int>(png.width), static_cast<int>(png.height)};
 }
 
@@ -156,9 +158,8 @@ LayerImage PlateLayer::read(const std::filesystem::path& path) const {
   const bool by_srgb = document_.space.empty();
   if (is_named(path, {".png"})) return read_png_plate(path, light_of_codes(by_srgb));
   if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, light_of_codes(by_srgb));
-  constexpr ExrChannel kChannels[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
   constexpr ExrChannel kDepth[] = {{"Z", kInfinity}};
-  const ExrPixels pixels = read_exr_channels(path, kChannels, kFlatExr);
+  const ExrPixels pixels = read_exr_channels(path, kPicture, kFlatExr);
   LayerImage image = empty_image(pixels.width, pixels.height);
   std::ranges::copy(pixels.values, image.rgba.begin());
   std::ranges::copy(read_exr_channels(path, kDepth, kFlatExr).values, image.z.begin());

@@ -105,12 +105,13 @@ class SequenceRun {
     const Clock::time_point start = Clock::now();
     for_each_in_flight(
         frames_.size(), static_cast<std::size_t>(in_flight),
-        [this] { return stop_.stop_requested(); },
+        [this] { return stop_.stop_requested() || out_of_memory_; },
         [this, in_flight](std::size_t index) {
           read_ahead(index + static_cast<std::size_t>(in_flight));
           process(frames_[index]);
         });
     writer_.finish();
+    if (out_of_memory_) throw std::bad_alloc();
     report_.seconds = ms_since(start) / 1e3;
     report_.in_flight = in_flight;
     report_.asked = static_cast<int>(frames_.size());
@@ -229,21 +230,27 @@ class SequenceRun {
     }
   }
 
-  /// On the writer's thread.
-  void wrote(int frame, const FileWriter::Written& written, int parts) {
-    if (written.error) {
-      try {
-        std::rethrow_exception(written.error);
-      } catch (const std::exception& error) {
-        fail(frame, error);
+  /// On the writer's thread, which no exception may leave.
+  void wrote(int frame, const FileWriter::Written& written, int parts) noexcept {
+    try {
+      if (written.error) {
+        try {
+          std::rethrow_exception(written.error);
+        } catch (const std::bad_alloc&) {
+          throw;
+        } catch (const std::exception& error) {
+          fail(frame, error);
+        }
+      } else {
+        const std::scoped_lock lock(mutex_);
+        ++report_.rendered;
+        report_.bytes_written += static_cast<std::int64_t>(written.bytes);
+        report_.milliseconds.write += written.seconds * 1e3;
       }
-    } else {
-      const std::scoped_lock lock(mutex_);
-      ++report_.rendered;
-      report_.bytes_written += static_cast<std::int64_t>(written.bytes);
-      report_.milliseconds.write += written.seconds * 1e3;
+      if (!stop_.stop_requested()) advance(parts);
+    } catch (const std::bad_alloc&) {
+      out_of_memory_ = true;
     }
-    if (!stop_.stop_requested()) advance(parts);
   }
 
   static std::vector<ExrDeepView> deep_views(const std::vector<DeepImage>& deep,
@@ -284,7 +291,8 @@ class SequenceRun {
   const SequenceOptions& options_;
   std::stop_token stop_;
   std::atomic<std::int64_t> parts_done_ = 0;
-  std::mutex mutex_;  ///< of what follows
+  std::atomic<bool> out_of_memory_ = false;  ///< on the writer's thread
+  std::mutex mutex_;                         ///< of what follows
   SequenceReport report_;
   std::set<std::string> notes_;       ///< said already
   FileWriter writer_{kFilesWaiting};  ///< last: it is done before the others go
@@ -317,15 +325,15 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
   const SequenceName name = checked_name(resolved, frames.size());
-  if (options.deep) check_deep(shot, shot_file);
-  check_plates(plan, name, numbers, shot_file);
+  if (options.deep) check_deep(plan, shot_file);
+  check_plates(plan, name, shot_file);
   if (options.existing == ExistingFiles::kError) {
     check_existing(name, numbers);
     if (options.deep) check_existing(name.with("deep"), numbers);
   }
   const FramePainter painter(plan, memory);
   check_folder(name.folder());
-  check_room(name.folder(), shot, frames.size(), options);
+  check_room(name.folder(), plan, frames.size(), options);
 
   say_what_is_missing(plan, frames, options);
   std::string plan_text =

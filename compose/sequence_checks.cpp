@@ -17,21 +17,6 @@
 #include "schemas/atomic_file.h"
 
 namespace raystage {
-namespace {
-
-/// What a pixel takes without compression: the picture, Z and coverage; P, N and albedo; ids; a
-/// deep sample.
-constexpr double kPictureBytes = 16, kGeometryBytes = 30, kIdBytes = 48, kDeepSampleBytes = 12;
-
-double raw_bytes_per_pixel(const ShotDocument& shot, bool deep) {
-  const bool has_geometry = std::ranges::any_of(
-      shot.layers, [](const ShotDocument::Layer& layer) { return layer.geometry.has_value(); });
-  return kPictureBytes + (has_geometry ? kGeometryBytes : 0) +
-         (shot.output.cryptomatte ? kIdBytes : 0) +
-         (deep ? kDeepSampleBytes * static_cast<double>(shot.layers.size()) : 0);
-}
-
-}  // namespace
 
 void check_folder(const std::filesystem::path& folder) {
   create_folder(folder);
@@ -46,18 +31,15 @@ void check_folder(const std::filesystem::path& folder) {
   }
 }
 
-void check_room(const std::filesystem::path& folder, const ShotDocument& shot, std::size_t frames,
+void check_room(const std::filesystem::path& folder, const ShotPlan& plan, std::size_t frames,
                 const SequenceOptions& options) {
   std::error_code error;
   const std::filesystem::space_info space = std::filesystem::space(folder, error);
   if (error || space.available == std::numeric_limits<std::uintmax_t>::max()) return;
-  const int views = shot.camera.stereo ? 2 : 1;
-  const auto [x, y] = shot.output.overscan;
-  const double pixels = (shot.width + 2.0 * x) * (shot.height + 2.0 * y);
   const double raw =
-      pixels * raw_bytes_per_pixel(shot, options.deep) * views * static_cast<double>(frames);
+      static_cast<double>(raw_file_bytes(plan, options.deep)) * static_cast<double>(frames);
   // Lossless compression rarely gains more than a factor of four on pictures.
-  const double least = shot.output.compression == "none" ? raw : raw / 4;
+  const double least = plan.shot().output.compression == "none" ? raw : raw / 4;
   const double available = static_cast<double>(space.available);
   const std::string text =
       fmt::format("the disk has room for {} and the {} frames need {} to {}", size_text(available),
@@ -80,21 +62,24 @@ void check_existing(const SequenceName& name, std::span<const int> frames) {
                          "--existing overwrite");
 }
 
-void check_plates(const ShotPlan& plan, const SequenceName& name, std::span<const int> frames,
+void check_plates(const ShotPlan& plan, const SequenceName& name,
                   const std::filesystem::path& shot_file) {
-  std::set<std::filesystem::path> written;
+  const ShotDocument& shot = plan.shot();
   std::error_code ignored;
   const auto place_of = [&](const std::filesystem::path& path) {
     return std::filesystem::weakly_canonical(path, ignored);
   };
-  for (const int frame : frames) written.insert(place_of(name.path(frame)));
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.plate(i) == nullptr) continue;
-    for (const int frame : frames) {
+    std::set<std::filesystem::path> written;
+    for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) {
+      written.insert(place_of(name.path(frame)));
+    }
+    for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) {
       const std::filesystem::path file = plan.plate(i)->file(frame);
       if (!plan.is_visible(i, frame) || !written.contains(place_of(file))) continue;
       throw Error::bad_input(
-          fmt::format("frame {} shows {}, which this render writes", frame, file.string()),
+          fmt::format("frame {} shows {}, which rendering this shot writes", frame, file.string()),
           fmt::format("{}#/layers/{}/plate", shot_file.string(), i),
           "Render to another place with --output, or show other pictures");
     }
@@ -119,12 +104,16 @@ void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file
     const Method& method = method_named(plan.light_field(i)->reconstruction().method);
     if (method.measures_coverage) continue;
     throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
-                           shot_file.string(), "Leave --coverage out, or choose another method");
+                           fmt::format("{}#/layers/{}", shot_file.string(), i),
+                           "Leave out --coverage, and lf.cameras and lf.nearest of output.aovs, or "
+                           "choose another method");
   }
 }
 
-void check_deep(const ShotDocument& shot, const std::filesystem::path& shot_file) {
-  if (shot.layers.size() == 1 || shot.merge == ShotDocument::Merge::kDepth) return;
+void check_deep(const ShotPlan& plan, const std::filesystem::path& shot_file) {
+  std::size_t pictures = 0;  // layers around one volume are one
+  for (std::size_t i = plan.layers(); i > 0; i -= plan.layers_of_picture(i - 1)) ++pictures;
+  if (pictures == 1 || plan.shot().merge == ShotDocument::Merge::kDepth) return;
   throw Error::bad_input("deep files put layers together by depth, this shot in a stated order",
                          shot_file.string() + "#/merge",
                          "Write \"merge\": \"depth\", or leave --deep out");

@@ -15,15 +15,15 @@ namespace raystage {
 /// Makes the folder and writes into it once.
 void check_folder(const std::filesystem::path& folder);
 /// Says so where the disk might not do.
-void check_room(const std::filesystem::path& folder, const ShotDocument& shot, std::size_t frames,
+void check_room(const std::filesystem::path& folder, const ShotPlan& plan, std::size_t frames,
                 const SequenceOptions& options);
 void check_existing(const SequenceName& name, std::span<const int> frames);
-/// What a render shows it must not write.
-void check_plates(const ShotPlan& plan, const SequenceName& name, std::span<const int> frames,
+/// What a shot shows it must not write, not even in chunks.
+void check_plates(const ShotPlan& plan, const SequenceName& name,
                   const std::filesystem::path& shot_file);
 SequenceName checked_name(const SequenceOptions& options, std::size_t frames);
 void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file);
 /// Readers put deep samples together by depth, and so must we.
-void check_deep(const ShotDocument& shot, const std::filesystem::path& shot_file);
+void check_deep(const ShotPlan& plan, const std::filesystem::path& shot_file);
 
 }  // namespace raystage

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "compose/frame_range.h"
 #include "compose/layers/cryptomatte.h"
@@ -18,10 +19,10 @@ constexpr std::size_t kTextureBytes = std::size_t{256} << 20;
 
 ShotDocument shot_with(ShotDocument shot, const ShotPlanOptions& options) {
   if (!options.layout.empty()) shot.output.layout = options.layout;
-  for (const std::string& aov : options.aovs) {
-    auto& aovs = shot.output.aovs;
-    if (std::ranges::find(aovs, aov) == aovs.end()) aovs.push_back(aov);
-  }
+  auto& aovs = shot.output.aovs;
+  aovs.insert(aovs.end(), options.aovs.begin(), options.aovs.end());
+  std::ranges::sort(aovs);  // in whatever order they are named
+  aovs.erase(std::ranges::unique(aovs).begin(), aovs.end());
   return shot;
 }
 
@@ -255,10 +256,14 @@ std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFra
 }
 
 void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
+  std::set<std::filesystem::path> checked;  // a plate may be the same at every frame
   for (const PlannedFrame& frame : frames) {
     const CameraState state = camera_.state(frame.frame);
     for (std::size_t i = 0; i < layers(); ++i) {
-      if (plates_[i] && is_visible(i, frame.frame)) plates_[i]->check_file(frame.frame);
+      if (plates_[i] && is_visible(i, frame.frame) &&
+          checked.insert(plates_[i]->file(frame.frame)).second) {
+        plates_[i]->check_file(frame.frame);
+      }
       if (!light_fields_[i]) continue;
       light_fields_[i]->check_files(frame.frame, frame.shown[i]);
       if (!light_fields_[i]->focuses_as_camera() || state.focus_m) continue;

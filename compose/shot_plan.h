@@ -24,7 +24,7 @@
 namespace raystage {
 
 /// Changes whenever the same inputs give other pixels, so that `--existing skip` renders them anew.
-inline constexpr int kReconstructionVersion = 4;
+inline constexpr int kReconstructionVersion = 5;
 
 /// What a frame of the shot shows.
 struct PlannedFrame {

@@ -61,7 +61,7 @@ void add_camera(const ExrCamera& camera, Fingerprint& print) {
   print.number("cx", view.intrinsics.cx).number("cy", view.intrinsics.cy);
   print.number("film_back", camera.film_back_mm);
   for (const auto& value : {camera.focus_m, camera.f_number, camera.exposure_seconds}) {
-    print.number("lens", value.value_or(0));
+    print.number("lens", value.value_or(-1));
   }
 }
 
@@ -73,6 +73,7 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
   if (!colors_.config.empty()) {
     print.text("color space", colors_.space).text("color config", colors_.config);
     print.text("working space", shot_.output.color.working);
+    print.text("called rec709", shot_.output.color.rec709_space);
   }
   print.integer("frame", frame.frame);
   for (const LayerLight& light : layer_lights_) {

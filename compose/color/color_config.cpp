@@ -127,8 +127,8 @@ struct ColorConfig::State {
 
   /// The config's own name of a space.
   std::string known(const std::string& space) const {
+    if (space == kSceneSpace) return rec709;
     std::string name = own_name(*config, space.c_str());
-    if (name.empty() && space == kSceneSpace) return rec709;
     if (name.empty()) name = space_by_interop_id(*config, space);
     if (!name.empty()) return name;
     throw Error::bad_input("the colour config has no space \"" + space + "\"", description,

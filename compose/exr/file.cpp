@@ -44,9 +44,9 @@ int lines_per_chunk(Imf::Compression compression) {
   }
 }
 
-/// What a part's channels are written from: halves of colours, and floats without NaN.
+/// What a part's channels are written from: halves, and floats without NaN.
 struct PartPixels {
-  std::vector<half> colours;
+  std::vector<half> halves;
   std::vector<float> data;
   Imf::FrameBuffer frame_buffer;
 };
@@ -62,23 +62,23 @@ PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, const 
     return views[channel.view].layers[channel.layer];
   };
   PartPixels pixels;
-  std::size_t colours = 0, data = 0;
+  std::size_t halves = 0, data = 0;
   for (const ExrPlacedChannel& channel : part.channels) {
     const ExrLayer& layer = layer_of(channel);
-    (layer.is_colour ? colours : data) += layer.values.size() / layer.channels.size();
+    (layer.is_half() ? halves : data) += layer.values.size() / layer.channels.size();
   }
-  pixels.colours.resize(colours);
+  pixels.halves.resize(halves);
   pixels.data.resize(data);
-  half* colour = pixels.colours.data();
+  half* at_half = pixels.halves.data();
   float* number = pixels.data.data();
   for (const ExrPlacedChannel& channel : part.channels) {
     const ExrLayer& layer = layer_of(channel);
     const std::size_t stride = layer.channels.size(), count = layer.values.size() / stride;
     const float* from = layer.values.data() + channel.channel;
-    if (layer.is_colour) {
-      for (std::size_t i = 0; i < count; ++i) colour[i] = finite_half(from[i * stride]);
-      pixels.frame_buffer.insert(channel.name, slice(Imf::HALF, colour));
-      colour += count;
+    if (layer.is_half()) {
+      for (std::size_t i = 0; i < count; ++i) at_half[i] = finite_half(from[i * stride]);
+      pixels.frame_buffer.insert(channel.name, slice(Imf::HALF, at_half));
+      at_half += count;
     } else {
       for (std::size_t i = 0; i < count; ++i) {
         const float value = from[i * stride];
@@ -88,7 +88,7 @@ PartPixels pixels_of(const ExrPart& part, std::span<const ExrView> views, const 
       number += count;
     }
     // pLinear stays false: coverage is data, and must not be treated as light.
-    header.channels().insert(channel.name, Imf::Channel(layer.is_colour ? Imf::HALF : Imf::FLOAT));
+    header.channels().insert(channel.name, Imf::Channel(layer.is_half() ? Imf::HALF : Imf::FLOAT));
   }
   return pixels;
 }
@@ -182,6 +182,7 @@ ExrImage read_exr(const std::filesystem::path& file) {
   ExrPixels pixels = read_exr_channels(
       file, kChannels, "Give a flat EXR file with channels R, G and B, or render this frame again");
   ExrImage image{pixels.width, pixels.height, std::move(pixels.values)};
+  image.time_code = pixels.time_code;
   image.color_interop_id = pixels.color_interop_id;
   image.color_space = pixels.color_space;
   if (pixels.fps_numerator > 0) {

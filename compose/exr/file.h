@@ -34,6 +34,7 @@ struct ExrImage {
   int width = 0, height = 0;  ///< of the display window
   std::vector<float> rgba;    ///< premultiplied; where the data window ends, 0
   int fps_numerator = 24, fps_denominator = 1;
+  std::string time_code = {};  ///< "HH:MM:SS:FF"; empty where the file says none
   std::string color_interop_id = {}, color_space = {};  ///< see ExrPixels
 };
 

@@ -16,6 +16,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <cstdint>
 #include <utility>
 
 #include "schemas/error.h"
@@ -79,9 +80,13 @@ void add_string(Imf::Header& header, const char* name, const std::string& text) 
 
 /// Frame numbers counted from 00:00:00:00, as compositors do who have no other time code.
 Imf::TimeCode time_code(int frame, int fps_numerator, int fps_denominator) {
-  const int fps = std::clamp((fps_numerator + fps_denominator / 2) / fps_denominator, 1, 60);
-  const int seconds = frame / fps;
-  return {seconds / 3600 % 24, seconds / 60 % 60, seconds % 60, frame % fps};
+  const auto rounded =
+      static_cast<int>((std::int64_t{fps_numerator} + fps_denominator / 2) / fps_denominator);
+  const int fps = std::clamp(rounded, 1, 60);
+  // Before frame 0 it is the day before.
+  const int of_day = fps * 24 * 3600, counted = (frame % of_day + of_day) % of_day;
+  const int seconds = counted / fps;
+  return {seconds / 3600, seconds / 60 % 60, seconds % 60, counted % fps};
 }
 
 /// SMPTE ST 2065-1 (AP0), AMPAS S-2014-004 (AP1), ITU-R BT.709; none for spaces that we do not
@@ -192,6 +197,10 @@ Imf::Header exr_header(const ExrPart& part, const ExrCamera& camera, const ExrMe
   } else {
     add_string(header, "colorInteropID", part.is_colour ? metadata.color_interop_id : "data");
   }
+  const bool tells_places = std::ranges::any_of(part.channels, [](const ExrPlacedChannel& channel) {
+    return channel.name.starts_with("P.") || channel.name.starts_with("N.");
+  });
+  if (tells_places) add_string(header, "lf:geometrySpace", "world, metres");
   if (part.is_colour) {
     add_string(header, "lf:colorSpace", metadata.color_space);
     add_string(header, "lf:colorConfig", metadata.color_config);

@@ -23,9 +23,12 @@ ExrLayout exr_layout_named(std::string_view name);
 struct ExrLayer {
   std::string name;                   ///< "" for the picture itself, "depth", "lf" ...
   std::vector<std::string> channels;  ///< "R", "G", "B", "A"; "Z"; ...
-  bool is_colour = false;             ///< half, in the working space; else float, data
+  bool is_colour = false;             ///< half, in the file's space; else data
   std::span<const float> values;
-  float for_nan = 0;  ///< what stands where a value is no number
+  float for_nan = 0;          ///< what stands where a value is no number
+  bool is_half_data = false;  ///< data for which half will do; other data is float
+
+  bool is_half() const { return is_colour || is_half_data; }
 };
 
 /// A view of a frame.

@@ -31,7 +31,10 @@ class MemoryStream final : public Imf::OStream {
   std::uint64_t tellp() override { return at_; }
   void seekp(std::uint64_t position) override { at_ = position; }
 
-  std::vector<std::byte> take() { return std::move(bytes_); }
+  std::vector<std::byte> take() {
+    bytes_.shrink_to_fit();  // it waits for the disk
+    return std::move(bytes_);
+  }
   void reserve(std::size_t size) { bytes_.reserve(size); }
 
  private:

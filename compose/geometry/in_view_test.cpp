@@ -43,6 +43,21 @@ TEST(InView, LeavesOutNothingThatShows) {
   EXPECT_LT(in_vain, 100);
 }
 
+TEST(InView, MeshesThatNoRayComesNearAreNotBuilt) {
+  const MeshScene seen(testing::square(1, testing::material_of(Material::Kind::kDiffuse)), "s");
+  const MeshScene aside(testing::ball(1, testing::material_of(Material::Kind::kDiffuse), 8), "b");
+  GeometryScene scene;
+  scene.meshes = {testing::placed_at(seen, {0, 0, -3}), testing::placed_at(aside, {50, 0, -3})};
+  scene.lights.directional.push_back({{0, 0, 1}});
+  render_geometry(scene, 0, virtual_camera_with_fov(16, 12, 0.6, {}), 1);
+  EXPECT_TRUE(seen.is_prepared());
+  EXPECT_FALSE(aside.is_prepared());
+  // In the way of the light it is one of them.
+  scene.meshes[1] = testing::placed_at(aside, {0, 0, 5});
+  render_geometry(scene, 0, virtual_camera_with_fov(16, 12, 0.6, {}), 1);
+  EXPECT_TRUE(aside.is_prepared());
+}
+
 TEST(InView, KnowsStretchedMeshes) {
   const MeshScene square(testing::square(1, testing::material_of(Material::Kind::kDiffuse)), "s");
   PlacedMesh placed = testing::placed_at(square, {5, 0, -3});

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <new>
 
 #include "schemas/error.h"
 
@@ -53,9 +54,7 @@ void MeshScene::build() const {
   auto* corners = static_cast<std::uint32_t*>(
       rtcSetNewGeometryBuffer(geometry.get(), RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                               3 * sizeof(std::uint32_t), mesh_.corners.size()));
-  if (positions == nullptr || corners == nullptr) {
-    throw Error::failed("Embree has no memory for the mesh", name_, "Free some and try again");
-  }
+  if (positions == nullptr || corners == nullptr) throw std::bad_alloc();
   for (const Vector3d& p : mesh_.positions) {
     for (int axis = 0; axis < 3; ++axis) *positions++ = static_cast<float>(p(axis) - centre_(axis));
   }
@@ -64,10 +63,12 @@ void MeshScene::build() const {
   rtcAttachGeometry(scene_.get(), geometry.get());
   // Embree builds with TBB: while it waits, this thread must not take up other work.
   tbb::this_task_arena::isolate([&] { rtcCommitScene(scene_.get()); });
-  if (rtcGetDeviceError(device_.get()) != RTC_ERROR_NONE) {
-    throw Error::failed("Embree could not take in the mesh", name_,
-                        "Free some memory and try again");
+  const RTCError error = rtcGetDeviceError(device_.get());
+  if (error == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
+  if (error != RTC_ERROR_NONE) {
+    throw Error::failed("Embree could not take in the mesh", name_, "Look at the mesh's triangles");
   }
+  is_prepared_.store(true, std::memory_order_release);
 }
 
 bool MeshScene::fill(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
@@ -114,13 +115,13 @@ bool MeshScene::fill(const Eigen::Affine3d& object_from_world, std::span<const W
 
 void MeshScene::meet(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
                      double from_distance, std::span<SurfaceHit> hits, RayOrder order) const {
-  prepare();
   Packet packet;
   std::array<double, kPacket> to{};
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
     const std::size_t n = std::min(kPacket, rays.size() - begin);
     for (std::size_t i = 0; i < n; ++i) to[i] = hits[begin + i].distance;
     if (!fill(object_from_world, rays.subspan(begin, n), from_distance, to, packet)) continue;
+    prepare();
     RTCIntersectContext context = context_of(order);
     rtcIntersect16(packet.valid.data(), scene_.get(), &context, &packet.rays);
     for (std::size_t i = 0; i < n; ++i) {
@@ -137,7 +138,6 @@ void MeshScene::meet(const Eigen::Affine3d& object_from_world, std::span<const W
 void MeshScene::block(const Eigen::Affine3d& object_from_world, std::span<const WorldRay> rays,
                       double from_distance, double to_distance, std::span<std::uint8_t> blocked,
                       RayOrder order) const {
-  prepare();
   Packet packet;
   std::array<double, kPacket> to{};
   for (std::size_t begin = 0; begin < rays.size(); begin += kPacket) {
@@ -145,6 +145,7 @@ void MeshScene::block(const Eigen::Affine3d& object_from_world, std::span<const 
     // Nothing is asked of rays that are blocked already.
     for (std::size_t i = 0; i < n; ++i) to[i] = blocked[begin + i] != 0 ? 0 : to_distance;
     if (!fill(object_from_world, rays.subspan(begin, n), from_distance, to, packet)) continue;
+    prepare();
     RTCIntersectContext context = context_of(order);
     rtcOccluded16(packet.valid.data(), scene_.get(), &context, &packet.rays.ray);
     for (std::size_t i = 0; i < n; ++i) {

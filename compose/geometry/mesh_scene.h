@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <limits>
@@ -40,9 +41,10 @@ class MeshScene {
   MeshScene(Mesh mesh, std::string name);
 
   /// Builds Embree's tree, unless that is done: rays that come first do it, too, but make others
-  /// wait. A mesh that no ray ever asks for needs none. Throws Error (failed) where memory is
-  /// short.
+  /// wait. A mesh that no ray comes near needs none. Throws Error (failed) where Embree fails,
+  /// std::bad_alloc where memory is short.
   void prepare() const;
+  bool is_prepared() const { return is_prepared_.load(std::memory_order_acquire); }
 
   const Mesh& mesh() const { return mesh_; }
 
@@ -95,6 +97,7 @@ class MeshScene {
   Mesh mesh_;
   std::string name_;
   mutable std::once_flag prepared_;
+  mutable std::atomic<bool> is_prepared_ = false;
   mutable Owned<RTCDevice> device_;
   mutable Owned<RTCScene> scene_;
   Eigen::Vector3d centre_;  ///< Embree's coordinates are float, from here on

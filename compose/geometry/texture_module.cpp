@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <OpenImageIO/imagecache.h>
+#include <OpenImageIO/imageio.h>
 #include <OpenImageIO/texture.h>
 
 #include <algorithm>
 #include <cmath>
 #include <deque>
 #include <memory>
+#include <mutex>
 #include <numbers>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "compose/geometry/texture_lookup.h"
 #include "schemas/error.h"
@@ -17,9 +23,61 @@ namespace {
 using Wrap = OIIO::TextureOpt::Wrap;
 
 struct Texture {
-  OIIO::ustring name;
+  std::filesystem::path file;
   OIIO::TextureSystem::TextureHandle* handle = nullptr;
-  bool is_srgb = false;
+};
+
+/// Hands out the light of a file of sRGB codes, row by row, so that what is blurred and
+/// interpolated is light. Its name is the file's and kMarker.
+class LightOfCodes final : public OIIO::ImageInput {
+ public:
+  static constexpr std::string_view kMarker = ".codes";
+  static OIIO::ImageInput* create() { return new LightOfCodes; }
+
+  const char* format_name() const override { return "light of codes"; }
+  bool open(const std::string& name, OIIO::ImageSpec& spec) override {
+    codes_ = OIIO::ImageInput::open(name.substr(0, name.size() - kMarker.size()));
+    if (!codes_) return false;
+    m_spec = codes_->spec();
+    is_tiled_ = m_spec.tile_width > 0;
+    m_spec.set_format(OIIO::TypeDesc::FLOAT);
+    m_spec.tile_width = m_spec.tile_height = m_spec.tile_depth = 0;
+    spec = m_spec;
+    return true;
+  }
+  bool close() override { return !codes_ || codes_->close(); }
+  int current_subimage() const override { return 0; }
+  int current_miplevel() const override { return 0; }
+  bool seek_subimage(int subimage, int miplevel) override { return subimage == 0 && miplevel == 0; }
+  bool read_native_scanline(int subimage, int miplevel, int y, int z, void* data) override {
+    if (!seek_subimage(subimage, miplevel)) return false;
+    const std::lock_guard<ImageInput> lock(*this);
+    auto* light = static_cast<float*>(data);
+    const auto channels = static_cast<std::size_t>(m_spec.nchannels);
+    const std::size_t row = static_cast<std::size_t>(m_spec.width) * channels;
+    if (!is_tiled_) {
+      if (!codes_->read_scanline(y, z, OIIO::TypeDesc::FLOAT, light)) return false;
+    } else {
+      // Of tiles there are no rows: all of them at once.
+      if (all_.empty()) {
+        all_.resize(row * static_cast<std::size_t>(m_spec.height));
+        if (!codes_->read_image(0, 0, 0, m_spec.nchannels, OIIO::TypeDesc::FLOAT, all_.data()))
+          return false;
+      }
+      const auto first = static_cast<std::ptrdiff_t>(row) * (y - m_spec.y);
+      std::copy_n(all_.begin() + first, row, light);
+    }
+    for (std::size_t i = 0; i < row; ++i) {
+      if (static_cast<int>(i % channels) == m_spec.alpha_channel) continue;
+      light[i] = static_cast<float>(linear_from_srgb(double{light[i]}));
+    }
+    return true;
+  }
+
+ private:
+  std::unique_ptr<OIIO::ImageInput> codes_;
+  bool is_tiled_ = false;
+  std::vector<float> all_;  // of a tiled file
 };
 
 class OiioTextureLookup : public TextureLookup {
@@ -35,10 +93,10 @@ class OiioTextureLookup : public TextureLookup {
   }
 
   Handle open(const std::filesystem::path& file) override {
-    const OIIO::ustring name(file.string());
     for (const Texture& texture : opened_) {
-      if (texture.name == name) return &texture;
+      if (texture.file == file) return &texture;
     }
+    OIIO::ustring name(file.string());
     OIIO::ImageSpec spec;
     if (!system_->get_imagespec(name, 0, spec)) {
       throw Error::bad_input("the texture cannot be read: " + system_->geterror(), file.string(),
@@ -46,7 +104,11 @@ class OiioTextureLookup : public TextureLookup {
     }
     const bool is_integer =
         spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16;
-    opened_.push_back({name, system_->get_texture_handle(name), is_integer});
+    if (is_integer) {
+      name = OIIO::ustring(file.string() + std::string(LightOfCodes::kMarker));
+      system_->imagecache()->add_file(name, LightOfCodes::create, nullptr);
+    }
+    opened_.push_back({file, system_->get_texture_handle(name)});
     return &opened_.back();
   }
 
@@ -81,10 +143,7 @@ class OiioTextureLookup : public TextureLookup {
     float rgb[3] = {};
     // Rows of a picture run downwards.
     system_->texture(texture.handle, nullptr, options, u, 1 - v, du, 0, 0, dv, 3, rgb);
-    Eigen::Vector3f color(rgb[0], rgb[1], rgb[2]);
-    if (!texture.is_srgb) return color;
-    for (float& c : color) c = static_cast<float>(linear_from_srgb(double{c}));
-    return color;
+    return {rgb[0], rgb[1], rgb[2]};
   }
 
   std::unique_ptr<OIIO::TextureSystem, Release> system_;

@@ -76,6 +76,18 @@ TEST_F(TextureFiles, FloatsAreLinearAndWidePlacesAreBlurred) {
   EXPECT_NEAR(textures_.color(texture, 0.3F, 0.3F, 0.1F).z(), 0.25, 1e-4);
 }
 
+TEST_F(TextureFiles, WhatIsBlurredIsLightNotCodes) {
+  const auto texture = textures_.open(write_ppm(256, 256, [](int x, int y) -> Code {
+    const auto code = static_cast<unsigned char>((x + y) % 2 == 0 ? 255 : 0);
+    return {code, 128, code};
+  }));
+  const auto blurred = textures_.color(texture, 0.3F, 0.3F, 0.1F);
+  EXPECT_NEAR(blurred.x(), 0.5, 0.01);
+  EXPECT_NEAR(blurred.y(), linear_from_srgb(128 / 255.0), 1e-3);
+  // Half-way between two texels, too.
+  EXPECT_NEAR(textures_.color(texture, 1.0F / 256, 1 - 0.5F / 256, 0).x(), 0.5, 0.01);
+}
+
 TEST_F(TextureFiles, AroundIsLatitudeByLongitude) {
   const auto texture = textures_.open(write_exr(
       256, 128, [](int x, int y) { return Imf::Rgba((x + 0.5F) / 256, (y + 0.5F) / 128, 1); }));

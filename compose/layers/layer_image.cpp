@@ -46,7 +46,10 @@ ExrView exr_view(const LayerImage& image, const std::string& name) {
   view.layers.push_back({"", {"R", "G", "B", "A"}, true, image.rgba, 0});
   view.layers.push_back({"depth", {"Z"}, false, image.z, kNowhere});
   for (const Aov& aov : image.aovs) {
-    view.layers.push_back({aov.layer, aov.channels, aov.is_colour, aov.values, aov.nothing});
+    // Unit vectors: a half's 11 bits are a thirtieth of a degree.
+    const bool is_normal = aov.layer == "N";
+    view.layers.push_back(
+        {aov.layer, aov.channels, aov.is_colour, aov.values, aov.nothing, is_normal});
   }
   return view;
 }

@@ -250,7 +250,10 @@ std::string LightFieldLayer::common_fingerprint() const {
     if (const double* number = std::get_if<double>(&value)) print.number("value", *number);
     if (const std::string* text = std::get_if<std::string>(&value)) print.text("value", *text);
   }
-  for (const double value : reconstruction_.focal_plane) print.number("plane", value);
+  // Of a focus pull each frame tells its own.
+  for (const double value : reconstruction_.focal_plane) {
+    if (!focus_) print.number("plane", value);
+  }
   print.integer("focuses as camera", focuses_as_camera() ? 1 : 0);
   print.text("fill", reconstruction_.fill == HoleFill::kPushPull ? "push_pull" : "none");
   print.text("take", read_file(take_.folder() / "take.json"));

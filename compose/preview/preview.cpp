@@ -83,11 +83,11 @@ std::optional<SequenceName> picture_names(const PreviewOptions& options, std::si
     throw Error::bad_input(fmt::format("{} pictures would all get the same name", frames),
                            options.pictures, "Write NAME.####.png");
   }
-  create_folder(name.folder());
   return name;
 }
 
 std::string burnt_text(int frame, const ExrImage& image) {
+  if (!image.time_code.empty()) return fmt::format("{}  {}", frame, image.time_code);
   return fmt::format("{}  {}", frame,
                      time_code_text(frame, image.fps_numerator, image.fps_denominator));
 }
@@ -156,7 +156,10 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
       RgbImage shown = display(image, options.display);
       if (options.burn_in) burn_in(burnt_text(frame, image), shown);
       if (want_movie) movie->append(shown);
-      if (pictures) write_image(shown, pictures->path(frame));
+      if (pictures) {
+        if (report.frames == 0) create_folder(pictures->folder());
+        write_image(shown, pictures->path(frame));
+      }
     }
     if (sheet) {
       const int width = std::min(options.thumbnail_width, image.width);

@@ -197,8 +197,9 @@ TEST_F(Preview, PicturesMayCarryTheirFrameNumbers) {
   EXPECT_EQ(light(7), 0);
   options_.burn_in = true;
   make_preview(options_, {});
-  // "7  00:00:00:07": seven dots of the 7, twelve of each 0, two of a colon.
-  EXPECT_EQ(light(7), 3 * (2 * 7 + 7 * 12 + 3 * 2));
+  // "7  00:00:00:00", as the files' own time code says: seven dots of the 7, twelve of each 0, two
+  // of a colon.
+  EXPECT_EQ(light(7), 3 * (7 + 8 * 12 + 3 * 2));
   EXPECT_GT(light(8), light(7));
   options_.pictures = (folder_.path() / "one.png").string();
   EXPECT_THAT(refusal(), HasSubstr("the same name"));

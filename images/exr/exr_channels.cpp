@@ -8,6 +8,7 @@
 #include <OpenEXR/ImfPartType.h>
 #include <OpenEXR/ImfStandardAttributes.h>
 #include <OpenEXR/ImfStringAttribute.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <array>
@@ -59,6 +60,14 @@ const char* lacking(const Imf::Header& header, std::span<const ExrChannel> chann
 std::string text_of(const Imf::Header& header, const char* attribute) {
   const auto* text = header.findTypedAttribute<Imf::StringAttribute>(attribute);
   return text == nullptr ? std::string() : text->value();
+}
+
+/// "HH:MM:SS:FF"; empty where the header has none.
+std::string time_code_of(const Imf::Header& header) {
+  if (!Imf::hasTimeCode(header)) return {};
+  const Imf::TimeCode time = Imf::timeCode(header);
+  return fmt::format("{:02}:{:02}:{:02}:{:02}", time.hours(), time.minutes(), time.seconds(),
+                     time.frame());
 }
 
 bool has_one(const Imf::Header& header, std::span<const ExrChannel> channels) {
@@ -116,6 +125,7 @@ ExrPixels read_open_file(Imf::MultiPartInputFile& file_parts, const std::filesys
       pixels.fps_denominator = static_cast<int>(fps.d);
     }
   }
+  pixels.time_code = time_code_of(header);
   pixels.color_interop_id = text_of(header, "colorInteropID");
   pixels.color_space = text_of(header, "lf:colorSpace");
   return pixels;
@@ -149,9 +159,12 @@ ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const E
   });
 }
 
-std::array<int, 2> read_exr_size(const std::filesystem::path& file, const std::string& what_to_do) {
+std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
+                                      std::span<const ExrChannel> channels,
+                                      const std::string& what_to_do) {
   return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
-    const Imath::Box2i display = input.header(0).displayWindow();
+    const Imf::Header& header = input.header(part_with(input, file, channels, what_to_do));
+    const Imath::Box2i display = header.displayWindow();
     return std::array{display.max.x - display.min.x + 1, display.max.y - display.min.y + 1};
   });
 }

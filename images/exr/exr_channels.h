@@ -22,6 +22,7 @@ struct ExrPixels {
   std::vector<float> values;  ///< of the channels in turn, pixel by pixel, row by row
   /// Of the header, where it says a rate above 0.
   int fps_numerator = 0, fps_denominator = 0;
+  std::string time_code;  ///< of the header, "HH:MM:SS:FF"; empty where it has none
   /// Its attributes `colorInteropID` (ASWF ColorInterop) and `lf:colorSpace`, a config's name;
   /// empty where it has none.
   std::string color_interop_id, color_space;
@@ -34,7 +35,10 @@ struct ExrPixels {
 ExrPixels read_exr_channels(const std::filesystem::path& file, std::span<const ExrChannel> channels,
                             const std::string& what_to_do);
 
-/// Width and height of the display window; reads the header alone. Throws Error likewise.
-std::array<int, 2> read_exr_size(const std::filesystem::path& file, const std::string& what_to_do);
+/// Whether read_exr_channels() finds what it must: reads the headers alone. Returns the display
+/// window's width and height. Throws Error likewise.
+std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
+                                      std::span<const ExrChannel> channels,
+                                      const std::string& what_to_do);
 
 }  // namespace raystage

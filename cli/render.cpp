@@ -173,8 +173,8 @@ ExitCode render(const Options& options, std::stop_token stop) {
   tbb::task_arena arena(threads);
   const SequenceReport report =
       arena.execute([&] { return render_sequence(options.shot, sequence, stop); });
-  progress.say(report.summary());
   if (report.rendered > 0) progress.say(report.stages());
+  progress.say(report.summary());
   return report.exit_code();
 }
 

@@ -238,6 +238,7 @@ PaintedView FramePainter::paint(const PlannedFrame& frame, const ExrCamera& came
                                 const std::stop_token& stop, DeepImage* deep) const {
   const Stopwatch total;
   PaintTimes times;
+  std::vector<double> unseen(plan_.layers(), 0.0);
   std::vector<LayerImage> front_first;
   std::vector<bool> is_holdout;
   RenderStatistics statistics;
@@ -262,6 +263,7 @@ PaintedView FramePainter::paint(const PlannedFrame& frame, const ExrCamera& came
       make_one_object(image, ids_of(i).front());
     }
     add_up(image.statistics, statistics);
+    unseen[i] = unseen_of(i, image);
     if (!is_volume) {
       tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
     }
@@ -292,7 +294,18 @@ PaintedView FramePainter::paint(const PlannedFrame& frame, const ExrCamera& came
   turn_into_file_colors(result, deep);
   complete(result);
   times.merge_ms = total.ms() - times.light_fields_ms - times.geometry_ms;
-  return {std::move(result), times};
+  return {std::move(result), times, std::move(unseen)};
+}
+
+double FramePainter::unseen_of(std::size_t layer, const LayerImage& image) const {
+  const LightFieldLayer* light_field = plan_.light_field(layer);
+  if (light_field == nullptr || light_field->matte() || image.pixels() == 0 ||
+      light_field->reconstruction().method == "visual_hull") {
+    return 0;
+  }
+  std::size_t empty = 0;
+  for (std::size_t i = 3; i < image.rgba.size(); i += 4) empty += image.rgba[i] > 0 ? 0 : 1;
+  return static_cast<double>(empty) / static_cast<double>(image.pixels());
 }
 
 void FramePainter::turn_into_working_colors(LayerImage& image) const {

@@ -22,6 +22,9 @@ struct PaintTimes {
 struct PaintedView {
   LayerImage picture;
   PaintTimes times;
+  /// Of each layer: the part of the view that none of its light field's cameras saw; 0 where that
+  /// is meant so (mattes, hulls).
+  std::vector<double> unseen = {};
 };
 
 /// Paints the views of a shot's frames: every layer, cut and faded as the shot says, merged. Many
@@ -72,6 +75,7 @@ class FramePainter {
   std::vector<float> ids_of(std::size_t layer) const;
   /// Of the picture, its colour AOVs and samples.
   void turn_into_file_colors(LayerImage& image, DeepImage* deep) const;
+  double unseen_of(std::size_t layer, const LayerImage& image) const;
   /// Adds what other frames have and this one does not.
   void complete(LayerImage& image) const;
 

@@ -228,6 +228,9 @@ TEST_F(GeometrySequence, SaysWhatIsWrongBeforeAnythingIsRendered) {
 
 TEST_F(GeometrySequence, IsCountedInMemory) {
   options_.memory_bytes = std::size_t{200} << 20;  // less than what textures may take
+  EXPECT_EQ(run().rendered, 1);
+  std::ofstream(folder_.path() / "red.ppm") << "P3 1 1 255 255 0 0";
+  shot_.layers[1].geometry->material->texture = "red.ppm";
   EXPECT_THAT(refusal(), HasSubstr("of memory"));
   options_.memory_bytes = std::size_t{600} << 20;
   EXPECT_EQ(run().rendered, 1);

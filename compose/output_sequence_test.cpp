@@ -208,6 +208,31 @@ TEST_F(OutputSequence, FrameFilesKnowNothingOfOtherFramesMeshes) {
   EXPECT_EQ(report.rendered, 1);
 }
 
+TEST_F(OutputSequence, TellsWhatAViewDoesNotSeeAndAFocusDoesNotDo) {
+  using ::testing::Contains;
+  using ::testing::HasSubstr;
+  using ::testing::Not;
+  shot_.layers.resize(1);
+  options_.frames = {101, 102};
+  run();
+  EXPECT_THAT(said_, Not(Contains(HasSubstr("seen by no camera"))));
+  shot_.camera.keys.resize(1);
+  shot_.camera.keys[0].position = {{0.15, -0.03, 0}};  // on the array's edge
+  run();
+  EXPECT_THAT(said_, Contains(HasSubstr("of the view is seen by no camera, in frames 101-102")));
+
+  shot_.layers[0].focal_plane = {.kind = ShotDocument::FocalPlane::Kind::kKeys,
+                                 .keys = {{101, 2}, {105, 4}}};
+  shot_.layers[0].method = "plane_sweep";
+  run();
+  EXPECT_THAT(said_, Contains(HasSubstr("pays no heed to the focal plane")));
+  shot_.layers[0].method = "focal_plane";
+  shot_.merge = ShotDocument::Merge::kDepth;
+  shot_.layers.push_back(shot_.layers[0]);
+  run();
+  EXPECT_THAT(said_, Contains(HasSubstr("layer 1: all of the light field stands at its focal")));
+}
+
 TEST_F(OutputSequence, ALayersFocusIsPulledByItsKeys) {
   using Kind = ShotDocument::FocalPlane::Kind;
   shot_.layers[0].focal_plane = {.kind = Kind::kKeys, .keys = {{101, 2}, {105, 4}}};

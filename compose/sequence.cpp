@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <map>
 #include <mutex>
 #include <new>
 #include <set>
@@ -19,9 +20,9 @@
 #include "compose/memory_plan.h"
 #include "compose/sequence_checks.h"
 #include "compose/sequence_name.h"
+#include "compose/sequence_warnings.h"
 #include "schemas/parallel.h"
 #include "schemas/resources.h"
-#include "schemas/rig_document.h"
 
 namespace raystage {
 namespace {
@@ -62,32 +63,6 @@ std::string methods_text(const ShotPlan& plan) {
   return fmt::format("{}", fmt::join(names, " and "));
 }
 
-void say_what_is_missing(const ShotPlan& plan, std::span<const PlannedFrame> frames,
-                         const SequenceOptions& options) {
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    const LightFieldLayer* light_field = plan.light_field(i);
-    if (light_field == nullptr) continue;
-    const std::string of_layer = plan.layers() == 1 ? "" : fmt::format("layer {}: ", i);
-    if (!is_calibrated(read_rig(light_field->take().folder() / "rig.json"))) {
-      options.say("warning: " + of_layer +
-                  "the rig is not calibrated: places and lenses of the cameras are guessed, and "
-                  "the frames are as wrong as that");
-    }
-    const auto held = std::ranges::count_if(
-        frames, [&](const PlannedFrame& frame) { return frame.shown[i].held; });
-    const auto black = std::ranges::count_if(frames, [&](const PlannedFrame& frame) {
-      return plan.is_visible(i, frame.frame) && !frame.shown[i].tick;
-    });
-    if (held > 0) {
-      options.say(fmt::format("{}{} frames hold another instant of the take", of_layer, held));
-    }
-    if (black > 0) {
-      options.say(
-          fmt::format("{}{} frames are empty: the take has nothing there", of_layer, black));
-    }
-  }
-}
-
 /// One run over the frames; its members are what the frames in flight share.
 class SequenceRun {
  public:
@@ -112,6 +87,7 @@ class SequenceRun {
         });
     writer_.finish();
     if (out_of_memory_) throw std::bad_alloc();
+    say_what_was_unseen();
     report_.seconds = ms_since(start) / 1e3;
     report_.in_flight = in_flight;
     report_.asked = static_cast<int>(frames_.size());
@@ -127,6 +103,7 @@ class SequenceRun {
  private:
   // Reading, sampling and writing in tenths of a frame, so that a heavy frame shows progress.
   static constexpr int kPartsOfFrame = 10, kPartsOfRender = 8;
+  static constexpr double kTellUnseen = 0.02;  // of a view
 
   /// The frames in flight keep the processors busy; the disk works for the one that comes next. To
   /// know whether a file that is there will be kept takes reading it all; most are.
@@ -223,6 +200,12 @@ class SequenceRun {
     StageTimes& ms = report_.milliseconds;
     ms.encode += encode_ms;
     for (const PaintedView& view : painted) {
+      for (std::size_t i = 0; i < view.unseen.size(); ++i) {
+        if (view.unseen[i] < kTellUnseen) continue;
+        auto& [frames, most] = unseen_[i];
+        frames.insert(metadata.frame);
+        most = std::max(most, view.unseen[i]);
+      }
       report_.pixels_decoded += view.picture.statistics.pixels_decoded;
       ms.light_fields += view.times.light_fields_ms;
       ms.geometry += view.times.geometry_ms;
@@ -271,6 +254,16 @@ class SequenceRun {
     return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   }
 
+  /// A view may leave the array without anybody's noticing: what is transparent looks black.
+  void say_what_was_unseen() const {
+    for (const auto& [layer, unseen] : unseen_) {
+      options_.say(fmt::format(
+          "{}up to {:.0f} % of the view is seen by no camera, in frames {}",
+          layer_text(plan_, layer), 100 * unseen.second,
+          format_frame_range(std::vector<int>(unseen.first.begin(), unseen.first.end()))));
+    }
+  }
+
   static void add_new(const std::vector<std::string>& from, std::vector<std::string>& to) {
     for (const std::string& note : from) {
       if (std::ranges::find(to, note) == to.end()) to.push_back(note);
@@ -294,7 +287,9 @@ class SequenceRun {
   std::atomic<bool> out_of_memory_ = false;  ///< on the writer's thread
   std::mutex mutex_;                         ///< of what follows
   SequenceReport report_;
-  std::set<std::string> notes_;       ///< said already
+  std::set<std::string> notes_;  ///< said already
+  /// Of layers: in which frames, and how much at most.
+  std::map<std::size_t, std::pair<std::set<int>, double>> unseen_;
   FileWriter writer_{kFilesWaiting};  ///< last: it is done before the others go
 };
 

@@ -123,6 +123,13 @@ void ShotPlan::find_layer_lights() {
     const auto layer =
         std::ranges::find(shot_.layers, light.light_field, &ShotDocument::Layer::name);
     const bool is_there = layer != shot_.layers.end();
+    if (asked.layers.empty() &&
+        std::ranges::count(shot_.layers, light.light_field, &ShotDocument::Layer::name) > 1) {
+      throw Error::bad_input(
+          fmt::format("the light is to be the layer \"{}\", and several are called so",
+                      light.light_field),
+          fmt::format("{}#/lights/{}", shot_file_.string(), i), "Give them different names");
+    }
     if (asked.layers.empty() && is_there && layer->is_light_field()) {
       asked.layers = {static_cast<std::size_t>(layer - shot_.layers.begin())};
     }
@@ -171,7 +178,7 @@ GeometryScene ShotPlan::geometry_at(int frame, std::vector<int>& mesh_of_layer) 
 }
 
 std::size_t ShotPlan::geometry_bytes() const {
-  std::size_t bytes = textures_ ? kTextureBytes : 0;
+  std::size_t bytes = textures_ && textures_->is_used() ? kTextureBytes : 0;
   for (const auto& geometry : geometries_) bytes += geometry ? geometry->bytes() : 0;
   return bytes;
 }

@@ -94,6 +94,9 @@ TEST(ShotOutputDocument, ReadsAovsWorkingSpaceAndFocusKeys) {
   shot["layers"][0]["focal_plane"]["keys"] = json::array();
   EXPECT_NE(refusal(shot), "none");
   shot["layers"][0].erase("focal_plane");
+  shot["layers"][0]["clips"] = {{{"screen", {{"left", 0.7}, {"right", 0.3}}}}};
+  EXPECT_THAT(refusal(shot), HasSubstr("has no inside"));
+  shot["layers"][0].erase("clips");
   shot["output"]["aovs"] = {"velocity"};
   EXPECT_THAT(refusal(shot), HasSubstr("#/output/aovs/0"));
   shot["output"] = {{"color", {{"working", "srgb_texture"}}}};

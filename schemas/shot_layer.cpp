@@ -134,6 +134,10 @@ ShotDocument::Clip clip_from(const Located& object) {
     clip.screen.right = screen.get("right", clip.screen.right);
     clip.screen.top = screen.get("top", clip.screen.top);
     clip.screen.bottom = screen.get("bottom", clip.screen.bottom);
+    if (clip.screen.left > clip.screen.right || clip.screen.top > clip.screen.bottom) {
+      throw screen.refuse("found a part of the picture that has no inside",
+                          "Give left below right and top below bottom");
+    }
   }
   return clip;
 }

@@ -44,7 +44,10 @@ void MeshScene::prepare() const {
 
 void MeshScene::build() const {
   device_.reset(rtcNewDevice(nullptr));
-  if (!device_) throw Error::failed("Embree does not start", name_, "Check the processor");
+  if (!device_) {
+    if (rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
+    throw Error::failed("Embree does not start", name_, "Check the processor");
+  }
   scene_.reset(rtcNewScene(device_.get()));
   rtcSetSceneFlags(scene_.get(), RTC_SCENE_FLAG_ROBUST);
   const Owned<RTCGeometry> geometry(rtcNewGeometry(device_.get(), RTC_GEOMETRY_TYPE_TRIANGLE));

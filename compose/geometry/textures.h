@@ -23,6 +23,8 @@ class Textures {
                     const Eigen::Matrix3f& working_from_rec709 = Eigen::Matrix3f::Identity())
       : cache_bytes_(cache_bytes), working_from_rec709_(working_from_rec709) {}
 
+  /// Whether any is open.
+  bool is_used() const { return lookup_ != nullptr; }
   const Eigen::Matrix3f& working_from_rec709() const { return working_from_rec709_; }
 
   /// Throws Error (bad input) where the file is missing or no picture, Error (failed) where the

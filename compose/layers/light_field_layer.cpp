@@ -30,6 +30,12 @@ std::optional<DepthRange> scene_of(const Reconstruction& reconstruction, const T
 Reconstruction reconstruction_of(const ShotDocument::Layer& layer, const Take& take,
                                  const std::string& where, std::optional<HoleFill> fill,
                                  const OptionValues& target) {
+  if (std::ranges::find(methods(), layer.method, &Method::name) == methods().end()) {
+    std::string names;
+    for (const Method& method : methods()) names += " " + std::string(method.name);
+    throw Error::bad_input("there is no reconstruction method \"" + layer.method + "\"",
+                           where + "/method", "Use one of" + names);
+  }
   const Method& of_layer = method_named(layer.method);
   const MethodOptions options(of_layer.options, layer.options, where + "/options");
   if (of_layer.check != nullptr) of_layer.check(options, take);

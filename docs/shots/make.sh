@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Makes two takes of the simulated stage, one of an actor before a blue screen and four around a volume in the stage's room, and renders
 # every shot of this folder from them.
-# Usage: docs/shots/make.sh [OUTPUT_FOLDER] [SIMULATE_OPTION...]      (default: shots-output)
+# Usage: docs/shots/make.sh [OUTPUT_FOLDER] [--width PIXELS --height PIXELS]      (default: shots-output, 320 x 240)
 #   `raystage` must be on the PATH, e.g. PATH=$PWD/build/release/bin:$PATH after ./demo.sh. Takes that
 #   are there already are used again.
 set -euo pipefail

@@ -22,7 +22,7 @@ ShotDocument shot_with(ShotDocument shot, const ShotPlanOptions& options) {
   auto& aovs = shot.output.aovs;
   aovs.insert(aovs.end(), options.aovs.begin(), options.aovs.end());
   std::ranges::sort(aovs);  // in whatever order they are named
-  aovs.erase(std::ranges::unique(aovs).begin(), aovs.end());
+  aovs.erase(std::unique(aovs.begin(), aovs.end()), aovs.end());
   return shot;
 }
 

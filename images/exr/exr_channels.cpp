@@ -164,7 +164,7 @@ std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
                                       const std::string& what_to_do) {
   return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
     const Imf::Header& header = input.header(part_with(input, file, channels, what_to_do));
-    const Imath::Box2i display = header.displayWindow();
+    const Imath::Box2i& display = header.displayWindow();
     return std::array{display.max.x - display.min.x + 1, display.max.y - display.min.y + 1};
   });
 }

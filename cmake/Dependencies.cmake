@@ -22,6 +22,7 @@ set_target_properties(OpenImageIO::OpenImageIO PROPERTIES INTERFACE_INCLUDE_DIRE
 pkg_check_modules(OCIO REQUIRED IMPORTED_TARGET OpenColorIO)            # PkgConfig::OCIO
 find_package(assimp 5.2 CONFIG REQUIRED)           # assimp::assimp
 find_package(embree 3 CONFIG REQUIRED)             # embree
+find_package(Ceres 2.1 CONFIG REQUIRED)            # Ceres::ceres
 pkg_check_modules(TURBOJPEG REQUIRED IMPORTED_TARGET libturbojpeg libjpeg) # PkgConfig::TURBOJPEG
 pkg_check_modules(PNG REQUIRED IMPORTED_TARGET libpng)                      # PkgConfig::PNG
 pkg_check_modules(ZSTD REQUIRED IMPORTED_TARGET libzstd)                   # PkgConfig::ZSTD

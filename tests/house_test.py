@@ -18,6 +18,7 @@ HOUSE = ["tests", "cli", "farm", "replay", "compose", "render", "ingest", "image
          "charts", "schemas"]
 # Folders in folders: their own little house, bottom last.
 ROOMS = {
+    "rig/calibration": ["rig"],
     "store/fixity": ["store", "store/jpeg"],
     "store/frames": ["store", "store/jpeg"],
     "store/jpeg": [],

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <span>
+
+#include "rig/calibration/array_model.h"
+
+namespace raystage {
+
+/// A rotation, a scale and a shift: to = scale * rotation * from + shift.
+struct Similarity {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  double scale = 1;
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+
+  Eigen::Vector3d operator()(const Eigen::Vector3d& from) const {
+    return scale * (rotation * from) + shift;
+  }
+  Pose operator()(const Pose& from) const {
+    return {rotation * from.world_from_camera_rotation, (*this)(from.position)};
+  }
+};
+
+/// The similarity that brings poses nearest to others: by their centres (least squares, Umeyama
+/// 1991); where these lie on a line, which says nothing of the turn about it, by their directions,
+/// too. As many of both, two at least.
+Similarity similarity_between(std::span<const Pose> from, std::span<const Pose> to);
+
+/// All that is found, in another world.
+void apply(const Similarity& similarity, ArrayModel& model);
+
+}  // namespace raystage

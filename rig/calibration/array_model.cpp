@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig/calibration/array_model.h"
+
+#include <cmath>
+#include <limits>
+#include <map>
+
+namespace raystage {
+
+ArrayModel model_of(const Detections& detections, double horizontal_fov) {
+  ArrayModel model;
+  for (const auto& camera : detections.cameras) {
+    const double focal = camera.width / 2.0 / std::tan(horizontal_fov / 2);
+    model.cameras.push_back({camera.id,
+                             camera.width,
+                             camera.height,
+                             {focal, focal, camera.width / 2.0, camera.height / 2.0, {}},
+                             std::nullopt});
+  }
+  std::map<int, int> point_of_frame;
+  for (const Detections::Detection& d : detections.detections) {
+    const auto [place, is_new] =
+        point_of_frame.emplace(d.point, static_cast<int>(model.points.size()));
+    if (is_new) {
+      model.points.emplace_back();
+      model.frame_of_point.push_back(d.point);
+    }
+    model.observations.push_back({d.camera, place->second, d.pixel});
+  }
+  return model;
+}
+
+std::vector<CameraModel> lenses_of(const ArrayModel& model) {
+  std::vector<CameraModel> lenses;
+  for (const ArrayModel::Camera& camera : model.cameras) {
+    lenses.emplace_back(
+        CameraGeometry{camera.id, camera.width, camera.height, camera.intrinsics, {}, {}, {}});
+  }
+  return lenses;
+}
+
+std::optional<Eigen::Vector2d> residual_of(const ArrayModel& model,
+                                           const std::vector<CameraModel>& lenses,
+                                           const ArrayModel::Observation& observation) {
+  const auto camera = static_cast<std::size_t>(observation.camera);
+  const auto& pose = model.cameras[camera].pose;
+  const auto& point = model.points[static_cast<std::size_t>(observation.point)];
+  if (!pose || !point) return std::nullopt;
+  const auto seen = lenses[camera].project(pose->camera_from_world(*point));
+  if (!seen) return std::nullopt;
+  return observation.pixel - *seen;
+}
+
+std::vector<double> errors_of(const ArrayModel& model) {
+  const std::vector<CameraModel> lenses = lenses_of(model);
+  std::vector<double> errors;
+  for (const ArrayModel::Observation& observation : model.observations) {
+    if (!model.counts(observation)) continue;
+    const auto residual = residual_of(model, lenses, observation);
+    if (residual) errors.push_back(residual->norm());
+  }
+  return errors;
+}
+
+double rms_of(const ArrayModel& model) {
+  const std::vector<double> errors = errors_of(model);
+  if (errors.empty()) return std::numeric_limits<double>::quiet_NaN();
+  double sum = 0;
+  for (const double error : errors) sum += error * error;
+  return std::sqrt(sum / static_cast<double>(errors.size()));
+}
+
+}  // namespace raystage

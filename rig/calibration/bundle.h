@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "rig/calibration/array_model.h"
+
+namespace raystage {
+
+/// What a bundle adjustment may change of lenses; each step releases what the one before did, too.
+enum class LensFreedom {
+  kNone,
+  kFocalLength,  ///< one for x and y
+  kPinhole,      ///< focal lengths and principal point
+  kRadial,       ///< k1 and k2
+  kWholeModel    ///< k3 and tangential distortion
+};
+
+struct BundleSettings {
+  LensFreedom lens = LensFreedom::kNone;
+  bool shared_lens = true;  ///< one lens for all cameras
+  bool moves_cameras = true;
+  /// Pixels at which Cauchy's loss begins to believe an observation less; 0: least squares.
+  double loss_px = 1;
+  int most_iterations = 50;
+  int threads = 1;
+};
+
+struct BundleReport {
+  bool converged = false;
+  int iterations = 0, observations = 0;
+  double rms_px = 0;  ///< afterwards, of what counts
+};
+
+/// Moves points, cameras and lenses so that points are seen where they were (thesis 4.3: one large
+/// least squares over all of them), by Ceres: Levenberg and Marquardt's steps, with points
+/// eliminated. What is not found stays so; observations of points behind their cameras become
+/// outliers. The world may drift, turn and grow as a whole.
+BundleReport adjust(ArrayModel& model, const BundleSettings& settings);
+
+/// Marks as outliers observations farther from where they should be than `most_px`, and lets those
+/// count again that are nearer. Points seen by fewer than two cameras are then lost. Returns how
+/// many changed.
+int sort_outliers(ArrayModel& model, double most_px);
+
+}  // namespace raystage

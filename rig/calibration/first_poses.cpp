@@ -1,0 +1,199 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig/calibration/first_poses.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "rig/calibration/bundle.h"
+#include "rig/camera_model.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr int kLeastCommon = 12;  // points that two cameras must share to begin with
+constexpr int kLeastKnown = 6;    // points found that a camera must see to be placed
+constexpr double kSure = 0.9999;
+
+/// Ours looks down -z with y up, OpenCV's along z with y down.
+const Matrix3d kOpenCvFromOurs = Vector3d(1, -1, -1).asDiagonal();
+
+/// Ideal image points of what a camera sees (y down), by point.
+using Sight = std::map<int, cv::Point2d>;
+
+std::vector<Sight> sights_of(const ArrayModel& model) {
+  const std::vector<CameraModel> lenses = lenses_of(model);
+  std::vector<Sight> sights(model.cameras.size());
+  for (const ArrayModel::Observation& observation : model.observations) {
+    const auto camera = static_cast<std::size_t>(observation.camera);
+    const auto ideal = lenses[camera].ideal_from_pixel(observation.pixel);
+    if (ideal) sights[camera][observation.point] = {ideal->x(), ideal->y()};
+  }
+  return sights;
+}
+
+Matrix3d matrix_from(const cv::Mat& m) {
+  Matrix3d result;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) result(row, column) = m.at<double>(row, column);
+  }
+  return result;
+}
+
+Vector3d vector_from(const cv::Mat& m) {
+  return {m.at<double>(0), m.at<double>(1), m.at<double>(2)};
+}
+
+/// From OpenCV's x_in_camera = rotation x + translation of our world.
+Pose pose_from_opencv(const Matrix3d& rotation, const Vector3d& translation) {
+  const Matrix3d camera_from_world = kOpenCvFromOurs * rotation;
+  return {camera_from_world.transpose(), -rotation.transpose() * translation};
+}
+
+/// A second camera as a first one sees it.
+struct Pair {
+  int first = -1, second = -1;
+  Pose second_pose;
+  double score = 0;
+};
+
+/// How well two cameras would begin: by the points that agree, and the angle between their rays.
+Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double noise) {
+  const Sight &a = sights[static_cast<std::size_t>(first)],
+              &b = sights[static_cast<std::size_t>(second)];
+  std::vector<cv::Point2d> from, to;
+  for (const auto& [point, place] : a) {
+    const auto other = b.find(point);
+    if (other == b.end()) continue;
+    from.push_back(place);
+    to.push_back(other->second);
+  }
+  if (from.size() < kLeastCommon) return {};
+  cv::setRNGSeed(1);
+  cv::Mat inliers, rotation, translation;
+  const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
+  const cv::Mat essential = cv::findEssentialMat(from, to, unit, cv::RANSAC, kSure, noise, inliers);
+  if (essential.rows != 3) return {};
+  const int agree = cv::recoverPose(essential, from, to, unit, rotation, translation, inliers);
+  if (agree < kLeastCommon) return {};
+  Pair pair{first, second,
+            pose_from_opencv(matrix_from(rotation) * kOpenCvFromOurs, vector_from(translation)), 0};
+  std::vector<double> angles;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    if (inliers.at<unsigned char>(static_cast<int>(i)) == 0) continue;
+    const Vector3d ahead = Vector3d(from[i].x, -from[i].y, -1).normalized();
+    const Vector3d other =
+        (pair.second_pose.world_from_camera_rotation * Vector3d(to[i].x, -to[i].y, -1))
+            .normalized();
+    angles.push_back(std::atan2(ahead.cross(other).norm(), ahead.dot(other)));
+  }
+  std::ranges::nth_element(angles, angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2));
+  constexpr double kWideEnough = 0.3;  // radians; more makes nothing surer
+  pair.score = agree * std::min(angles[angles.size() / 2], kWideEnough);
+  return pair;
+}
+
+Pair best_pair(const std::vector<Sight>& sights, double noise) {
+  // The camera that sees most, and all others.
+  const auto most = std::ranges::max_element(sights, {}, &Sight::size);
+  const int first = static_cast<int>(most - sights.begin());
+  Pair best;
+  for (int second = 0; second < static_cast<int>(sights.size()); ++second) {
+    if (second == first) continue;
+    const Pair pair = judged_pair(sights, first, second, noise);
+    if (pair.score > best.score) best = pair;
+  }
+  return best;
+}
+
+/// A camera's pose from the points that are found; none where too few agree.
+std::optional<Pose> pose_from_points(const ArrayModel& model, const Sight& sight, double noise) {
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> seen;
+  for (const auto& [point, place] : sight) {
+    const auto& found = model.points[static_cast<std::size_t>(point)];
+    if (!found) continue;
+    points.emplace_back(found->x(), found->y(), found->z());
+    seen.push_back(place);
+  }
+  if (points.size() < kLeastKnown) return std::nullopt;
+  cv::setRNGSeed(1);
+  const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
+  cv::Mat turn, translation, rotation;
+  std::vector<int> inliers;
+  constexpr int kTries = 1000;
+  if (!cv::solvePnPRansac(points, seen, unit, {}, turn, translation, false, kTries,
+                          static_cast<float>(noise), kSure, inliers, cv::SOLVEPNP_SQPNP) ||
+      inliers.size() < std::max<std::size_t>(kLeastKnown, points.size() / 3)) {
+    return std::nullopt;
+  }
+  cv::Rodrigues(turn, rotation);
+  return pose_from_opencv(matrix_from(rotation), vector_from(translation));
+}
+
+/// Ideal image units of a pixel, of a middling camera.
+double ideal_per_pixel(const ArrayModel& model) { return 1 / model.cameras.front().intrinsics.fx; }
+
+void refine(ArrayModel& model, const FirstPosesSettings& settings) {
+  BundleSettings bundle;
+  bundle.most_iterations = 30;
+  bundle.loss_px = settings.most_px / 4;
+  bundle.threads = settings.threads;
+  adjust(model, bundle);
+  sort_outliers(model, settings.most_px);
+  triangulate(model, settings.most_px);
+}
+
+}  // namespace
+
+bool find_first_poses(ArrayModel& model, const FirstPosesSettings& settings) {
+  const std::vector<Sight> sights = sights_of(model);
+  const double noise = settings.most_px / 2 * ideal_per_pixel(model);
+  const Pair pair = best_pair(sights, noise);
+  if (pair.first < 0) return false;
+  model.cameras[static_cast<std::size_t>(pair.first)].pose = Pose{};
+  model.cameras[static_cast<std::size_t>(pair.second)].pose = pair.second_pose;
+  triangulate(model, settings.most_px);
+  refine(model, settings);
+  std::size_t placed = 2, refined_at = 2;
+  const auto known_of = [&](const Sight& sight) {
+    return std::ranges::count_if(sight, [&](const auto& seen) {
+      return model.points[static_cast<std::size_t>(seen.first)].has_value();
+    });
+  };
+  while (placed < model.cameras.size()) {
+    // Those that see most of what is known come first; some fail now and not later.
+    std::vector<std::pair<std::ptrdiff_t, std::size_t>> next;
+    for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+      if (!model.cameras[i].pose) next.emplace_back(known_of(sights[i]), i);
+    }
+    std::ranges::sort(next, std::greater<>());
+    bool found = false;
+    for (const auto& [known, camera] : next) {
+      if (known < kLeastKnown) break;
+      const auto pose = pose_from_points(model, sights[camera], noise);
+      if (!pose) continue;
+      model.cameras[camera].pose = pose;
+      ++placed;
+      found = true;
+      break;
+    }
+    if (!found) break;
+    triangulate(model, settings.most_px);
+    if (placed >= refined_at + std::max<std::size_t>(1, refined_at / 2)) {
+      refine(model, settings);
+      refined_at = placed;
+    }
+  }
+  refine(model, settings);
+  return true;
+}
+
+}  // namespace raystage

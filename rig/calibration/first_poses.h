@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "rig/calibration/array_model.h"
+
+namespace raystage {
+
+struct FirstPosesSettings {
+  double most_px = 8;  ///< an observation farther from where it should be does not count
+  int threads = 1;
+};
+
+/// Structure from motion: from two cameras that share many points in directions that differ
+/// (essential matrix, RANSAC) to the others, each from the points that are found by then
+/// (perspective-n-point, RANSAC), and to the points that two of the found cameras see, with bundle
+/// adjustments of ever larger parts in between. Lenses are taken as they are. Cameras that see too
+/// few points stay without a pose. The first camera of the pair looks down -z from the origin; the
+/// two are 1 apart. Returns whether a pair was found.
+bool find_first_poses(ArrayModel& model, const FirstPosesSettings& settings);
+
+/// Places what is not found of the points that at least two found cameras see, where their rays
+/// come nearest to each other; not where these are all but parallel.
+void triangulate(ArrayModel& model, double most_px);
+
+}  // namespace raystage

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rig/calibration/array_model.h"
+
+namespace raystage {
+
+struct SolveSettings {
+  /// Of all cameras, radians; none: not known, several are tried.
+  std::optional<double> horizontal_fov = {};
+  /// Of each camera: taken as a first guess for its lens, in place of the field of view.
+  std::vector<Intrinsics> lenses = {};
+  bool lens_is_known = false;     ///< lenses stay as they are
+  bool lens_per_camera = false;   ///< in the end each camera has a lens of its own
+  bool whole_lens_model = false;  ///< k3 and tangential distortion, too
+  int threads = 1;
+};
+
+/// What became of a solve.
+struct SolveReport {
+  struct Step {
+    std::string what;  ///< "poses", "shared focal length" ...
+    double rms_px = 0;
+    int observations = 0, outliers = 0;
+  };
+  std::vector<Step> steps;
+  double seconds = 0;
+};
+
+/// Finds an array from what it saw: first poses, then one bundle adjustment after the other, with
+/// more and more of the lenses released, outliers sorted out after each. Throws Error (bad input)
+/// where no two cameras share enough points. Cameras that see too few have no pose.
+ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
+                       SolveReport& report);
+
+}  // namespace raystage

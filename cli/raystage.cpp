@@ -25,6 +25,7 @@ constexpr Command kCommands[] = {
     {"join", "make one take of what several nodes recorded"},
     {"simulate", "make a take of a simulated scene, with its truth"},
     {"sync", "align the free-running cameras of a take in time"},
+    {"calibrate", "find an array's geometry and colour, compare rigs"},
     {"info", "say what a take holds and what it lacks"},
     {"verify", "is a take still what was recorded? exit code 1 if not"},
     {"repair", "close what a crash left open, save what can be saved of a damaged take"},

@@ -28,10 +28,9 @@ Similarity similarity_between(std::span<const Pose> from, std::span<const Pose> 
     spread_from += a.squaredNorm();
     spread_to += b.squaredNorm();
   }
-  // Directions settle what centres on a line leave open, and weigh little against them.
-  constexpr double kShareOfDirections = 1e-3;
-  const double weight =
-      kShareOfDirections * std::sqrt(spread_from * spread_to) / static_cast<double>(from.size());
+  // A direction weighs as much as a centre as far out as the cameras are in the mean: it settles
+  // what centres on a line, or all but on one, leave open.
+  const double weight = std::sqrt(spread_from * spread_to) / static_cast<double>(from.size());
   Matrix3d with_directions = covariance;
   for (std::size_t i = 0; i < from.size(); ++i) {
     with_directions +=

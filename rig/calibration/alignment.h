@@ -23,8 +23,8 @@ struct Similarity {
 };
 
 /// The similarity that brings poses nearest to others: by their centres (least squares, Umeyama
-/// 1991); where these lie on a line, which says nothing of the turn about it, by their directions,
-/// too. As many of both, two at least.
+/// 1991) and their directions, each of which weighs as a centre as far out as they are in the mean.
+/// As many of both, two at least.
 Similarity similarity_between(std::span<const Pose> from, std::span<const Pose> to);
 
 /// All that is found, in another world.

@@ -7,31 +7,20 @@
 #include <ceres/ordered_groups.h>
 #include <ceres/problem.h>
 #include <ceres/solver.h>
+#include <glog/logging.h>
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <memory>
 #include <optional>
 #include <vector>
 
+#include "rig/calibration/lens_projection.h"
+
 namespace raystage {
 namespace {
 
-/// fx, fy, cx, cy, k1, k2, p1, p2, k3.
-using LensValues = std::array<double, 9>;
-
-LensValues values_of(const Intrinsics& k) {
-  const Distortion& d = k.distortion;
-  return {k.fx, k.fy, k.cx, k.cy, d.k1, d.k2, d.p1, d.p2, d.k3};
-}
-
-Intrinsics lens_of(const LensValues& v) {
-  return {v[0], v[1], v[2], v[3], {v[4], v[5], v[6], v[7], v[8]}};
-}
-
-/// CameraModel's projection, for numbers with derivatives.
 struct Reprojection {
   Eigen::Vector2d pixel;
   bool one_focal_length;
@@ -44,34 +33,30 @@ struct Reprojection {
     const Vector from_centre = Eigen::Map<const Vector>(point) - Eigen::Map<const Vector>(centre);
     const Vector in_camera = camera_from_world * from_centre;
     if (!(in_camera.z() < T(0))) return false;  // behind: this step leads nowhere
-    const T x = in_camera.x() / -in_camera.z(), y = in_camera.y() / in_camera.z();
-    const T s = x * x + y * y;
-    const T factor = T(1) + s * (lens[4] + s * (lens[5] + s * lens[8]));
-    const T &p1 = lens[6], &p2 = lens[7];
-    const T u = x * factor + T(2) * p1 * x * y + p2 * (s + T(2) * x * x);
-    const T v = y * factor + p1 * (s + T(2) * y * y) + T(2) * p2 * x * y;
-    residual[0] = lens[0] * u + lens[2] - pixel.x();
-    residual[1] = lens[one_focal_length ? 0 : 1] * v + lens[3] - pixel.y();
+    const Eigen::Matrix<T, 2, 1> seen = projected<T>(in_camera, lens, one_focal_length);
+    residual[0] = seen.x() - pixel.x();
+    residual[1] = seen.y() - pixel.y();
     return true;
   }
 };
 
-/// Which of LensValues a solve must not touch.
-std::vector<int> held_values(LensFreedom freedom) {
-  switch (freedom) {
-    case LensFreedom::kNone:
-      return {0, 1, 2, 3, 4, 5, 6, 7, 8};
-    case LensFreedom::kFocalLength:
-      return {1, 2, 3, 4, 5, 6, 7, 8};
-    case LensFreedom::kPinhole:
-      return {4, 5, 6, 7, 8};
-    case LensFreedom::kRadial:
-      return {6, 7, 8};
-    case LensFreedom::kWholeModel:
-      return {};
+/// Holds what nothing else holds: an ordinary lens.
+struct OrdinaryLens {
+  Eigen::Vector2d middle;
+  double width;
+
+  template <class T>
+  bool operator()(const T* lens, T* residual) const {
+    constexpr double kMiddle = 0.1;  // of the width
+    constexpr std::array<double, 5> kDistortion{1, 1, 0.1, 0.1, 2};
+    residual[0] = (lens[2] - middle.x()) / (kMiddle * width);
+    residual[1] = (lens[3] - middle.y()) / (kMiddle * width);
+    for (std::size_t i = 0; i < kDistortion.size(); ++i) {
+      residual[2 + i] = lens[4 + i] / kDistortion[i];
+    }
+    return true;
   }
-  return {};
-}
+};
 
 /// The model as Ceres moves it.
 struct Values {
@@ -106,25 +91,32 @@ struct Values {
   }
 };
 
-/// Place, direction and scale of the world are nobody's to find: the first camera rests, and of the
-/// one farthest from it the coordinate in which they differ most.
+/// Place, direction and scale of the world are nobody's to find. Unless cameras are held, the first
+/// rests; unless two are, of the one farthest from it the coordinate in which they differ most.
 struct Gauge {
   std::size_t first = 0, other = 0;
   int axis = 0;
+  bool holds_scale = true;
 };
 
-std::optional<Gauge> gauge_of(const ArrayModel& model) {
-  std::vector<std::size_t> in_use(model.cameras.size(), 0);
+std::optional<Gauge> gauge_of(const ArrayModel& model, const std::vector<bool>& held) {
+  std::vector<std::size_t> in_use;
+  std::vector<bool> is_seen_by(model.cameras.size(), false);
   for (const ArrayModel::Observation& observation : model.observations) {
-    if (model.counts(observation)) ++in_use[static_cast<std::size_t>(observation.camera)];
+    if (model.counts(observation)) is_seen_by[static_cast<std::size_t>(observation.camera)] = true;
   }
-  const auto first = std::ranges::find_if(in_use, [](std::size_t count) { return count > 0; });
-  if (first == in_use.end()) return std::nullopt;
-  Gauge gauge{static_cast<std::size_t>(first - in_use.begin()), 0, 0};
+  for (std::size_t i = 0; i < is_seen_by.size(); ++i) {
+    if (is_seen_by[i]) in_use.push_back(i);
+  }
+  if (in_use.empty()) return std::nullopt;
+  const auto is_held = [&](std::size_t i) { return i < held.size() && held[i]; };
+  const auto first = std::ranges::find_if(in_use, is_held);
+  Gauge gauge;
+  gauge.first = first == in_use.end() ? in_use.front() : *first;
   gauge.other = gauge.first;
+  gauge.holds_scale = std::ranges::count_if(in_use, is_held) < 2;
   double farthest = 0;
-  for (std::size_t i = 0; i < in_use.size(); ++i) {
-    if (in_use[i] == 0) continue;
+  for (const std::size_t i : in_use) {
     const Eigen::Vector3d way =
         model.cameras[i].pose->position - model.cameras[gauge.first].pose->position;
     if (way.norm() <= farthest) continue;
@@ -144,9 +136,29 @@ void drop_what_is_behind(ArrayModel& model) {
   }
 }
 
+/// Ceres tells which trial steps it repeats; what counts is in the report.
+void keep_ceres_quiet() { FLAGS_minloglevel = google::FATAL; }
+
 }  // namespace
 
+std::vector<int> held_values(LensFreedom freedom) {
+  switch (freedom) {
+    case LensFreedom::kNone:
+      return {0, 1, 2, 3, 4, 5, 6, 7, 8};
+    case LensFreedom::kFocalLength:
+      return {1, 2, 3, 4, 5, 6, 7, 8};
+    case LensFreedom::kPinhole:
+      return {4, 5, 6, 7, 8};
+    case LensFreedom::kRadial:
+      return {6, 7, 8};
+    case LensFreedom::kWholeModel:
+      return {};
+  }
+  return {};
+}
+
 BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
+  keep_ceres_quiet();
   drop_what_is_behind(model);
   Values values(model, settings.shared_lens);
   const bool one_focal_length = settings.lens == LensFreedom::kFocalLength;
@@ -157,7 +169,7 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
   const std::vector<int> held = held_values(settings.lens);
   std::unique_ptr<ceres::SubsetManifold> some_of_lens;
   if (!held.empty() && settings.lens != LensFreedom::kNone) {
-    some_of_lens = std::make_unique<ceres::SubsetManifold>(9, held);
+    some_of_lens = std::make_unique<ceres::SubsetManifold>(kLensValues, held);
   }
   ceres::CauchyLoss cauchy(settings.loss_px > 0 ? settings.loss_px : 1);
   ceres::LossFunction* loss = settings.loss_px > 0 ? &cauchy : nullptr;
@@ -171,13 +183,13 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
     double* rotation = values.rotations[camera].coeffs().data();
     double* centre = values.centres[camera].data();
     double* lens = values.lens(camera).data();
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Reprojection, 2, 4, 3, 9, 3>(
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Reprojection, 2, 4, 3, kLensValues, 3>(
                                  new Reprojection{observation.pixel, one_focal_length}),
                              loss, rotation, centre, lens, values.points[point].data());
     problem.SetManifold(rotation, &turns);
     ordering->AddElementToGroup(values.points[point].data(), 0);
     for (double* block : {rotation, centre, lens}) ordering->AddElementToGroup(block, 1);
-    if (!settings.moves_cameras) {
+    if (camera < settings.held_cameras.size() && settings.held_cameras[camera]) {
       problem.SetParameterBlockConstant(rotation);
       problem.SetParameterBlockConstant(centre);
     }
@@ -188,14 +200,24 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
     }
     ++report.observations;
   }
-  const std::optional<Gauge> gauge = gauge_of(model);
+  const std::optional<Gauge> gauge = gauge_of(model, settings.held_cameras);
   if (report.observations == 0 || !gauge) return report;
   ceres::SubsetManifold all_but_one(3, {gauge->axis});
-  if (settings.moves_cameras) {
-    problem.SetParameterBlockConstant(values.rotations[gauge->first].coeffs().data());
-    problem.SetParameterBlockConstant(values.centres[gauge->first].data());
-    if (gauge->other != gauge->first) {
-      problem.SetManifold(values.centres[gauge->other].data(), &all_but_one);
+  problem.SetParameterBlockConstant(values.rotations[gauge->first].coeffs().data());
+  problem.SetParameterBlockConstant(values.centres[gauge->first].data());
+  if (gauge->holds_scale && gauge->other != gauge->first) {
+    problem.SetManifold(values.centres[gauge->other].data(), &all_but_one);
+  }
+  if (settings.lens >= LensFreedom::kPinhole) {
+    for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+      double* lens = values.lens(i).data();
+      if (!problem.HasParameterBlock(lens)) continue;
+      const ArrayModel::Camera& camera = model.cameras[i];
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<OrdinaryLens, 7, kLensValues>(new OrdinaryLens{
+              {camera.width / 2.0, camera.height / 2.0}, static_cast<double>(camera.width)}),
+          nullptr, lens);
+      if (values.lenses.size() == 1) break;
     }
   }
   ceres::Solver::Options options;

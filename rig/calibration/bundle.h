@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <vector>
+
 #include "rig/calibration/array_model.h"
 
 namespace raystage {
@@ -16,8 +18,8 @@ enum class LensFreedom {
 
 struct BundleSettings {
   LensFreedom lens = LensFreedom::kNone;
-  bool shared_lens = true;  ///< one lens for all cameras
-  bool moves_cameras = true;
+  bool shared_lens = true;              ///< one lens for all cameras
+  std::vector<bool> held_cameras = {};  ///< whose poses rest; empty: none's
   /// Pixels at which Cauchy's loss begins to believe an observation less; 0: least squares.
   double loss_px = 1;
   int most_iterations = 50;
@@ -33,12 +35,18 @@ struct BundleReport {
 /// Moves points, cameras and lenses so that points are seen where they were (thesis 4.3: one large
 /// least squares over all of them), by Ceres: Levenberg and Marquardt's steps, with points
 /// eliminated. What is not found stays so; observations of points behind their cameras become
-/// outliers. The world may drift, turn and grow as a whole.
+/// outliers. Where fewer than two cameras are held, the world may drift, turn and grow as a whole.
+/// What the observations leave open of a lens stays near an ordinary one: its middle in the
+/// picture's (deviation a tenth of the width), its distortion small.
 BundleReport adjust(ArrayModel& model, const BundleSettings& settings);
 
 /// Marks as outliers observations farther from where they should be than `most_px`, and lets those
 /// count again that are nearer. Points seen by fewer than two cameras are then lost. Returns how
 /// many changed.
 int sort_outliers(ArrayModel& model, double most_px);
+
+/// Indices of the lens values (lens_projection.h) that a bundle adjustment may not change; with
+/// kFocalLength fy follows fx.
+std::vector<int> held_values(LensFreedom freedom);
 
 }  // namespace raystage

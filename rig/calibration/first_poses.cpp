@@ -113,8 +113,35 @@ Pair best_pair(const std::vector<Sight>& sights, double noise) {
   return best;
 }
 
+/// A camera placed by the points that are found.
+struct Placement {
+  Pose pose;
+  double focal_factor = 1;  // of the focal length that was guessed
+  std::size_t agree = 0;    // points
+};
+
+/// With ideal image points as a focal length `factor` times as long would have them.
+Placement placed_by(const std::vector<cv::Point3d>& points, const std::vector<cv::Point2d>& seen,
+                    double noise, double factor) {
+  std::vector<cv::Point2d> scaled = seen;
+  for (cv::Point2d& place : scaled) place *= 1 / factor;
+  cv::setRNGSeed(1);
+  const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
+  cv::Mat turn, translation, rotation;
+  std::vector<int> inliers;
+  constexpr int kTries = 1000;
+  if (!cv::solvePnPRansac(points, scaled, unit, {}, turn, translation, false, kTries,
+                          static_cast<float>(noise / factor), kSure, inliers, cv::SOLVEPNP_SQPNP)) {
+    return {};
+  }
+  cv::Rodrigues(turn, rotation);
+  return {pose_from_opencv(matrix_from(rotation), vector_from(translation)), factor,
+          inliers.size()};
+}
+
 /// A camera's pose from the points that are found; none where too few agree.
-std::optional<Pose> pose_from_points(const ArrayModel& model, const Sight& sight, double noise) {
+std::optional<Placement> placed(const ArrayModel& model, const Sight& sight, double noise,
+                                bool lens_differs) {
   std::vector<cv::Point3d> points;
   std::vector<cv::Point2d> seen;
   for (const auto& [point, place] : sight) {
@@ -124,18 +151,15 @@ std::optional<Pose> pose_from_points(const ArrayModel& model, const Sight& sight
     seen.push_back(place);
   }
   if (points.size() < kLeastKnown) return std::nullopt;
-  cv::setRNGSeed(1);
-  const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
-  cv::Mat turn, translation, rotation;
-  std::vector<int> inliers;
-  constexpr int kTries = 1000;
-  if (!cv::solvePnPRansac(points, seen, unit, {}, turn, translation, false, kTries,
-                          static_cast<float>(noise), kSure, inliers, cv::SOLVEPNP_SQPNP) ||
-      inliers.size() < std::max<std::size_t>(kLeastKnown, points.size() / 3)) {
-    return std::nullopt;
+  Placement best = placed_by(points, seen, noise, 1);
+  const std::size_t most = points.size() * 4 / 5;
+  for (const double factor : {0.8, 1.25, 0.64, 1.56, 0.5, 2.0}) {
+    if (!lens_differs || best.agree >= most) break;
+    const Placement other = placed_by(points, seen, noise, factor);
+    if (other.agree > best.agree) best = other;
   }
-  cv::Rodrigues(turn, rotation);
-  return pose_from_opencv(matrix_from(rotation), vector_from(translation));
+  if (best.agree < std::max<std::size_t>(kLeastKnown, points.size() / 3)) return std::nullopt;
+  return best;
 }
 
 /// Ideal image units of a pixel, of a middling camera.
@@ -146,6 +170,7 @@ void refine(ArrayModel& model, const FirstPosesSettings& settings) {
   bundle.most_iterations = 30;
   bundle.loss_px = settings.most_px / 4;
   bundle.threads = settings.threads;
+  bundle.held_cameras = settings.held_cameras;
   adjust(model, bundle);
   sort_outliers(model, settings.most_px);
   triangulate(model, settings.most_px);
@@ -154,21 +179,29 @@ void refine(ArrayModel& model, const FirstPosesSettings& settings) {
 }  // namespace
 
 bool find_first_poses(ArrayModel& model, const FirstPosesSettings& settings) {
-  const std::vector<Sight> sights = sights_of(model);
   const double noise = settings.most_px / 2 * ideal_per_pixel(model);
-  const Pair pair = best_pair(sights, noise);
+  const Pair pair = best_pair(sights_of(model), noise);
   if (pair.first < 0) return false;
   model.cameras[static_cast<std::size_t>(pair.first)].pose = Pose{};
   model.cameras[static_cast<std::size_t>(pair.second)].pose = pair.second_pose;
   triangulate(model, settings.most_px);
   refine(model, settings);
-  std::size_t placed = 2, refined_at = 2;
+  place_cameras(model, settings);
+  return true;
+}
+
+void place_cameras(ArrayModel& model, const FirstPosesSettings& settings) {
+  const std::vector<Sight> sights = sights_of(model);
+  const double noise = settings.most_px / 2 * ideal_per_pixel(model);
   const auto known_of = [&](const Sight& sight) {
     return std::ranges::count_if(sight, [&](const auto& seen) {
       return model.points[static_cast<std::size_t>(seen.first)].has_value();
     });
   };
-  while (placed < model.cameras.size()) {
+  auto placed_cameras = static_cast<std::size_t>(std::ranges::count_if(
+      model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); }));
+  std::size_t refined_at = placed_cameras;
+  while (placed_cameras < model.cameras.size()) {
     // Those that see most of what is known come first; some fail now and not later.
     std::vector<std::pair<std::ptrdiff_t, std::size_t>> next;
     for (std::size_t i = 0; i < model.cameras.size(); ++i) {
@@ -178,22 +211,23 @@ bool find_first_poses(ArrayModel& model, const FirstPosesSettings& settings) {
     bool found = false;
     for (const auto& [known, camera] : next) {
       if (known < kLeastKnown) break;
-      const auto pose = pose_from_points(model, sights[camera], noise);
-      if (!pose) continue;
-      model.cameras[camera].pose = pose;
-      ++placed;
+      const auto placement = placed(model, sights[camera], noise, settings.lenses_differ);
+      if (!placement) continue;
+      model.cameras[camera].pose = placement->pose;
+      model.cameras[camera].intrinsics.fx *= placement->focal_factor;
+      model.cameras[camera].intrinsics.fy *= placement->focal_factor;
+      ++placed_cameras;
       found = true;
       break;
     }
     if (!found) break;
     triangulate(model, settings.most_px);
-    if (placed >= refined_at + std::max<std::size_t>(1, refined_at / 2)) {
+    if (placed_cameras >= refined_at + std::max<std::size_t>(1, refined_at / 2)) {
       refine(model, settings);
-      refined_at = placed;
+      refined_at = placed_cameras;
     }
   }
   refine(model, settings);
-  return true;
 }
 
 }  // namespace raystage

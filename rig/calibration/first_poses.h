@@ -1,12 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <vector>
+
 #include "rig/calibration/array_model.h"
 
 namespace raystage {
 
 struct FirstPosesSettings {
   double most_px = 8;  ///< an observation farther from where it should be does not count
+  /// A camera that does not fit with the lens it has may get another focal length, half to twice
+  /// of what was guessed.
+  bool lenses_differ = false;
+  std::vector<bool> held_cameras = {};  ///< whose poses rest; empty: none's
   int threads = 1;
 };
 
@@ -17,6 +23,9 @@ struct FirstPosesSettings {
 /// few points stay without a pose. The first camera of the pair looks down -z from the origin; the
 /// two are 1 apart. Returns whether a pair was found.
 bool find_first_poses(ArrayModel& model, const FirstPosesSettings& settings);
+
+/// The second part of it alone: two cameras at least and their points are found.
+void place_cameras(ArrayModel& model, const FirstPosesSettings& settings);
 
 /// Places what is not found of the points that at least two found cameras see, where their rays
 /// come nearest to each other; not where these are all but parallel.

@@ -57,25 +57,83 @@ void settle(ArrayModel& model, const BundleSettings& settings, double least_px) 
   adjust(model, settings);
 }
 
+/// The more cameras, then the more observations that fit, the better.
+double score_of(const ArrayModel& model) {
+  constexpr double kGood = 2;  // pixels
+  double sum = placed_in(model) * 1e6;
+  for (const double error : errors_of(model)) sum += 1 / (1 + error * error / (kGood * kGood));
+  return sum;
+}
+
+/// From nothing, or from the poses that are known; observations within `most_px` count.
+ArrayModel begun_once(const ArrayModel& empty, double most_px, const SolveSettings& settings) {
+  ArrayModel model = empty;
+  BundleSettings bundle;
+  bundle.threads = settings.threads;
+  bundle.held_cameras = settings.held_cameras;
+  bundle.loss_px = 2;
+  FirstPosesSettings first{most_px, false, settings.held_cameras, settings.threads};
+  first.lenses_differ = settings.lens_per_camera && settings.lenses.empty();
+  const auto is_known = [](const std::optional<Pose>& pose) { return pose.has_value(); };
+  if (std::ranges::count_if(settings.poses, is_known) >= 2) {
+    for (std::size_t i = 0; i < settings.poses.size(); ++i) {
+      model.cameras[i].pose = settings.poses[i];
+    }
+    triangulate(model, most_px);
+    place_cameras(model, first);
+  } else if (!find_first_poses(model, first)) {
+    return model;
+  }
+  if (!settings.lens_is_known && settings.lenses.empty()) bundle.lens = LensFreedom::kFocalLength;
+  bundle.shared_lens = !settings.lens_per_camera;
+  adjust(model, bundle);
+  if (settings.lens_per_camera) place_cameras(model, first);
+  return model;
+}
+
+/// Much may be wrong while lenses are guessed; but what is forgiven can hide a wrong beginning, so
+/// that a strict one is tried, too.
 ArrayModel begun_with(const Detections& detections, double fov, const SolveSettings& settings) {
   ArrayModel model = model_of(detections, fov);
   for (std::size_t i = 0; i < settings.lenses.size(); ++i) {
     model.cameras[i].intrinsics = settings.lenses[i];
   }
-  if (!find_first_poses(model, {kFirstError, settings.threads})) return model;
-  BundleSettings bundle;
-  bundle.threads = settings.threads;
-  bundle.loss_px = 2;
-  if (!settings.lens_is_known && settings.lenses.empty()) bundle.lens = LensFreedom::kFocalLength;
-  adjust(model, bundle);
-  return model;
+  ArrayModel lax = begun_once(model, kFirstError, settings);
+  ArrayModel strict = begun_once(model, kLeastThreshold, settings);
+  return score_of(strict) > score_of(lax) ? strict : lax;
 }
 
-/// The more cameras, then the more observations and the less error, the better.
-double score_of(const ArrayModel& model) {
-  const SolveReport::Step step = step_of(model, "");
-  if (step.observations == 0) return 0;
-  return placed_in(model) * 1e6 + step.observations / (1 + step.rms_px);
+/// At most so many points, spread over all.
+Detections thinned(const Detections& all, int most) {
+  std::vector<int> points;
+  for (const auto& d : all.detections) {
+    if (points.empty() || points.back() != d.point) points.push_back(d.point);
+  }
+  const std::size_t step = points.size() / static_cast<std::size_t>(most) + 1;
+  Detections thin{all.cameras, {}};
+  std::size_t index = 0;
+  for (const auto& d : all.detections) {
+    while (points[index] != d.point) ++index;
+    if (index % step == 0) thin.detections.push_back(d);
+  }
+  return thin;
+}
+
+/// The given field of view, or that of several with which most cameras and points fit best.
+double likely_fov(const Detections& detections, const SolveSettings& settings) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  if (settings.horizontal_fov) return *settings.horizontal_fov;
+  if (!settings.lenses.empty()) return 60 * kDegree;  // not looked at
+  constexpr int kMostPoints = 200;
+  const Detections thin = thinned(detections, kMostPoints);
+  double best = 0, best_score = -1;
+  for (const double degrees : {15, 25, 40, 55, 70, 90, 110}) {
+    const double score = score_of(begun_with(thin, degrees * kDegree, settings));
+    if (score <= best_score) continue;
+    best = degrees * kDegree;
+    best_score = score;
+  }
+  return best;
 }
 
 }  // namespace
@@ -83,14 +141,15 @@ double score_of(const ArrayModel& model) {
 ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
                        SolveReport& report) {
   const auto start = std::chrono::steady_clock::now();
-  constexpr double kDegree = std::numbers::pi / 180;
-  std::vector<double> tried{40 * kDegree, 55 * kDegree, 70 * kDegree, 90 * kDegree};
-  if (settings.horizontal_fov) tried = {*settings.horizontal_fov};
-  if (!settings.lenses.empty()) tried.resize(1);
-  ArrayModel model;
-  for (const double fov : tried) {
-    ArrayModel begun = begun_with(detections, fov, settings);
-    if (model.cameras.empty() || score_of(begun) > score_of(model)) model = std::move(begun);
+  ArrayModel model = begun_with(detections, likely_fov(detections, settings), settings);
+  const bool is_held =
+      std::ranges::find(settings.held_cameras, true) != settings.held_cameras.end();
+  if (!settings.poses.empty() && !is_held &&
+      2 * step_of(model, "").observations < static_cast<int>(model.observations.size())) {
+    SolveSettings without_poses = settings;  // the array is no longer as it was
+    without_poses.poses.clear();
+    ArrayModel anew = begun_with(detections, likely_fov(detections, settings), without_poses);
+    if (score_of(anew) > score_of(model)) model = std::move(anew);
   }
   if (placed_in(model) < 2) {
     throw Error::bad_input("no two cameras see enough of the same points in places that differ", "",
@@ -98,29 +157,33 @@ ArrayModel solve_array(const Detections& detections, const SolveSettings& settin
   }
   BundleSettings bundle;
   bundle.threads = settings.threads;
+  bundle.held_cameras = settings.held_cameras;
   const auto release = [&](LensFreedom lens, bool shared, double least_px, const char* what) {
     bundle.lens = lens;
     bundle.shared_lens = shared;
     settle(model, bundle, least_px);
     report.steps.push_back(step_of(model, what));
   };
-  const bool frees = !settings.lens_is_known;
+  const bool frees = !settings.lens_is_known, each = settings.lens_per_camera;
   release(LensFreedom::kNone, false, frees ? 8 : kLeastThreshold, "poses and points");
   if (frees && settings.lenses.empty()) {
-    release(LensFreedom::kFocalLength, true, 8, "one focal length for all");
-    release(LensFreedom::kRadial, true, settings.lens_per_camera ? 8 : kLeastThreshold,
-            "one lens for all");
+    release(LensFreedom::kFocalLength, !each, 8,
+            each ? "a focal length for each camera" : "one focal length for all");
   }
-  if (frees && settings.lens_per_camera) {
-    release(LensFreedom::kPinhole, false, 4, "a focal length and a middle for each camera");
+  if (frees && !each) {
+    release(LensFreedom::kRadial, true, kLeastThreshold, "one lens for all");
+  }
+  if (frees && each) {
+    release(LensFreedom::kPinhole, false, 4, "a principal point for each camera");
     release(LensFreedom::kRadial, false, 4, "a lens for each camera");
   }
   if (frees && settings.whole_lens_model) {
-    release(LensFreedom::kWholeModel, !settings.lens_per_camera, 4, "all of the lens model");
+    release(LensFreedom::kWholeModel, !each, 4, "all of the lens model");
   }
-  if (frees && (settings.lens_per_camera || settings.whole_lens_model)) {
+  if (frees && (each || settings.whole_lens_model)) {
     release(bundle.lens, bundle.shared_lens, kLeastThreshold, "without what is still odd");
   }
+  report.last = bundle;
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return model;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "rig/calibration/array_model.h"
+#include "rig/calibration/bundle.h"
 
 namespace raystage {
 
@@ -14,9 +15,13 @@ struct SolveSettings {
   std::optional<double> horizontal_fov = {};
   /// Of each camera: taken as a first guess for its lens, in place of the field of view.
   std::vector<Intrinsics> lenses = {};
-  bool lens_is_known = false;     ///< lenses stay as they are
-  bool lens_per_camera = false;   ///< in the end each camera has a lens of its own
-  bool whole_lens_model = false;  ///< k3 and tangential distortion, too
+  /// Of each camera, none where not known: where to begin, instead of from nothing. With two or
+  /// more, the world stays over them.
+  std::vector<std::optional<Pose>> poses = {};
+  std::vector<bool> held_cameras = {};  ///< whose poses stay as they are; empty: none's
+  bool lens_is_known = false;           ///< lenses stay as they are
+  bool lens_per_camera = false;         ///< in the end each camera has a lens of its own
+  bool whole_lens_model = false;        ///< k3 and tangential distortion, too
   int threads = 1;
 };
 
@@ -28,12 +33,14 @@ struct SolveReport {
     int observations = 0, outliers = 0;
   };
   std::vector<Step> steps;
+  BundleSettings last;  ///< what was free in the end
   double seconds = 0;
 };
 
-/// Finds an array from what it saw: first poses, then one bundle adjustment after the other, with
-/// more and more of the lenses released, outliers sorted out after each. Throws Error (bad input)
-/// where no two cameras share enough points. Cameras that see too few have no pose.
+/// Finds an array from what it saw: first poses (or those it is to begin with), then one bundle
+/// adjustment after the other, with more and more of the lenses released, outliers sorted out after
+/// each. Throws Error (bad input) where no two cameras share enough points. Cameras that see too
+/// few have no pose.
 ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
                        SolveReport& report);
 

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage calibrate: where the cameras of an array stand and look, their lenses and colours.
+#include "cli/calibrate.h"
+
+#include <vector>
+
+#include "cli/parse.h"
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app(
+      "Finds an array's geometry and colour. docs/calibration.md says what to record for it.",
+      "raystage calibrate");
+  app.require_subcommand(1);
+  const std::vector<CalibrateCommand> commands{declare_calibrate_geometry(app),
+                                               declare_calibrate_compare(app)};
+  app.footer(
+      "Exit codes: 0 all asked for is written; 1 failed, or a result that cannot be vouched\n"
+      "for was not written; 2 bad usage or input.");
+  for (const CalibrateCommand& command : commands) command.app->get_formatter()->column_width(34);
+  return parse_and_run(app, argc, argv, "calibrate", [&](std::stop_token stop) {
+    for (const CalibrateCommand& command : commands) {
+      if (!command.app->parsed()) continue;
+      refuse_non_finite(*command.app);
+      return command.body(stop);
+    }
+    return ExitCode::kBadInput;
+  });
+}

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "cli/calibrate.h"
+#include "cli/threads.h"
+#include "rig/calibration/calibration.h"
+#include "rig/calibration/report.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage {
+namespace {
+
+struct GeometryOptions {
+  std::filesystem::path input, cameras, output, start, lens, report;
+  std::vector<std::string> hold, distance;
+  std::string name;
+  std::optional<double> fov_deg, spacing_mm;
+  double most_rms_px = 1;
+  bool lens_per_camera = false, whole_lens_model = false;
+  bool force = false, json = false, quiet = false;
+  int threads = 0;
+};
+
+/// The lens of a rig file for every camera: by id, or the file's only one for all.
+std::vector<Intrinsics> lenses_from(const std::filesystem::path& file,
+                                    const Detections& detections) {
+  const RigDocument rig = read_rig(file);
+  std::vector<Intrinsics> lenses;
+  for (const auto& camera : detections.cameras) {
+    const auto own = std::ranges::find_if(
+        rig.cameras, [&](const auto& known) { return known.geometry.id == camera.id; });
+    if (own == rig.cameras.end() && rig.cameras.size() > 1) {
+      throw Error::bad_input("there is no lens for camera \"" + camera.id + "\"", file.string(),
+                             "Give a rig with all cameras, or with one camera, whose lens is then "
+                             "taken for all");
+    }
+    const CameraGeometry& geometry =
+        own == rig.cameras.end() ? rig.cameras.front().geometry : own->geometry;
+    if (geometry.width != camera.width || geometry.height != camera.height) {
+      throw Error::bad_input(
+          fmt::format("the lens is for pictures of {}x{}, camera \"{}\" has {}x{}", geometry.width,
+                      geometry.height, camera.id, camera.width, camera.height),
+          file.string(), "Measure the lens at the frame size that is recorded");
+    }
+    lenses.push_back(geometry.intrinsics);
+  }
+  return lenses;
+}
+
+ScaleSettings scale_of(const GeometryOptions& options) {
+  ScaleSettings scale;
+  if (options.spacing_mm) scale.spacing_m = *options.spacing_mm / 1000;
+  if (options.distance.empty()) return scale;
+  double metres = 0;
+  try {
+    metres = std::stod(options.distance[2]);
+  } catch (const std::exception&) {
+  }
+  if (!(metres > 0)) {
+    throw Error::bad_input("found " + options.distance[2] + ", allowed: metres above 0",
+                           "--distance", "Give two cameras and the distance between their lenses");
+  }
+  scale.distance = {options.distance[0], options.distance[1], metres};
+  return scale;
+}
+
+CalibrationSettings settings_of(const GeometryOptions& options, const Detections& detections) {
+  CalibrationSettings settings;
+  settings.scale = scale_of(options);
+  settings.limits.most_rms_px = options.most_rms_px;
+  settings.solve.threads = thread_count(options.threads);
+  settings.solve.lens_per_camera = options.lens_per_camera;
+  settings.solve.whole_lens_model = options.whole_lens_model;
+  if (options.fov_deg) settings.solve.horizontal_fov = *options.fov_deg * std::numbers::pi / 180;
+  if (!options.start.empty()) settings.start = read_rig(options.start);
+  if (!options.lens.empty()) settings.solve.lenses = lenses_from(options.lens, detections);
+  for (const std::string& held : options.hold) {
+    if (held == "lens") {
+      settings.solve.lens_is_known = true;
+    } else if (held == "poses") {
+      settings.holds_all_poses = true;
+    } else {
+      settings.held_cameras.push_back(held);
+    }
+  }
+  return settings;
+}
+
+Detections detections_of(const GeometryOptions& options) {
+  const std::filesystem::path cameras =
+      options.cameras.empty() ? options.input.parent_path() / "cameras.json" : options.cameras;
+  return read_detections(options.input, read_detections_document(cameras));
+}
+
+ExitCode calibrate_geometry(const GeometryOptions& options) {
+  const ThreadLimit limit(options.threads);
+  const Detections detections = detections_of(options);
+  const CalibrationSettings settings = settings_of(options, detections);
+  const Calibration calibration = calibrate(detections, settings);
+  fmt::print("{}", options.json ? report_json(calibration) : report_text(calibration));
+  if (!options.report.empty()) {
+    write_file_atomically(options.report, report_html(calibration, options.output.string()));
+  }
+  const bool is_sure = calibration.verdict.is_vouched_for();
+  if (!is_sure && !options.force) {
+    throw Error::failed(
+        "the rig was not written, as nobody could rely on it: " +
+            calibration.verdict.reasons.front(),
+        options.output.string(),
+        calibration.verdict.next_steps.front() + " --force writes the rig all the same");
+  }
+  write_rig(rig_of(calibration, settings.start, options.name), options.output);
+  return ExitCode::kSuccess;
+}
+
+void add_inputs(CLI::App& app, GeometryOptions& o) {
+  app.add_option("INPUT", o.input,
+                 "A table of detections, camera,frame,u,v (docs/formats/documents.md#detections)")
+      ->required();
+  app.add_option("--cameras", o.cameras,
+                 "The document with the table's cameras (default: cameras.json beside it)")
+      ->type_name("FILE.json");
+  app.add_option("-o,--output", o.output, "The rig that is written")
+      ->required()
+      ->type_name("RIG.json");
+  app.add_option("--name", o.name, "What people call the rig")->default_val("calibrated array");
+}
+
+void add_knowledge(CLI::App& app, GeometryOptions& o) {
+  const char* group = "What is known";
+  app.add_option("--spacing-mm", o.spacing_mm,
+                 "Distance from one camera to the next, millimetres: tells the scale")
+      ->check(CLI::Range(1e-3, 1e7).description(""))
+      ->group(group);
+  app.add_option("--distance", o.distance,
+                 "Measured distance between the lenses of two cameras, metres: tells the scale")
+      ->expected(3)
+      ->type_name("ID ID METRES")
+      ->excludes("--spacing-mm")
+      ->group(group);
+  app.add_option(
+         "--fov", o.fov_deg,
+         "Horizontal field of view of all cameras, degrees, to begin with (default: several "
+         "are tried)")
+      ->check(CLI::Range(2.0, 160.0).description(""))
+      ->group(group);
+  app.add_option("--lens", o.lens,
+                 "Lenses to begin with: a rig with one camera (its lens is taken for all) or with "
+                 "all of them")
+      ->type_name("RIG.json")
+      ->group(group);
+  app.add_option("--start", o.start,
+                 "A rig to begin with and to refine: lenses, poses, scale and world")
+      ->type_name("RIG.json")
+      ->excludes("--lens")
+      ->group(group);
+  app.add_option("--hold", o.hold,
+                 "Stays as it is: 'lens' (all lenses), 'poses' (all poses) or a camera's id (its "
+                 "pose); may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("WHAT")
+      ->group(group);
+}
+
+void add_model(CLI::App& app, GeometryOptions& o) {
+  const char* group = "What is found";
+  app.add_flag("--lens-per-camera", o.lens_per_camera,
+               "Each camera has a lens of its own (default: one for all)")
+      ->group(group);
+  app.add_flag("--whole-lens-model", o.whole_lens_model,
+               "Also k3 and tangential distortion (default: focal length, principal point, k1, k2)")
+      ->group(group);
+  app.add_option("--max-rms", o.most_rms_px,
+                 "Largest RMS of distances in the pictures that is vouched for, pixels")
+      ->capture_default_str()
+      ->check(CLI::Range(1e-3, 1e3).description(""))
+      ->group(group);
+  app.add_flag("--force", o.force, "Write the rig even if it cannot be vouched for")->group(group);
+}
+
+}  // namespace
+
+CalibrateCommand declare_calibrate_geometry(CLI::App& calibrate) {
+  auto options = std::make_shared<GeometryOptions>();
+  CLI::App* app = calibrate.add_subcommand(
+      "geometry", "Where the cameras stand and look, and their lenses, from a moving light");
+  add_inputs(*app, *options);
+  add_knowledge(*app, *options);
+  add_model(*app, *options);
+  app->add_option("--report", options->report, "Write a page with charts of everything found")
+      ->type_name("FILE.html");
+  add_threads_option(*app, options->threads);
+  app->add_flag("--json", options->json, "Print everything found as JSON");
+  app->add_flag("-q,--quiet", options->quiet, "No progress on stderr");
+  return {app, [options](const std::stop_token&) { return calibrate_geometry(*options); }};
+}
+
+}  // namespace raystage

@@ -1,0 +1,382 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig/calibration/uncertainty.h"
+
+#include <ceres/jet.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace raystage {
+namespace {
+
+using Eigen::Index;
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr int kPoseValues = 6;  // turn in the camera, place in the world
+constexpr Index kHeld = -1;
+constexpr double kUnknown = 1e6;  // tolerances: the deviation of what nothing tells
+
+/// Where each camera's unknowns stand among all.
+struct Layout {
+  std::vector<Index> pose, lens;  // kHeld: none
+  std::vector<int> lens_values;   // which of LensValues
+  bool fy_follows = false;
+  Index size = 0;
+};
+
+Layout layout_of(const ArrayModel& model, const BundleSettings& free) {
+  Layout layout;
+  std::vector<bool> counts(model.cameras.size(), false);
+  for (const ArrayModel::Observation& o : model.observations) {
+    if (model.counts(o)) counts[static_cast<std::size_t>(o.camera)] = true;
+  }
+  if (free.lens != LensFreedom::kNone) {
+    const std::vector<int> held = held_values(free.lens);
+    for (int i = 0; i < kLensValues; ++i) {
+      if (std::ranges::find(held, i) == held.end()) layout.lens_values.push_back(i);
+    }
+  }
+  layout.fy_follows = free.lens == LensFreedom::kFocalLength;
+  Index shared = kHeld;
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    const bool rests = i < free.held_cameras.size() && free.held_cameras[i];
+    layout.pose.push_back(counts[i] && !rests ? layout.size : kHeld);
+    if (layout.pose.back() != kHeld) layout.size += kPoseValues;
+    Index lens = kHeld;
+    if (counts[i] && !layout.lens_values.empty()) {
+      lens = shared;
+      if (lens == kHeld) {
+        lens = layout.size;
+        layout.size += static_cast<Index>(layout.lens_values.size());
+        if (free.shared_lens) shared = lens;
+      }
+    }
+    layout.lens.push_back(lens);
+  }
+  return layout;
+}
+
+/// How a pixel moves with the point in the camera (3) and with the lens (9).
+using LensJacobian = Eigen::Matrix<double, 2, 3 + kLensValues>;
+
+LensJacobian lens_jacobian(const Vector3d& in_camera, const Intrinsics& lens, bool fy_follows) {
+  using Jet = ceres::Jet<double, 3 + kLensValues>;
+  Eigen::Matrix<Jet, 3, 1> point;
+  for (int i = 0; i < 3; ++i) point[i] = Jet(in_camera[i], i);
+  std::array<Jet, kLensValues> values;
+  const LensValues plain = values_of(lens);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] = Jet(plain[i], 3 + static_cast<int>(i));
+  const Eigen::Matrix<Jet, 2, 1> pixel = projected<Jet>(point, values.data(), fy_follows);
+  LensJacobian jacobian;
+  jacobian.row(0) = pixel.x().v.transpose();
+  jacobian.row(1) = pixel.y().v.transpose();
+  return jacobian;
+}
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+/// One observation's rows: which unknowns, and how it moves with them and with its point.
+struct Rows {
+  std::vector<Index> unknowns;
+  Eigen::Matrix<double, 2, Eigen::Dynamic> by_unknowns;
+  Eigen::Matrix<double, 2, 3> by_point;
+};
+
+Rows rows_of(const ArrayModel& model, const ArrayModel::Observation& o, const Layout& layout) {
+  const auto i = static_cast<std::size_t>(o.camera);
+  const ArrayModel::Camera& camera = model.cameras[i];
+  const Vector3d in_camera =
+      camera.pose->camera_from_world(*model.points[static_cast<std::size_t>(o.point)]);
+  const LensJacobian jacobian = lens_jacobian(in_camera, camera.intrinsics, layout.fy_follows);
+  const Eigen::Matrix<double, 2, 3> by_place = jacobian.leftCols<3>();
+  const Matrix3d camera_from_world = camera.pose->world_from_camera_rotation.transpose();
+  Rows rows;
+  rows.by_point = by_place * camera_from_world;
+  const Index of_pose = layout.pose[i] == kHeld ? 0 : kPoseValues;
+  const Index of_lens = layout.lens[i] == kHeld ? 0 : static_cast<Index>(layout.lens_values.size());
+  rows.by_unknowns.resize(2, of_pose + of_lens);
+  if (of_pose != 0) {
+    rows.by_unknowns.leftCols<3>() = -by_place * cross_matrix(in_camera);
+    rows.by_unknowns.middleCols<3>(3) = -rows.by_point;
+    for (Index k = 0; k < of_pose; ++k) rows.unknowns.push_back(layout.pose[i] + k);
+  }
+  for (Index k = 0; k < of_lens; ++k) {
+    rows.by_unknowns.col(of_pose + k) =
+        jacobian.col(3 + layout.lens_values[static_cast<std::size_t>(k)]);
+    rows.unknowns.push_back(layout.lens[i] + k);
+  }
+  return rows;
+}
+
+/// Information about the unknowns after each point was left as free as its observations leave it
+/// (the reduced camera system), for noise of one pixel.
+struct Information {
+  MatrixXd matrix;
+  int observations = 0, points = 0;
+  double squared_error = 0;
+};
+
+void add_point(Information& sum, const std::vector<Rows>& rows) {
+  // The point takes with it what its own motion explains: the space of its columns, whose basis is
+  // orthonormal however far away it is (its depth changes pixels by little, but changes them).
+  Eigen::MatrixX3d by_point(2 * static_cast<Index>(rows.size()), 3);
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    by_point.middleRows<2>(2 * static_cast<Index>(k)) = rows[k].by_point;
+  }
+  const Eigen::HouseholderQR<Eigen::MatrixX3d> qr(by_point);
+  const Eigen::MatrixX3d basis = qr.householderQ() * Eigen::MatrixX3d::Identity(by_point.rows(), 3);
+  std::vector<Eigen::MatrixX3d> across;  // unknowns x basis
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    across.emplace_back(rows[k].by_unknowns.transpose() *
+                        basis.middleRows<2>(2 * static_cast<Index>(k)));
+  }
+  for (std::size_t a = 0; a < rows.size(); ++a) {
+    for (std::size_t b = 0; b < rows.size(); ++b) {
+      MatrixXd block = -across[a] * across[b].transpose();
+      if (a == b) block += rows[a].by_unknowns.transpose() * rows[a].by_unknowns;
+      for (Index row = 0; row < block.rows(); ++row) {
+        for (Index column = 0; column < block.cols(); ++column) {
+          sum.matrix(rows[a].unknowns[static_cast<std::size_t>(row)],
+                     rows[b].unknowns[static_cast<std::size_t>(column)]) += block(row, column);
+        }
+      }
+    }
+  }
+}
+
+Information information_of(const ArrayModel& model, const Layout& layout) {
+  const std::vector<CameraModel> lenses = lenses_of(model);
+  Information sum;
+  sum.matrix = MatrixXd::Zero(layout.size, layout.size);
+  for (std::size_t begin = 0; begin < model.observations.size();) {
+    std::size_t end = begin;
+    std::vector<Rows> rows;
+    const int point = model.observations[begin].point;
+    for (; end < model.observations.size() && model.observations[end].point == point; ++end) {
+      const ArrayModel::Observation& o = model.observations[end];
+      if (!model.counts(o)) continue;
+      const auto residual = residual_of(model, lenses, o);
+      if (!residual) continue;
+      rows.push_back(rows_of(model, o, layout));
+      sum.squared_error += residual->squaredNorm();
+    }
+    begin = end;
+    if (rows.empty()) continue;
+    sum.observations += static_cast<int>(rows.size());
+    ++sum.points;
+    add_point(sum, rows);
+  }
+  return sum;
+}
+
+/// How poses move as the world drifts (3), turns (3) and grows (1): columns over all unknowns.
+MatrixXd world_motions(const ArrayModel& model, const Layout& layout) {
+  MatrixXd motions = MatrixXd::Zero(layout.size, 7);
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    const Index at = layout.pose[i];
+    if (at == kHeld) continue;
+    const Pose& pose = *model.cameras[i].pose;
+    motions.block<3, 3>(at + 3, 0) = Matrix3d::Identity();
+    motions.block<3, 3>(at, 3) = -pose.world_from_camera_rotation.transpose();
+    motions.block<3, 3>(at + 3, 3) = -cross_matrix(pose.position);
+    motions.block<3, 1>(at + 3, 6) = pose.position;
+  }
+  return motions;
+}
+
+/// The part of the world's motions that held cameras leave free: none with two of them; with one
+/// the world still grows about it.
+MatrixXd free_motions(const ArrayModel& model, const Layout& layout) {
+  MatrixXd motions = world_motions(model, layout);
+  std::vector<Vector3d> rest;
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    const bool is_in_use = layout.lens[i] != kHeld || layout.pose[i] != kHeld;
+    if (model.cameras[i].pose && layout.pose[i] == kHeld && is_in_use) {
+      rest.push_back(model.cameras[i].pose->position);
+    }
+  }
+  if (rest.empty()) return motions;
+  if (rest.size() > 1) return MatrixXd::Zero(layout.size, 0);
+  const VectorXd growth = motions.col(6) - motions.leftCols<3>() * rest.front();
+  return growth;
+}
+
+/// What makes one tolerance of each unknown.
+VectorXd tolerances_of(const ArrayModel& model, const Layout& layout, const Tolerances& t) {
+  VectorXd result = VectorXd::Ones(layout.size);
+  const double place = t.place * neighbour_distance(model);
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    const ArrayModel::Camera& camera = model.cameras[i];
+    if (layout.pose[i] != kHeld) {
+      result.segment<3>(layout.pose[i]).setConstant(t.turn_deg * std::numbers::pi / 180);
+      result.segment<3>(layout.pose[i] + 3).setConstant(place > 0 ? place : 1);
+    }
+    if (layout.lens[i] == kHeld) continue;
+    const double f = camera.intrinsics.fx;
+    const double r = std::hypot(camera.width / 2.0, camera.height / 2.0) / f;
+    const double corner = t.corner_px / f;
+    const LensValues of_values{
+        t.focal_length * f,      t.focal_length * f,   t.middle * camera.width,
+        t.middle * camera.width, corner / (r * r * r), corner / std::pow(r, 5),
+        corner / (3 * r * r),    corner / (3 * r * r), corner / std::pow(r, 7)};
+    for (std::size_t k = 0; k < layout.lens_values.size(); ++k) {
+      result[layout.lens[i] + static_cast<Index>(k)] =
+          of_values[static_cast<std::size_t>(layout.lens_values[k])];
+    }
+  }
+  return result;
+}
+
+/// Largest change, in tolerances, of anything that a direction (itself in tolerances) moves. Terms
+/// of the distortion may cancel: what counts is what they do to the picture.
+double largest_effect(const VectorXd& direction, const Layout& layout) {
+  double most = 0;
+  for (std::size_t i = 0; i < layout.pose.size(); ++i) {
+    if (layout.pose[i] != kHeld) {
+      most = std::max(most, direction.segment<kPoseValues>(layout.pose[i]).cwiseAbs().maxCoeff());
+    }
+    if (layout.lens[i] == kHeld) continue;
+    std::array<double, 4> radial{};  // at so many shares of the corner's distance
+    for (std::size_t k = 0; k < layout.lens_values.size(); ++k) {
+      const double value = direction[layout.lens[i] + static_cast<Index>(k)];
+      const int which = layout.lens_values[k];
+      const int power = which == 4 ? 3 : which == 5 ? 5 : which == 8 ? 7 : 0;
+      if (power == 0) most = std::max(most, std::abs(value));
+      for (std::size_t r = 0; r < radial.size() && power > 0; ++r) {
+        radial[r] += value * std::pow(static_cast<double>(r + 1) / radial.size(), power);
+      }
+    }
+    for (const double at : radial) most = std::max(most, std::abs(at));
+  }
+  return most;
+}
+
+Uncertainty::Direction described(const VectorXd& direction, double deviation,
+                                 const Layout& layout) {
+  Uncertainty::Direction d;
+  d.deviation = deviation;
+  const double all = direction.squaredNorm();
+  std::vector<double> of_camera(layout.pose.size(), 0);
+  std::vector<bool> told(static_cast<std::size_t>(layout.size), false);  // shared lenses once
+  for (std::size_t i = 0; i < layout.pose.size(); ++i) {
+    if (layout.pose[i] != kHeld) {
+      const double turn = direction.segment<3>(layout.pose[i]).squaredNorm() / all;
+      const double place = direction.segment<3>(layout.pose[i] + 3).squaredNorm() / all;
+      d.turns += turn;
+      d.places += place;
+      of_camera[i] = turn + place;
+    }
+    if (layout.lens[i] == kHeld || told[static_cast<std::size_t>(layout.lens[i])]) continue;
+    told[static_cast<std::size_t>(layout.lens[i])] = true;
+    for (std::size_t k = 0; k < layout.lens_values.size(); ++k) {
+      const double component = direction[layout.lens[i] + static_cast<Index>(k)];
+      const double share = component * component / all;
+      const int value = layout.lens_values[k];
+      (value < 2 ? d.focal_length : value < 4 ? d.middle : d.distortion) += share;
+    }
+  }
+  const double poses = d.turns + d.places;
+  for (std::size_t i = 0; i < of_camera.size(); ++i) {
+    if (poses > 0 && of_camera[i] > 0.4 * poses) d.cameras.push_back(static_cast<int>(i));
+  }
+  return d;
+}
+
+}  // namespace
+
+double neighbour_distance(const ArrayModel& model) {
+  std::vector<double> nearest;
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 0; j < model.cameras.size(); ++j) {
+      if (i == j || !model.cameras[i].pose || !model.cameras[j].pose) continue;
+      least = std::min(least,
+                       (model.cameras[i].pose->position - model.cameras[j].pose->position).norm());
+    }
+    if (std::isfinite(least)) nearest.push_back(least);
+  }
+  if (nearest.empty()) return 0;
+  const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
+  std::ranges::nth_element(nearest, middle);
+  return *middle;
+}
+
+std::optional<Uncertainty> uncertainty_of(const ArrayModel& model, const BundleSettings& free,
+                                          const Tolerances& tolerances, double least_noise_px) {
+  const Layout layout = layout_of(model, free);
+  if (layout.size == 0) return std::nullopt;
+  const Information information = information_of(model, layout);
+  if (information.observations == 0) return std::nullopt;
+  const MatrixXd motions = free_motions(model, layout);
+  const double surplus = 2.0 * information.observations - 3.0 * information.points -
+                         static_cast<double>(layout.size - motions.cols());
+  Uncertainty result;
+  result.noise_px =
+      std::max(std::sqrt(information.squared_error / std::max(surplus, 1.0)), least_noise_px);
+
+  // In tolerances, with the world's own motions made as sure as the surest.
+  const VectorXd one = tolerances_of(model, layout, tolerances);
+  MatrixXd scaled = one.asDiagonal() * information.matrix * one.asDiagonal();
+  scaled = (scaled + scaled.transpose()).eval() / 2;
+  MatrixXd world(layout.size, 0);
+  if (motions.cols() > 0) {
+    const MatrixXd in_tolerances = one.cwiseInverse().asDiagonal() * motions;
+    Eigen::JacobiSVD<MatrixXd> svd(in_tolerances, Eigen::ComputeThinU);
+    world = svd.matrixU().leftCols(svd.rank());
+  }
+  const double most = std::max(scaled.diagonal().maxCoeff(), 1e-300);
+  scaled += most * world * world.transpose();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
+  const double least = std::numeric_limits<double>::epsilon() * static_cast<double>(layout.size) *
+                       std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
+  const double variance = result.noise_px * result.noise_px;
+  MatrixXd covariance = MatrixXd::Zero(layout.size, layout.size);
+  for (Index k = 0; k < layout.size; ++k) {
+    // What is lost in rounding is not known, however small the noise is against it.
+    const double value = eigen.eigenvalues()[k] > least
+                             ? eigen.eigenvalues()[k]
+                             : std::min(least, variance / (kUnknown * kUnknown));
+    const VectorXd direction = eigen.eigenvectors().col(k);
+    const double of_world = world.cols() > 0 ? (world.transpose() * direction).squaredNorm() : 0;
+    if (of_world > 0.5) continue;
+    covariance += (variance / value) * direction * direction.transpose();
+    // Of what changes most in it: a world of many cameras is not less sure than one of few.
+    const double deviation = 2 * std::sqrt(variance / value) * largest_effect(direction, layout);
+    if (k == 0 || deviation > 1) {
+      result.weakest.push_back(described(direction, deviation, layout));
+    }
+  }
+  const VectorXd deviations = covariance.diagonal().cwiseMax(0).cwiseSqrt().cwiseProduct(one);
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    if (layout.pose[i] == kHeld && layout.lens[i] == kHeld) {
+      result.cameras.emplace_back();
+      continue;
+    }
+    Uncertainty::Camera camera;
+    if (layout.pose[i] != kHeld) {
+      camera.turn_deg = deviations.segment<3>(layout.pose[i]) * 180 / std::numbers::pi;
+      camera.place = deviations.segment<3>(layout.pose[i] + 3);
+    }
+    for (std::size_t k = 0; layout.lens[i] != kHeld && k < layout.lens_values.size(); ++k) {
+      camera.lens[static_cast<std::size_t>(layout.lens_values[k])] =
+          deviations[layout.lens[i] + static_cast<Index>(k)];
+    }
+    if (layout.lens[i] != kHeld && layout.fy_follows) camera.lens[1] = camera.lens[0];
+    result.cameras.emplace_back(camera);
+  }
+  std::ranges::stable_sort(result.weakest, std::greater<>(), &Uncertainty::Direction::deviation);
+  return result;
+}
+
+}  // namespace raystage

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "calibrate/light_calibration.h"
 #include "cli/calibrate.h"
 #include "cli/threads.h"
 #include "rig/calibration/calibration.h"
@@ -18,14 +19,15 @@ namespace raystage {
 namespace {
 
 struct GeometryOptions {
-  std::filesystem::path input, cameras, output, start, lens, report;
+  std::filesystem::path input, cameras, output, start, lens, report, detections;
   std::vector<std::string> hold, distance;
   std::string name;
   std::optional<double> fov_deg, spacing_mm;
   double most_rms_px = 1;
   bool lens_per_camera = false, whole_lens_model = false;
-  bool force = false, json = false, quiet = false;
-  int threads = 0;
+  bool trust_clocks = false, force = false, json = false, quiet = false;
+  int threads = 0, most_points = 300;
+  LightSettings light;
 };
 
 /// The lens of a rig file for every camera: by id, or the file's only one for all.
@@ -75,7 +77,6 @@ CalibrationSettings settings_of(const GeometryOptions& options, const Detections
   CalibrationSettings settings;
   settings.scale = scale_of(options);
   settings.limits.most_rms_px = options.most_rms_px;
-  settings.solve.threads = thread_count(options.threads);
   settings.solve.lens_per_camera = options.lens_per_camera;
   settings.solve.whole_lens_model = options.whole_lens_model;
   if (options.fov_deg) settings.solve.horizontal_fov = *options.fov_deg * std::numbers::pi / 180;
@@ -93,28 +94,68 @@ CalibrationSettings settings_of(const GeometryOptions& options, const Detections
   return settings;
 }
 
-Detections detections_of(const GeometryOptions& options) {
+/// Follows the light through a take.
+LightRecording light_in(const GeometryOptions& options, const std::stop_token& stop) {
+  const Take take(options.input);
+  const auto times = frame_times_of(take);
+  Progress progress(!options.quiet);
+  LightRecording light{
+      track_light(
+          take, times, options.light, [&](double done) { progress.report(done); }, stop),
+      cameras_of(take), period_of(times)};
+  if (!options.json) fmt::print("{}", track_text(light.tracks, light.cameras));
+  return light;
+}
+
+void write_tracked(const Detections& detections, const std::filesystem::path& table) {
+  write_detections(detections, table);
+  write_detections_document({detections.cameras},
+                            std::filesystem::path(table).replace_extension(".cameras.json"));
+}
+
+Detections table_of(const GeometryOptions& options) {
   const std::filesystem::path cameras =
       options.cameras.empty() ? options.input.parent_path() / "cameras.json" : options.cameras;
   return read_detections(options.input, read_detections_document(cameras));
 }
 
-ExitCode calibrate_geometry(const GeometryOptions& options) {
-  const ThreadLimit limit(options.threads);
-  const Detections detections = detections_of(options);
+struct Found {
+  CalibrationSettings settings;
+  Calibration calibration;
+};
+
+Found found_in_take(const GeometryOptions& options, const std::stop_token& stop) {
+  const LightRecording light = light_in(options, stop);
+  LightCalibrationSettings settings;
+  settings.points.most_points = options.most_points;
+  settings.finds_clocks = !options.trust_clocks;
+  settings.calibration = settings_of(options, {light.cameras, {}});
+  const LightCalibration found = calibrate_light(light, settings);
+  if (!options.detections.empty()) write_tracked(found.points.detections, options.detections);
+  if (!options.json && settings.finds_clocks) fmt::print("{}", clock_text(found, light.cameras));
+  return {settings.calibration, found.calibration};
+}
+
+Found found_in_table(const GeometryOptions& options) {
+  const Detections detections = table_of(options);
   const CalibrationSettings settings = settings_of(options, detections);
-  const Calibration calibration = calibrate(detections, settings);
+  return {settings, calibrate(detections, settings)};
+}
+
+ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_token& stop) {
+  const ThreadLimit limit(options.threads);
+  const auto [settings, calibration] = std::filesystem::is_directory(options.input)
+                                           ? found_in_take(options, stop)
+                                           : found_in_table(options);
   fmt::print("{}", options.json ? report_json(calibration) : report_text(calibration));
   if (!options.report.empty()) {
     write_file_atomically(options.report, report_html(calibration, options.output.string()));
   }
   const bool is_sure = calibration.verdict.is_vouched_for();
   if (!is_sure && !options.force) {
-    throw Error::failed(
-        "the rig was not written, as nobody could rely on it: " +
-            calibration.verdict.reasons.front(),
-        options.output.string(),
-        calibration.verdict.next_steps.front() + " --force writes the rig all the same");
+    throw Error::failed("the rig was not written, as nobody could rely on it",
+                        options.output.string(),
+                        "Do what stands under \"Next\"; --force writes the rig all the same");
   }
   write_rig(rig_of(calibration, settings.start, options.name), options.output);
   return ExitCode::kSuccess;
@@ -122,8 +163,10 @@ ExitCode calibrate_geometry(const GeometryOptions& options) {
 
 void add_inputs(CLI::App& app, GeometryOptions& o) {
   app.add_option("INPUT", o.input,
-                 "A table of detections, camera,frame,u,v (docs/formats/documents.md#detections)")
-      ->required();
+                 "A take of a small light that was carried about in the dark; or a table of "
+                 "detections, camera,frame,u,v (docs/formats/documents.md#detections)")
+      ->required()
+      ->type_name("TAKE|FILE.csv");
   app.add_option("--cameras", o.cameras,
                  "The document with the table's cameras (default: cameras.json beside it)")
       ->type_name("FILE.json");
@@ -169,6 +212,35 @@ void add_knowledge(CLI::App& app, GeometryOptions& o) {
       ->group(group);
 }
 
+void add_light(CLI::App& app, GeometryOptions& o) {
+  const char* group = "The light, in a take";
+  app.add_option("--light-threshold", o.light.least_light,
+                 "Least brightness of the light above what is there without it, linear, full scale "
+                 "1")
+      ->capture_default_str()
+      ->check(CLI::Range(0.001, 1.0).description(""))
+      ->group(group);
+  app.add_option("--second-light", o.light.second_light,
+                 "Pictures with a second light that has this share of the first's or more are left "
+                 "out: a reflection, 0-1")
+      ->capture_default_str()
+      ->check(CLI::Range(0.0, 1.0).description(""))
+      ->group(group);
+  app.add_option("--points", o.most_points, "At most so many of the light's places are used")
+      ->capture_default_str()
+      ->check(CLI::Range(20, 100000).description(""))
+      ->group(group);
+  app.add_flag("--trust-clocks", o.trust_clocks,
+               "Take frame times as they are: by default each camera's clock is set by the light's "
+               "motion, too")
+      ->group(group);
+  app.add_option("--detections", o.detections,
+                 "Write where the light was seen: this table, and its cameras beside it as "
+                 "FILE.cameras.json")
+      ->type_name("FILE.csv")
+      ->group(group);
+}
+
 void add_model(CLI::App& app, GeometryOptions& o) {
   const char* group = "What is found";
   app.add_flag("--lens-per-camera", o.lens_per_camera,
@@ -193,13 +265,15 @@ CalibrateCommand declare_calibrate_geometry(CLI::App& calibrate) {
       "geometry", "Where the cameras stand and look, and their lenses, from a moving light");
   add_inputs(*app, *options);
   add_knowledge(*app, *options);
+  add_light(*app, *options);
   add_model(*app, *options);
   app->add_option("--report", options->report, "Write a page with charts of everything found")
       ->type_name("FILE.html");
   add_threads_option(*app, options->threads);
   app->add_flag("--json", options->json, "Print everything found as JSON");
   app->add_flag("-q,--quiet", options->quiet, "No progress on stderr");
-  return {app, [options](const std::stop_token&) { return calibrate_geometry(*options); }};
+  return {app,
+          [options](const std::stop_token& stop) { return calibrate_geometry(*options, stop); }};
 }
 
 }  // namespace raystage

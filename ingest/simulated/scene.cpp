@@ -12,7 +12,8 @@ std::vector<SceneName> scene_names() {
           {"chart", "a flat chart 4 m away behind four small balls, nothing moves"},
           {"blue_screen", "a figure with loose hair that turns before a blue screen"},
           {"green_screen", "the same before a green one"},
-          {"empty_blue_screen", "the blue screen alone"}};
+          {"empty_blue_screen", "the blue screen alone"},
+          {"moving_light", "a small light carried about in the dark, to calibrate geometry"}};
 }
 
 Scene make_scene(std::string_view name) {
@@ -22,6 +23,7 @@ Scene make_scene(std::string_view name) {
   if (name == "blue_screen") return make_screen_scene(blue, true);
   if (name == "green_screen") return make_screen_scene(green, true);
   if (name == "empty_blue_screen") return make_screen_scene(blue, false);
+  if (name == "moving_light") return make_moving_light_scene();
   std::string known;
   for (const SceneName& scene : scene_names()) {
     known += (known.empty() ? "" : ", ") + std::string(scene.name);

@@ -58,6 +58,8 @@ Scene make_scene(std::string_view name);
 
 Scene make_stage_scene(bool moving);
 Scene make_chart_scene();
+/// The light's part is called "light".
+Scene make_moving_light_scene();
 /// The screen's part is called "screen".
 Scene make_screen_scene(const Eigen::Vector3f& screen_colour, bool with_figure);
 

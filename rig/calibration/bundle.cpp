@@ -224,7 +224,7 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
   options.linear_solver_type = ceres::DENSE_SCHUR;
   options.linear_solver_ordering = ordering;
   options.max_num_iterations = settings.most_iterations;
-  options.num_threads = settings.threads;
+  options.num_threads = 1;  // trials run at once instead (solve.cpp)
   options.function_tolerance = 1e-10;
   options.logging_type = ceres::SILENT;
   ceres::Solver::Summary summary;

@@ -23,7 +23,6 @@ struct BundleSettings {
   /// Pixels at which Cauchy's loss begins to believe an observation less; 0: least squares.
   double loss_px = 1;
   int most_iterations = 50;
-  int threads = 1;
 };
 
 struct BundleReport {

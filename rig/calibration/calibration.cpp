@@ -7,6 +7,7 @@
 #include <set>
 #include <tuple>
 
+#include "rig/calibration/alignment.h"
 #include "schemas/error.h"
 
 namespace raystage {
@@ -67,6 +68,25 @@ void check_held(const Detections& detections, const CalibrationSettings& setting
   }
 }
 
+/// With one camera held, the world may still have grown about it.
+void shrink_about(ArrayModel& model, const std::vector<std::optional<Pose>>& known,
+                  const Eigen::Vector3d& held) {
+  double found = 0, expected = 0;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (!model.cameras[i].pose || !known[i]) continue;
+    found += (model.cameras[i].pose->position - held).norm();
+    expected += (known[i]->position - held).norm();
+  }
+  Similarity similarity;
+  if (found > 0) similarity.scale = expected / found;
+  similarity.shift = (1 - similarity.scale) * held;
+  const auto keep = model.cameras;
+  apply(similarity, model);
+  for (std::size_t i = 0; i < keep.size(); ++i) {
+    if (keep[i].pose && keep[i].pose->position == held) model.cameras[i].pose = keep[i].pose;
+  }
+}
+
 /// The world's place, turn and scale. Held cameras have settled them already.
 void settle_world(Calibration& calibration, const CalibrationSettings& settings,
                   const std::vector<std::optional<Pose>>& known, std::size_t held) {
@@ -76,6 +96,15 @@ void settle_world(Calibration& calibration, const CalibrationSettings& settings,
     return;
   }
   const bool is_start = settings.start && is_calibrated(*settings.start);
+  if (held == 1) {
+    const auto at = std::ranges::find(calibration.model.cameras, settings.held_cameras.front(),
+                                      &ArrayModel::Camera::id) -
+                    calibration.model.cameras.begin();
+    shrink_about(calibration.model, known, known[static_cast<std::size_t>(at)]->position);
+    calibration.scale_from = "start";
+    calibration.scale_is_known = true;
+    return;
+  }
   if (is_start && align_to_poses(calibration.model, known)) {
     calibration.scale_from = "start";
     calibration.scale_is_known = true;

@@ -25,7 +25,6 @@ struct Case {
 CalibrationSettings settings_for(const SimulatedArray& truth, bool lens_is_known) {
   CalibrationSettings settings;
   settings.scale.spacing_m = 0.06;
-  settings.solve.threads = 2;
   settings.solve.horizontal_fov = 60 * kTestDegree;
   if (lens_is_known) {
     settings.solve.lenses.assign(truth.detections.cameras.size(), truth.lens);

@@ -169,7 +169,6 @@ void refine(ArrayModel& model, const FirstPosesSettings& settings) {
   BundleSettings bundle;
   bundle.most_iterations = 30;
   bundle.loss_px = settings.most_px / 4;
-  bundle.threads = settings.threads;
   bundle.held_cameras = settings.held_cameras;
   adjust(model, bundle);
   sort_outliers(model, settings.most_px);

@@ -13,7 +13,6 @@ struct FirstPosesSettings {
   /// of what was guessed.
   bool lenses_differ = false;
   std::vector<bool> held_cameras = {};  ///< whose poses rest; empty: none's
-  int threads = 1;
 };
 
 /// Structure from motion: from two cameras that share many points in directions that differ

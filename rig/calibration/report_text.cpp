@@ -50,6 +50,8 @@ std::string report_json(const Calibration& calibration) {
             {"next_steps", calibration.verdict.next_steps}};
   json["rms_px"] = number(rms_of(model));
   json["noise_px"] = calibration.uncertainty ? Json(calibration.uncertainty->noise_px) : Json();
+  json["residual_correlation"] =
+      calibration.uncertainty ? Json(calibration.uncertainty->correlation) : Json();
   json["detections"] = model.observations.size();
   json["outliers"] =
       std::ranges::count_if(model.observations, [](const auto& o) { return o.is_outlier; });

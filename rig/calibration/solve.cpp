@@ -11,6 +11,7 @@
 #include "rig/calibration/bundle.h"
 #include "rig/calibration/first_poses.h"
 #include "schemas/error.h"
+#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -69,10 +70,9 @@ double score_of(const ArrayModel& model) {
 ArrayModel begun_once(const ArrayModel& empty, double most_px, const SolveSettings& settings) {
   ArrayModel model = empty;
   BundleSettings bundle;
-  bundle.threads = settings.threads;
   bundle.held_cameras = settings.held_cameras;
   bundle.loss_px = 2;
-  FirstPosesSettings first{most_px, false, settings.held_cameras, settings.threads};
+  FirstPosesSettings first{most_px, false, settings.held_cameras};
   first.lenses_differ = settings.lens_per_camera && settings.lenses.empty();
   const auto is_known = [](const std::optional<Pose>& pose) { return pose.has_value(); };
   if (std::ranges::count_if(settings.poses, is_known) >= 2) {
@@ -92,29 +92,43 @@ ArrayModel begun_once(const ArrayModel& empty, double most_px, const SolveSettin
 }
 
 /// Much may be wrong while lenses are guessed; but what is forgiven can hide a wrong beginning, so
-/// that a strict one is tried, too.
-ArrayModel begun_with(const Detections& detections, double fov, const SolveSettings& settings) {
-  ArrayModel model = model_of(detections, fov);
-  for (std::size_t i = 0; i < settings.lenses.size(); ++i) {
-    model.cameras[i].intrinsics = settings.lenses[i];
-  }
-  ArrayModel lax = begun_once(model, kFirstError, settings);
-  ArrayModel strict = begun_once(model, kLeastThreshold, settings);
-  return score_of(strict) > score_of(lax) ? strict : lax;
+/// that for each field of view a strict one is tried, too. All at once: which is best does not
+/// depend on their order.
+ArrayModel begun_with(const Detections& detections, const std::vector<double>& fovs,
+                      const SolveSettings& settings) {
+  std::vector<ArrayModel> begun(2 * fovs.size());
+  parallel_for(std::size_t{0}, begun.size(), [&](std::size_t i) {
+    ArrayModel model = model_of(detections, fovs[i / 2]);
+    for (std::size_t k = 0; k < settings.lenses.size(); ++k) {
+      model.cameras[k].intrinsics = settings.lenses[k];
+    }
+    begun[i] = begun_once(model, i % 2 == 0 ? kFirstError : kLeastThreshold, settings);
+  });
+  return std::move(*std::ranges::max_element(begun, {}, score_of));
 }
 
-/// At most so many points, spread over all.
-Detections thinned(const Detections& all, int most) {
+/// At most so many points, spread over all, seen by the cameras that see most.
+Detections thinned(const Detections& all, std::size_t most_points, std::size_t most_cameras) {
   std::vector<int> points;
+  std::vector<std::pair<int, int>> sights;  // how many, of which camera
+  for (std::size_t i = 0; i < all.cameras.size(); ++i) sights.emplace_back(0, static_cast<int>(i));
   for (const auto& d : all.detections) {
     if (points.empty() || points.back() != d.point) points.push_back(d.point);
+    ++sights[static_cast<std::size_t>(d.camera)].first;
   }
-  const std::size_t step = points.size() / static_cast<std::size_t>(most) + 1;
+  std::ranges::stable_sort(sights, std::greater<>(), [](const auto& sight) { return sight.first; });
+  std::vector<bool> looks(all.cameras.size(), false);
+  for (std::size_t i = 0; i < std::min(most_cameras, sights.size()); ++i) {
+    looks[static_cast<std::size_t>(sights[i].second)] = true;
+  }
+  const std::size_t step = (points.size() + most_points - 1) / most_points;
   Detections thin{all.cameras, {}};
   std::size_t index = 0;
   for (const auto& d : all.detections) {
     while (points[index] != d.point) ++index;
-    if (index % step == 0) thin.detections.push_back(d);
+    if (index % step == 0 && looks[static_cast<std::size_t>(d.camera)]) {
+      thin.detections.push_back(d);
+    }
   }
   return thin;
 }
@@ -124,16 +138,15 @@ double likely_fov(const Detections& detections, const SolveSettings& settings) {
   constexpr double kDegree = std::numbers::pi / 180;
   if (settings.horizontal_fov) return *settings.horizontal_fov;
   if (!settings.lenses.empty()) return 60 * kDegree;  // not looked at
-  constexpr int kMostPoints = 200;
-  const Detections thin = thinned(detections, kMostPoints);
-  double best = 0, best_score = -1;
-  for (const double degrees : {15, 25, 40, 55, 70, 90, 110}) {
-    const double score = score_of(begun_with(thin, degrees * kDegree, settings));
-    if (score <= best_score) continue;
-    best = degrees * kDegree;
-    best_score = score;
-  }
-  return best;
+  constexpr std::size_t kMostPoints = 150, kMostCameras = 9;
+  const Detections thin = thinned(detections, kMostPoints, kMostCameras);
+  std::vector<double> tried;
+  for (const double degrees : {15, 25, 40, 55, 70, 90, 110}) tried.push_back(degrees * kDegree);
+  const ArrayModel best = begun_with(thin, tried, settings);
+  const auto found = std::ranges::find_if(
+      best.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); });
+  if (found == best.cameras.end()) return 60 * kDegree;
+  return 2 * std::atan(found->width / 2.0 / found->intrinsics.fx);
 }
 
 }  // namespace
@@ -141,14 +154,14 @@ double likely_fov(const Detections& detections, const SolveSettings& settings) {
 ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
                        SolveReport& report) {
   const auto start = std::chrono::steady_clock::now();
-  ArrayModel model = begun_with(detections, likely_fov(detections, settings), settings);
+  ArrayModel model = begun_with(detections, {likely_fov(detections, settings)}, settings);
   const bool is_held =
       std::ranges::find(settings.held_cameras, true) != settings.held_cameras.end();
   if (!settings.poses.empty() && !is_held &&
       2 * step_of(model, "").observations < static_cast<int>(model.observations.size())) {
     SolveSettings without_poses = settings;  // the array is no longer as it was
     without_poses.poses.clear();
-    ArrayModel anew = begun_with(detections, likely_fov(detections, settings), without_poses);
+    ArrayModel anew = begun_with(detections, {likely_fov(detections, settings)}, without_poses);
     if (score_of(anew) > score_of(model)) model = std::move(anew);
   }
   if (placed_in(model) < 2) {
@@ -156,7 +169,6 @@ ArrayModel solve_array(const Detections& detections, const SolveSettings& settin
                            "Record the light where several cameras see it at once, near and far");
   }
   BundleSettings bundle;
-  bundle.threads = settings.threads;
   bundle.held_cameras = settings.held_cameras;
   const auto release = [&](LensFreedom lens, bool shared, double least_px, const char* what) {
     bundle.lens = lens;

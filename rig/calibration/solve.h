@@ -22,7 +22,6 @@ struct SolveSettings {
   bool lens_is_known = false;           ///< lenses stay as they are
   bool lens_per_camera = false;         ///< in the end each camera has a lens of its own
   bool whole_lens_model = false;        ///< k3 and tangential distortion, too
-  int threads = 1;
 };
 
 /// What became of a solve.

@@ -18,7 +18,6 @@ TEST(SolvedArrays, TheThesisArrayIsFoundToAMillimetre) {
   SolveReport report;
   SolveSettings settings;
   settings.horizontal_fov = 60 * kTestDegree;
-  settings.threads = 2;
   const ArrayModel model = solve_array(truth.detections, settings, report);
   const ArrayErrors errors = errors_from(model, truth.poses);
   RecordProperty("seconds", fmt::format("{:.1f}", report.seconds));
@@ -53,7 +52,6 @@ TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
   SolveReport report;
   SolveSettings settings;
   settings.lens_per_camera = true;
-  settings.threads = 2;
   const ArrayModel model = solve_array(detections, settings, report);
   std::string steps;
   for (const SolveReport::Step& step : report.steps) {
@@ -89,7 +87,6 @@ TEST(SolvedArrays, LensesThatNobodyGuessedAreFound) {
   SolveReport report;
   SolveSettings settings;
   settings.lens_per_camera = true;
-  settings.threads = 2;
   const ArrayModel model = solve_array(detections, settings, report);
   for (const ArrayModel::Camera& camera : model.cameras) EXPECT_TRUE(camera.pose) << camera.id;
   EXPECT_LE(rms_of(model), 0.3);

@@ -293,6 +293,27 @@ Uncertainty::Direction described(const VectorXd& direction, double deviation,
   return d;
 }
 
+/// Correlation of residuals that follow each other in a camera, those of points in the order of
+/// their numbers; at least 0.
+double residual_correlation(const ArrayModel& model) {
+  const std::vector<CameraModel> lenses = lenses_of(model);
+  std::vector<std::optional<Eigen::Vector2d>> before(model.cameras.size());
+  double together = 0, alone = 0;
+  for (const ArrayModel::Observation& o : model.observations) {
+    if (!model.counts(o)) continue;
+    const auto residual = residual_of(model, lenses, o);
+    if (!residual) continue;
+    auto& last = before[static_cast<std::size_t>(o.camera)];
+    if (last) {
+      together += residual->dot(*last);
+      alone += (residual->squaredNorm() + last->squaredNorm()) / 2;
+    }
+    last = residual;
+  }
+  constexpr double kMost = 0.95;
+  return alone > 0 ? std::clamp(together / alone, 0.0, kMost) : 0;
+}
+
 }  // namespace
 
 double neighbour_distance(const ArrayModel& model) {
@@ -340,7 +361,10 @@ std::optional<Uncertainty> uncertainty_of(const ArrayModel& model, const BundleS
   const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
   const double least = std::numeric_limits<double>::epsilon() * static_cast<double>(layout.size) *
                        std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
-  const double variance = result.noise_px * result.noise_px;
+  result.correlation = residual_correlation(model);
+  // As many independent ones would tell as much (first-order autoregression).
+  const double variance =
+      result.noise_px * result.noise_px * (1 + result.correlation) / (1 - result.correlation);
   MatrixXd covariance = MatrixXd::Zero(layout.size, layout.size);
   for (Index k = 0; k < layout.size; ++k) {
     // What is lost in rounding is not known, however small the noise is against it.

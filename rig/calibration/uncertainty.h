@@ -31,6 +31,9 @@ struct Uncertainty {
   };
   std::vector<std::optional<Camera>> cameras;  ///< none: not found, or nothing of it counts
   double noise_px = 0;  ///< of one coordinate of a detection, as the residuals tell
+  /// Of residuals of one camera that follow each other, 0 to 1: what errs alike for long (a clock,
+  /// a lens) is no noise, and many points tell no more of it than few. Deviations are larger by it.
+  double correlation = 0;
 
   /// Something that changes together.
   struct Direction {

@@ -29,7 +29,6 @@ TEST(Deviations, AreAsLargeAsErrors) {
                                                   .seed = static_cast<unsigned>(100 + i)});
     CalibrationSettings settings;
     settings.solve.horizontal_fov = 60 * kTestDegree;
-    settings.solve.threads = 2;
     Calibration found = calibrate(truth.detections, settings);
     ASSERT_TRUE(found.uncertainty);
     std::vector<Pose> poses;

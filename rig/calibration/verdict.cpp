@@ -16,6 +16,9 @@ namespace {
 
 constexpr int kJoined = 6;  // common points by which a camera can be placed
 constexpr int kCells = 4;   // of the picture, each way
+constexpr const char* kMendFit =
+    "Look for cameras that moved or refocused while recording, and for times that do not fit "
+    "(raystage sync); a lens per camera (--lens-per-camera) may fit better.";
 
 std::vector<std::string> names_of(const std::vector<int>& cameras, const ArrayModel& model) {
   std::vector<std::string> names;
@@ -29,7 +32,7 @@ void say_once(std::vector<std::string>& list, std::string sentence) {
 
 void judge_cameras(Verdict& verdict, const ArrayModel& model, const VerdictLimits& limits) {
   const std::vector<CameraFit> fits = fits_of(model);
-  std::vector<std::string> blind, not_found, with_few, narrow;
+  std::vector<std::string> blind, not_found, with_few, ill_fitting, narrow;
   for (std::size_t i = 0; i < fits.size(); ++i) {
     const std::string& id = model.cameras[i].id;
     if (fits[i].seen == 0) {
@@ -38,6 +41,8 @@ void judge_cameras(Verdict& verdict, const ArrayModel& model, const VerdictLimit
       not_found.push_back(fmt::format("{} (saw {})", id, fits[i].seen));
     } else if (fits[i].kept < limits.least_points) {
       with_few.push_back(fmt::format("{} ({})", id, fits[i].kept));
+    } else if (!(fits[i].rms_px <= limits.most_rms_px)) {
+      ill_fitting.push_back(fmt::format("{} ({:.2f} px)", id, fits[i].rms_px));
     } else if (fits[i].covered < 0.5) {
       narrow.push_back(fmt::format("{} ({:.0f} %)", id, 100 * fits[i].covered));
     }
@@ -58,6 +63,11 @@ void judge_cameras(Verdict& verdict, const ArrayModel& model, const VerdictLimit
     verdict.reasons.push_back(
         fmt::format("Fewer than {} points count in {}.", limits.least_points, few_of(with_few)));
     verdict.next_steps.push_back("Record the light at more places in front of these cameras.");
+  }
+  if (!ill_fitting.empty()) {
+    verdict.reasons.push_back(fmt::format("Points do not fit to {:.2f} px in {}.",
+                                          limits.most_rms_px, few_of(ill_fitting)));
+    verdict.next_steps.emplace_back(kMendFit);
   }
   if (!narrow.empty()) {
     verdict.warnings.push_back(fmt::format(
@@ -88,9 +98,7 @@ void judge_fit(Verdict& verdict, const ArrayModel& model, const VerdictLimits& l
         fmt::format("Points are {:.2f} px (RMS) from where they should be; at most {:.2f} are "
                     "vouched for.",
                     rms, limits.most_rms_px));
-    verdict.next_steps.push_back(
-        "Look for cameras that moved or refocused while recording, and for times that do not fit "
-        "(raystage sync); a lens per camera (--lens-per-camera) may fit better.");
+    say_once(verdict.next_steps, kMendFit);
   }
   std::vector<int> seen_by(model.points.size(), 0);
   for (const ArrayModel::Observation& o : model.observations) {
@@ -134,10 +142,12 @@ void judge_direction(Verdict& verdict, const Uncertainty::Direction& direction,
           : fmt::format("uncertain by {:.1f} times what is tolerated", direction.deviation);
   say_once(verdict.reasons, fmt::format("{} {}.", describe(direction, model), times));
   if (direction.focal_length + direction.middle + direction.distortion > 0.4) {
-    say_once(verdict.next_steps,
-             "Measure the lens with a board (--board) and hold it (--hold lens), or turn the whole "
-             "array by 10 degrees or more about each axis half-way through the recording: cameras "
-             "that all look the same way cannot tell a longer lens from a deeper scene.");
+    say_once(
+        verdict.next_steps,
+        "Measure the lens with a board (raystage calibrate lens), give it with --lens and hold "
+        "it (--hold lens): cameras that look nearly the same way cannot tell a longer lens "
+        "from a deeper scene, wherever the light goes. Where they do not, more of the light, "
+        "near and far and in the corners of their pictures, helps too.");
   } else {
     say_once(verdict.next_steps,
              "Record more of the light, nearer to the array (one to ten times its width) and at "
@@ -261,6 +271,14 @@ Verdict verdict_on(const ArrayModel& model, const std::optional<Uncertainty>& un
   judge_groups(verdict, model);
   judge_fit(verdict, model, limits);
   judge_flatness(verdict, model);
+  constexpr double kAlike = 0.6, kSeen = 0.1;  // correlation; pixels
+  if (uncertainty && uncertainty->correlation > kAlike && uncertainty->noise_px > kSeen) {
+    verdict.warnings.push_back(fmt::format(
+        "What is left of {:.2f} px is not noise: points that follow each other err alike "
+        "(correlation {:.2f}).",
+        uncertainty->noise_px, uncertainty->correlation));
+    say_once(verdict.next_steps, kMendFit);
+  }
   if (uncertainty) {
     constexpr std::size_t kMostSaid = 4;
     std::size_t said = 0;

@@ -1,0 +1,154 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <limits>
+#include <optional>
+#include <span>
+
+#include "calibrate/light_tracks.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector2d;
+using Sight = LightTrack::Sight;
+
+bool is_found(const Sight& sight) { return sight.spot.result == LightResult::kFound; }
+
+/// Newton's interpolation through up to four sights.
+Vector2d interpolated(std::span<const Sight> sights, Nanoseconds time, double period) {
+  std::array<Vector2d, 4> difference;
+  std::array<double, 4> at{};
+  for (std::size_t i = 0; i < sights.size(); ++i) {
+    difference[i] = sights[i].spot.centre;
+    at[i] = static_cast<double>(sights[i].time - time) / period;
+  }
+  for (std::size_t step = 1; step < sights.size(); ++step) {
+    for (std::size_t i = sights.size() - 1; i >= step; --i) {
+      difference[i] = (difference[i] - difference[i - 1]) / (at[i] - at[i - step]);
+    }
+  }
+  Vector2d value = difference[sights.size() - 1];
+  for (std::size_t i = sights.size() - 1; i-- > 0;) value = difference[i] - at[i] * value;
+  return value;
+}
+
+/// Where a camera saw the light at a time; none where it did not see it before and after, or its
+/// path bends too much between.
+std::optional<Vector2d> seen_at(const std::vector<Sight>& sights, Nanoseconds time,
+                                Nanoseconds period, double most_bend_px) {
+  const auto after = std::ranges::lower_bound(sights, time, {}, &Sight::time);
+  const auto index = after - sights.begin();
+  const auto count = static_cast<std::ptrdiff_t>(sights.size());
+  if (index < count && after->time == time && is_found(*after)) return after->spot.centre;
+  if (index == 0 || index == count) return std::nullopt;
+  const auto at = [&](std::ptrdiff_t i) -> const Sight& {
+    return sights[static_cast<std::size_t>(i)];
+  };
+  const auto bridged = [&](std::ptrdiff_t before) {
+    return before >= 0 && before + 1 < count && is_found(at(before)) && is_found(at(before + 1)) &&
+           2 * (at(before + 1).time - at(before).time) <= 3 * period;
+  };
+  if (!bridged(index - 1)) return std::nullopt;
+  const auto between = [&](std::ptrdiff_t first, std::ptrdiff_t last) {
+    return std::span(sights).subspan(static_cast<std::size_t>(first),
+                                     static_cast<std::size_t>(last - first + 1));
+  };
+  const auto scale = static_cast<double>(period);
+  const Vector2d on_line = interpolated(between(index - 1, index), time, scale);
+  const std::ptrdiff_t first = bridged(index - 2) ? index - 2 : index - 1;
+  const std::ptrdiff_t last = bridged(index) ? index + 1 : index;
+  // With one side only nothing checks the bend.
+  if (first == index - 1 && last == index) return std::nullopt;
+  const Vector2d on_curve = interpolated(between(first, last), time, scale);
+  if (!((on_curve - on_line).norm() <= most_bend_px)) return std::nullopt;
+  return on_curve;
+}
+
+using Seen = std::vector<std::optional<Vector2d>>;  // by camera
+
+int cameras_in(const Seen& seen) {
+  return static_cast<int>(
+      std::ranges::count_if(seen, [](const auto& place) { return place.has_value(); }));
+}
+
+/// Whether the light is elsewhere than it was, by the median of the cameras that saw both.
+bool has_moved(const Seen& before, const Seen& now, double least_px) {
+  std::vector<double> steps;
+  for (std::size_t c = 0; c < now.size(); ++c) {
+    if (before[c] && now[c]) steps.push_back((*now[c] - *before[c]).norm());
+  }
+  if (steps.empty()) return true;
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::ranges::nth_element(steps, middle);
+  return *middle >= least_px;
+}
+
+struct Instant {
+  int number = 0;
+  Seen seen;
+};
+
+/// Of each of `most` equal parts of the list, the instant that most cameras saw.
+std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
+  if (all.size() <= most) return all;
+  std::vector<Instant> chosen;
+  for (std::size_t part = 0; part < most; ++part) {
+    const auto begin = all.begin() + static_cast<std::ptrdiff_t>(part * all.size() / most);
+    const auto end = all.begin() + static_cast<std::ptrdiff_t>((part + 1) * all.size() / most);
+    chosen.push_back(*std::max_element(begin, end, [](const Instant& a, const Instant& b) {
+      return cameras_in(a.seen) < cameras_in(b.seen);
+    }));
+  }
+  return chosen;
+}
+
+}  // namespace
+
+LightPoints light_points(const std::vector<LightTrack>& tracks,
+                         const std::vector<DetectionsDocument::Camera>& cameras, Nanoseconds period,
+                         const LightPointSettings& settings) {
+  LightPoints points{{cameras, {}}, 0, period};
+  std::optional<Nanoseconds> begin, end;
+  for (const LightTrack& track : tracks) {
+    if (track.sights.empty()) continue;
+    begin = std::min(begin.value_or(track.sights.front().time), track.sights.front().time);
+    end = std::max(end.value_or(track.sights.back().time), track.sights.back().time);
+  }
+  if (!begin || period <= 0) return points;
+  points.begin = *begin;
+  std::vector<Instant> instants;
+  int number = 0;
+  for (Nanoseconds time = *begin; time <= *end; time += period, ++number) {
+    Instant instant{number, {}};
+    for (const LightTrack& track : tracks) {
+      instant.seen.push_back(seen_at(track.sights, time, period, settings.most_bend_px));
+    }
+    if (cameras_in(instant.seen) < 2) continue;
+    if (!instants.empty() &&
+        !has_moved(instants.back().seen, instant.seen, settings.least_step_px)) {
+      continue;
+    }
+    instants.push_back(std::move(instant));
+  }
+  for (const Instant& instant :
+       spread(std::move(instants), static_cast<std::size_t>(settings.most_points))) {
+    for (std::size_t c = 0; c < instant.seen.size(); ++c) {
+      if (!instant.seen[c]) continue;
+      points.detections.detections.push_back(
+          {static_cast<int>(c), instant.number, *instant.seen[c]});
+    }
+  }
+  return points;
+}
+
+std::optional<Vector2d> light_speed_at(const LightTrack& track, Nanoseconds time,
+                                       Nanoseconds period) {
+  const double most_bend = std::numeric_limits<double>::infinity();
+  const Nanoseconds step = period / 10;
+  const auto before = seen_at(track.sights, time - step, period, most_bend);
+  const auto after = seen_at(track.sights, time + step, period, most_bend);
+  if (!before || !after) return std::nullopt;
+  return (*after - *before) / (2e-9 * static_cast<double>(step));
+}
+
+}  // namespace raystage

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "store/jpeg/rgb_image.h"
+
+namespace raystage {
+
+/// What became of the search for a light in one picture.
+enum class LightResult : std::uint8_t {
+  kFound,
+  kDark,       ///< nothing bright enough
+  kAmbiguous,  ///< a second one all but as bright: a reflection, or another light
+  kTooLarge,   ///< blown out, out of focus, or a lamp that lights the room
+  kSaturated,  ///< clipped so widely that its middle is that of the clipping
+  kAtBorder,   ///< cut off by the picture's border
+  kUnsteady    ///< much dimmer than this camera saw it otherwise: blinking, or half hidden
+};
+inline constexpr std::size_t kLightResults = 7;
+std::string_view name_of(LightResult result);
+
+struct LightSettings {
+  double least_light = 0.05;     ///< linear light above the background, full scale 1
+  double second_light = 0.4;     ///< of the brightest's light: from there on it is ambiguous
+  double largest_area = 0.004;   ///< of the picture
+  double most_saturated = 0.75;  ///< share of its pixels at full scale, where these are many
+};
+
+/// A light in a picture.
+struct LightSpot {
+  LightResult result = LightResult::kDark;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< pixels, centres at +0.5
+  double light = 0;  ///< sum over its pixels, linear, full scale 1, above the background
+  int area = 0;      ///< pixels
+};
+
+/// What a camera sees when the light is elsewhere, linear, full scale 1: by pixel the median of
+/// several pictures, in which the light is at different places.
+class LightBackground {
+ public:
+  /// Pictures of the same size, at least one.
+  explicit LightBackground(std::span<const RgbImage> pictures);
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  std::span<const float> light() const { return light_; }
+
+ private:
+  int width_ = 0, height_ = 0;
+  std::vector<float> light_;
+};
+
+/// Finds the light in a picture of the background's size: of the groups of touching pixels that are
+/// a quarter as bright as the brightest at least, the one with most light. Its centre is the mean
+/// of its pixels' places, and those around it, by their light.
+LightSpot find_light(const RgbImage& picture, const LightBackground& background,
+                     const LightSettings& settings);
+
+}  // namespace raystage

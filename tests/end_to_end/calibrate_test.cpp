@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+// From frames to a rig, as users calibrate.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "schemas/rig_document.h"
+#include "schemas/test_folder.h"
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage {
+namespace {
+
+using testing::CommandResult;
+using ::testing::HasSubstr;
+using testing::run;
+
+/// Writes truth.json's true rig as a document of its own.
+std::string true_rig_of(const std::filesystem::path& take) {
+  const auto truth = nlohmann::json::parse(testing::text_of(take / "truth.json"));
+  const std::filesystem::path file = take / "true_rig.json";
+  testing::write_text(file, truth.at("rig").dump());
+  return file.string();
+}
+
+/// A light in the dark before twelve free-running cameras on three nodes whose clocks differ.
+CommandResult simulate_light(const std::string& take) {
+  return run("raystage simulate moving_light -o " + take +
+             " --rows 3 --columns 4 --seconds 12 --fps 9 --mounting-deg 8 --mounting-mm 5 "
+             "--lens-deviation 0 --k1 -0.089 --k2 0 --cameras-per-node 4 --truth-views 0 "
+             "--startup-loss-seconds 0.2 --calibration nominal -q");
+}
+
+TEST(Calibrate, FromTheFirstFrameToTheRigInOneCommand) {
+  const TestFolder folder;
+  const std::string take = (folder.path() / "light").string();
+  ASSERT_EQ(simulate_light(take).exit_code, 0);
+  const std::string rig = (folder.path() / "rig.json").string();
+  const std::string page = (folder.path() / "report.html").string();
+  const CommandResult found = run("raystage calibrate geometry " + take + " -o " + rig +
+                                  " --spacing-mm 60 -q --report " + page);
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  EXPECT_THAT(found.out, HasSubstr("can be relied upon"));
+  EXPECT_EQ(read_rig(rig).cameras.size(), 12U);
+  EXPECT_THAT(testing::text_of(page), HasSubstr("r2c3"));
+  const CommandResult compared =
+      run("raystage calibrate compare --json " + true_rig_of(take) + " " + rig);
+  ASSERT_EQ(compared.exit_code, 0) << compared.err;
+  const auto comparison = nlohmann::json::parse(compared.out);
+  for (const auto& camera : comparison.at("cameras")) {
+    EXPECT_LE(camera.at("place_m").get<double>(), 1e-3) << camera;
+    EXPECT_LE(camera.at("turn_deg").get<double>(), 0.05) << camera;
+    EXPECT_LE(camera.at("rms_px").get<double>(), 1) << camera;
+  }
+
+  // The same from a table; refined from what was found, its lens held.
+  const std::string table = (folder.path() / "light.csv").string();
+  const std::string again = (folder.path() / "again.json").string();
+  ASSERT_EQ(run("raystage calibrate geometry " + take + " -o " + again +
+                " --spacing-mm 60 -q --detections " + table)
+                .exit_code,
+            0);
+  const RigDocument first_time = read_rig(rig), second_time = read_rig(again);
+  for (std::size_t i = 0; i < first_time.cameras.size(); ++i) {
+    const CameraGeometry &a = first_time.cameras[i].geometry, &b = second_time.cameras[i].geometry;
+    EXPECT_NEAR(a.intrinsics.fx, b.intrinsics.fx, 1e-6);
+    for (std::size_t k = 0; k < 16; ++k) {
+      EXPECT_NEAR(a.world_from_camera[k], b.world_from_camera[k], 1e-9);
+    }
+  }
+  const CommandResult refined =
+      run("raystage calibrate geometry " + table + " --cameras " +
+          (folder.path() / "light.cameras.json").string() + " -o " + again + " --start " + rig +
+          " --hold lens --hold r0c0 -q --json");
+  ASSERT_EQ(refined.exit_code, 0) << refined.out << refined.err;
+  const auto report = nlohmann::json::parse(refined.out);
+  EXPECT_EQ(report.at("scale_from"), "start");
+  EXPECT_LE(report.at("rms_px").get<double>(), 0.2);
+  // As exact as a rotation and its quaternion agree.
+  const auto held = read_rig(again).cameras[0].geometry.world_from_camera;
+  const auto before = read_rig(rig).cameras[0].geometry.world_from_camera;
+  for (std::size_t i = 0; i < held.size(); ++i) EXPECT_NEAR(held[i], before[i], 1e-12);
+}
+
+TEST(Calibrate, WritesNothingThatCannotBeReliedUpon) {
+  const TestFolder folder;
+  const std::string take = (folder.path() / "light").string();
+  // Cameras that look the same way, and clocks that are wrong and believed.
+  ASSERT_EQ(run("raystage simulate moving_light -o " + take +
+                " --rows 1 --columns 3 --seconds 8 --fps 9 --mounting-deg 0 --width 160 --height "
+                "120 --truth-views 0 --cameras-per-node 1 -q")
+                .exit_code,
+            0);
+  const std::string rig = (folder.path() / "rig.json").string();
+  const std::string command = "raystage calibrate geometry " + take + " -q -o " + rig;
+  const CommandResult refused = run(command);
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_FALSE(std::filesystem::exists(rig));
+  EXPECT_THAT(refused.out, HasSubstr("focal length"));
+  EXPECT_THAT(refused.out, HasSubstr("Nothing tells the scale"));
+  EXPECT_THAT(refused.err, HasSubstr("--force"));
+  EXPECT_EQ(run(command + " --force").exit_code, 0);
+  EXPECT_EQ(read_rig(rig).cameras.size(), 3U);
+}
+
+TEST(Calibrate, SaysWhatIsWrongWithWhatItIsGiven) {
+  const TestFolder folder;
+  const std::string nowhere = (folder.path() / "nowhere").string();
+  const std::string rig = (folder.path() / "rig.json").string();
+  EXPECT_EQ(run("raystage calibrate geometry " + nowhere + " -o " + rig).exit_code, 2);
+  EXPECT_EQ(run("raystage calibrate").exit_code, 2);
+  EXPECT_EQ(run("raystage calibrate geometry").exit_code, 2);
+  testing::write_text(folder.path() / "cameras.json",
+                      R"({"schema": "raystage/detections/1", "cameras": [
+                          {"id": "a", "width": 640, "height": 480},
+                          {"id": "b", "width": 640, "height": 480}]})");
+  const std::string table = (folder.path() / "empty.csv").string();
+  testing::write_text(table, "camera,frame,u,v\na,0,1,2\nb,0,3,4\n");
+  const CommandResult empty = run("raystage calibrate geometry " + table + " -o " + rig);
+  EXPECT_EQ(empty.exit_code, 2) << empty.err;
+  EXPECT_THAT(empty.err, HasSubstr("no two cameras see enough"));
+  const CommandResult held =
+      run("raystage calibrate geometry " + table + " -o " + rig + " --hold poses");
+  EXPECT_EQ(held.exit_code, 2);
+  EXPECT_THAT(held.err, HasSubstr("--start"));
+  EXPECT_EQ(run("raystage calibrate geometry " + table + " -o " + rig + " --distance a b never")
+                .exit_code,
+            2);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -32,7 +32,7 @@ double weighted_median(std::vector<Lag> lags) {
 }
 
 std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const LightPoints& points,
-                                      const std::vector<LightTrack>& tracks) {
+                                      const Tracks& tracks) {
   constexpr double kMostOff = 30;     // pixels: beyond it is another light
   constexpr double kLeastSpeed = 10;  // pixels per second
   const std::vector<CameraModel> lenses = lenses_of(model);
@@ -41,9 +41,10 @@ std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const LightPoints
     const auto off = residual_of(model, lenses, o);
     if (!off || !(off->norm() <= kMostOff)) continue;
     const auto c = static_cast<std::size_t>(o.camera);
-    const int tick = model.frame_of_point[static_cast<std::size_t>(o.point)];
-    const auto speed =
-        light_speed_at(tracks[c], points.begin + tick * points.period, points.period);
+    const int number = model.frame_of_point[static_cast<std::size_t>(o.point)];
+    const auto thing = static_cast<std::size_t>(number % points.things);
+    const auto speed = light_speed_at(
+        tracks[c][thing], points.begin + number / points.things * points.period, points.period);
     if (!speed || !(speed->norm() >= kLeastSpeed)) continue;
     const double weight = speed->squaredNorm();
     lags[c].push_back({-speed->dot(*off) / weight, weight});
@@ -53,7 +54,7 @@ std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const LightPoints
 
 /// Seconds by which each camera's times are still ahead; mean 0 over those that tell.
 std::vector<double> remaining_offsets(const ArrayModel& model, const LightPoints& points,
-                                      const std::vector<LightTrack>& tracks) {
+                                      const Tracks& tracks) {
   constexpr std::size_t kLeast = 10;  // points
   const auto lags = lags_of(model, points, tracks);
   std::vector<double> offsets(tracks.size(), 0);
@@ -72,11 +73,13 @@ std::vector<double> remaining_offsets(const ArrayModel& model, const LightPoints
 }
 
 /// Speed of the light in the pictures, pixels per second, in the median.
-double median_speed(const std::vector<LightTrack>& tracks) {
+double median_speed(const Tracks& tracks) {
   std::vector<double> speeds;
-  for (const LightTrack& track : tracks) {
-    for (std::size_t i = 1; i < track.sights.size(); ++i) {
-      const LightTrack::Sight &before = track.sights[i - 1], &after = track.sights[i];
+  for (const auto& of_camera : tracks) {
+    if (of_camera.empty()) continue;
+    const auto& sights = of_camera[of_camera.size() / 2].sights;
+    for (std::size_t i = 1; i < sights.size(); ++i) {
+      const LightTrack::Sight &before = sights[i - 1], &after = sights[i];
       if (before.spot.result != LightResult::kFound || after.spot.result != LightResult::kFound ||
           after.time <= before.time) {
         continue;
@@ -108,7 +111,7 @@ CalibrationSettings continued(const CalibrationSettings& settings, const Calibra
 
 LightCalibration calibrate_light(const LightRecording& light,
                                  const LightCalibrationSettings& settings) {
-  std::vector<LightTrack> tracks = light.tracks;
+  Tracks tracks = light.tracks;
   LightCalibration result;
   result.clock_offsets.assign(tracks.size(), 0);
   CalibrationSettings calibration = settings.calibration;
@@ -123,7 +126,9 @@ LightCalibration calibrate_light(const LightRecording& light,
     for (std::size_t c = 0; c < tracks.size(); ++c) {
       const auto offset = static_cast<Nanoseconds>(std::llround(ahead[c] * kNsPerSecond));
       result.clock_offsets[c] += offset;
-      for (LightTrack::Sight& sight : tracks[c].sights) sight.time -= offset;
+      for (LightTrack& track : tracks[c]) {
+        for (LightTrack::Sight& sight : track.sights) sight.time -= offset;
+      }
       most = std::max(most, std::abs(ahead[c]));
     }
     constexpr double kSettled = 0.02;  // pixels

@@ -9,9 +9,9 @@
 
 namespace raystage {
 
-/// A light that was followed through a take.
+/// What was followed through a take: a light, or a board's corners.
 struct LightRecording {
-  std::vector<LightTrack> tracks;  ///< one per camera
+  Tracks tracks;
   std::vector<DetectionsDocument::Camera> cameras;
   Nanoseconds period = 0;  ///< between frames
 };

@@ -53,7 +53,7 @@ Recording recorded(double most_clock_ms, double noise_px) {
       }
       track.sights.push_back(sight);
     }
-    recording.light.tracks.push_back(std::move(track));
+    recording.light.tracks.push_back({std::move(track)});
     recording.light.cameras.push_back({id, 640, 480});
     recording.clock_ms.push_back(clock);
   }
@@ -87,8 +87,8 @@ TEST(LightPoints, AreAtCommonTimes) {
 
 TEST(LightPoints, AreNotMadeUpWhereTheLightWasNotSeen) {
   Recording recording = recorded(0, 0);
-  for (LightTrack& track : recording.light.tracks) {
-    for (std::size_t i = 40; i < 60; ++i) track.sights[i].spot.result = LightResult::kDark;
+  for (auto& of_camera : recording.light.tracks) {
+    for (std::size_t i = 40; i < 60; ++i) of_camera[0].sights[i].spot.result = LightResult::kDark;
   }
   const LightPoints points =
       light_points(recording.light.tracks, recording.light.cameras, kPeriod, {});
@@ -114,7 +114,7 @@ TEST(LightPoints, AreSpreadOverTheRecording) {
     rests.sights.push_back({i * kPeriod, {LightResult::kFound, {50, 50}, 1, 9}});
   }
   const LightPoints resting =
-      light_points({rests, rests}, {{"a", 640, 480}, {"b", 640, 480}}, kPeriod, {});
+      light_points({{rests}, {rests}}, {{"a", 640, 480}, {"b", 640, 480}}, kPeriod, {});
   EXPECT_EQ(resting.detections.detections.size(), 2U);
 }
 

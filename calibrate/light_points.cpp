@@ -64,11 +64,21 @@ std::optional<Vector2d> seen_at(const std::vector<Sight>& sights, Nanoseconds ti
   return on_curve;
 }
 
-using Seen = std::vector<std::optional<Vector2d>>;  // by camera
+using Seen = std::vector<std::optional<Vector2d>>;  // by camera, then by thing
 
-int cameras_in(const Seen& seen) {
+int sights_in(const Seen& seen) {
   return static_cast<int>(
       std::ranges::count_if(seen, [](const auto& place) { return place.has_value(); }));
+}
+
+int cameras_in(const Seen& seen, std::size_t things) {
+  int cameras = 0;
+  for (std::size_t i = 0; i < seen.size(); i += things) {
+    const auto of_camera = std::span(seen).subspan(i, things);
+    cameras +=
+        std::ranges::any_of(of_camera, [](const auto& at) { return at.has_value(); }) ? 1 : 0;
+  }
+  return cameras;
 }
 
 /// Whether the light is elsewhere than it was, by the median of the cameras that saw both.
@@ -88,7 +98,42 @@ struct Instant {
   Seen seen;
 };
 
-/// Of each of `most` equal parts of the list, the instant that most cameras saw.
+/// How far things move until a time later, in the median, pixels; as many as tell it both times.
+double median_step(const Tracks& tracks, const Seen& now, Nanoseconds later, Nanoseconds period) {
+  std::vector<double> steps;
+  std::size_t at = 0;
+  for (const auto& of_camera : tracks) {
+    for (const LightTrack& track : of_camera) {
+      const auto& here = now[at++];
+      const double any_bend = std::numeric_limits<double>::infinity();
+      const auto there = seen_at(track.sights, later, period, any_bend);
+      if (here && there) steps.push_back((*there - *here).norm());
+    }
+  }
+  if (steps.empty()) return std::numeric_limits<double>::infinity();
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::ranges::nth_element(steps, middle);
+  return *middle;
+}
+
+/// The half at which things move least.
+std::vector<Instant> at_rest(const std::vector<Instant>& all, const Tracks& tracks,
+                             const LightPoints& points) {
+  std::vector<double> steps;
+  for (const Instant& instant : all) {
+    const Nanoseconds time = points.begin + instant.number * points.period;
+    steps.push_back(median_step(tracks, instant.seen, time + points.period / 4, points.period));
+  }
+  std::vector<double> sorted = steps;
+  std::ranges::sort(sorted);
+  std::vector<Instant> slow;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (steps[i] <= sorted[sorted.size() / 2]) slow.push_back(all[i]);
+  }
+  return slow;
+}
+
+/// Of each of `most` equal parts of the list, the instant at which most was seen.
 std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
   if (all.size() <= most) return all;
   std::vector<Instant> chosen;
@@ -96,7 +141,7 @@ std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
     const auto begin = all.begin() + static_cast<std::ptrdiff_t>(part * all.size() / most);
     const auto end = all.begin() + static_cast<std::ptrdiff_t>((part + 1) * all.size() / most);
     chosen.push_back(*std::max_element(begin, end, [](const Instant& a, const Instant& b) {
-      return cameras_in(a.seen) < cameras_in(b.seen);
+      return sights_in(a.seen) < sights_in(b.seen);
     }));
   }
   return chosen;
@@ -104,15 +149,18 @@ std::vector<Instant> spread(std::vector<Instant> all, std::size_t most) {
 
 }  // namespace
 
-LightPoints light_points(const std::vector<LightTrack>& tracks,
+LightPoints light_points(const Tracks& tracks,
                          const std::vector<DetectionsDocument::Camera>& cameras, Nanoseconds period,
                          const LightPointSettings& settings) {
-  LightPoints points{{cameras, {}}, 0, period};
+  const std::size_t things = tracks.empty() ? 1 : tracks.front().size();
+  LightPoints points{{cameras, {}}, static_cast<int>(things), 0, period};
   std::optional<Nanoseconds> begin, end;
-  for (const LightTrack& track : tracks) {
-    if (track.sights.empty()) continue;
-    begin = std::min(begin.value_or(track.sights.front().time), track.sights.front().time);
-    end = std::max(end.value_or(track.sights.back().time), track.sights.back().time);
+  for (const auto& of_camera : tracks) {
+    for (const LightTrack& track : of_camera) {
+      if (track.sights.empty()) continue;
+      begin = std::min(begin.value_or(track.sights.front().time), track.sights.front().time);
+      end = std::max(end.value_or(track.sights.back().time), track.sights.back().time);
+    }
   }
   if (!begin || period <= 0) return points;
   points.begin = *begin;
@@ -120,22 +168,28 @@ LightPoints light_points(const std::vector<LightTrack>& tracks,
   int number = 0;
   for (Nanoseconds time = *begin; time <= *end; time += period, ++number) {
     Instant instant{number, {}};
-    for (const LightTrack& track : tracks) {
-      instant.seen.push_back(seen_at(track.sights, time, period, settings.most_bend_px));
+    for (const auto& of_camera : tracks) {
+      for (const LightTrack& track : of_camera) {
+        instant.seen.push_back(seen_at(track.sights, time, period, settings.most_bend_px));
+      }
     }
-    if (cameras_in(instant.seen) < 2) continue;
+    if (cameras_in(instant.seen, things) < 2) continue;
     if (!instants.empty() &&
         !has_moved(instants.back().seen, instant.seen, settings.least_step_px)) {
       continue;
     }
     instants.push_back(std::move(instant));
   }
+  if (settings.prefers_rest && !instants.empty()) instants = at_rest(instants, tracks, points);
   for (const Instant& instant :
        spread(std::move(instants), static_cast<std::size_t>(settings.most_points))) {
-    for (std::size_t c = 0; c < instant.seen.size(); ++c) {
-      if (!instant.seen[c]) continue;
-      points.detections.detections.push_back(
-          {static_cast<int>(c), instant.number, *instant.seen[c]});
+    for (std::size_t thing = 0; thing < things; ++thing) {
+      for (std::size_t c = 0; c < tracks.size(); ++c) {
+        const auto& seen = instant.seen[c * things + thing];
+        if (!seen) continue;
+        points.detections.detections.push_back(
+            {static_cast<int>(c), instant.number * points.things + static_cast<int>(thing), *seen});
+      }
     }
   }
   return points;

@@ -94,12 +94,10 @@ std::vector<std::vector<Nanoseconds>> frame_times_of(const Take& take) {
   return times;
 }
 
-std::vector<LightTrack> track_light(const Take& take,
-                                    const std::vector<std::vector<Nanoseconds>>& times,
-                                    const LightSettings& settings,
-                                    const std::function<void(double)>& progress,
-                                    const std::stop_token& stop) {
-  std::vector<LightTrack> tracks(times.size());
+Tracks track_light(const Take& take, const std::vector<std::vector<Nanoseconds>>& times,
+                   const LightSettings& settings, const std::function<void(double)>& progress,
+                   const std::stop_token& stop) {
+  Tracks tracks(times.size());
   std::size_t all = 0;
   for (const auto& of_camera : times) all += of_camera.size();
   std::atomic<std::size_t> done = 0;
@@ -108,22 +106,23 @@ std::vector<LightTrack> track_light(const Take& take,
     if (now % 16 == 0 || now == all) progress(static_cast<double>(now) / static_cast<double>(all));
   };
   parallel_for(std::size_t{0}, times.size(), [&](std::size_t c) {
-    tracks[c] = track_of(take, static_cast<int>(c), times[c], settings, frame_done, stop);
+    tracks[c].push_back(track_of(take, static_cast<int>(c), times[c], settings, frame_done, stop));
   });
   return tracks;
 }
 
-std::string track_text(const std::vector<LightTrack>& tracks,
+std::string track_text(const Tracks& tracks,
                        const std::vector<DetectionsDocument::Camera>& cameras) {
   std::array<int, kLightResults> sum{};
   int all = 0;
   std::vector<std::string> few;
   for (std::size_t c = 0; c < tracks.size(); ++c) {
-    for (std::size_t k = 0; k < kLightResults; ++k) sum[k] += tracks[c].frames_with[k];
-    const auto frames = static_cast<int>(tracks[c].sights.size());
+    for (std::size_t k = 0; k < kLightResults; ++k) sum[k] += tracks[c].front().frames_with[k];
+    const auto frames = static_cast<int>(tracks[c].front().sights.size());
     all += frames;
-    if (tracks[c].frames_with[0] < frames / 4) {
-      few.push_back(fmt::format("{} ({} of {})", cameras[c].id, tracks[c].frames_with[0], frames));
+    if (tracks[c].front().frames_with[0] < frames / 4) {
+      few.push_back(
+          fmt::format("{} ({} of {})", cameras[c].id, tracks[c].front().frames_with[0], frames));
     }
   }
   std::string text = fmt::format("Light      in {} of {} frames", sum[0], all);

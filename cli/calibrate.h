@@ -15,6 +15,7 @@ struct CalibrateCommand {
   CommandBody body;
 };
 
+CalibrateCommand declare_calibrate_lens(CLI::App& calibrate);
 CalibrateCommand declare_calibrate_geometry(CLI::App& calibrate);
 CalibrateCommand declare_calibrate_compare(CLI::App& calibrate);
 

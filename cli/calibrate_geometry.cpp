@@ -8,7 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "calibrate/board_views.h"
 #include "calibrate/light_calibration.h"
+#include "cli/board_options.h"
 #include "cli/calibrate.h"
 #include "cli/threads.h"
 #include "rig/calibration/calibration.h"
@@ -26,8 +28,10 @@ struct GeometryOptions {
   double most_rms_px = 1;
   bool lens_per_camera = false, whole_lens_model = false;
   bool trust_clocks = false, force = false, json = false, quiet = false;
-  int threads = 0, most_points = 300;
+  int threads = 0;
+  std::optional<int> most_points;
   LightSettings light;
+  BoardOptions board;
 };
 
 /// The lens of a rig file for every camera: by id, or the file's only one for all.
@@ -124,16 +128,44 @@ struct Found {
   Calibration calibration;
 };
 
+/// What was followed becomes an array, and its clocks.
+Found found_from(const LightRecording& recording, LightCalibrationSettings settings,
+                 const GeometryOptions& options) {
+  settings.finds_clocks = !options.trust_clocks;
+  const LightCalibration found = calibrate_light(recording, settings);
+  if (!options.detections.empty()) write_tracked(found.points.detections, options.detections);
+  if (!options.json && settings.finds_clocks) {
+    fmt::print("{}", clock_text(found, recording.cameras));
+  }
+  return {settings.calibration, found.calibration};
+}
+
 Found found_in_take(const GeometryOptions& options, const std::stop_token& stop) {
   const LightRecording light = light_in(options, stop);
   LightCalibrationSettings settings;
-  settings.points.most_points = options.most_points;
-  settings.finds_clocks = !options.trust_clocks;
+  settings.points.most_points = options.most_points.value_or(settings.points.most_points);
   settings.calibration = settings_of(options, {light.cameras, {}});
-  const LightCalibration found = calibrate_light(light, settings);
-  if (!options.detections.empty()) write_tracked(found.points.detections, options.detections);
-  if (!options.json && settings.finds_clocks) fmt::print("{}", clock_text(found, light.cameras));
-  return {settings.calibration, found.calibration};
+  return found_from(light, settings, options);
+}
+
+Found found_by_board(const GeometryOptions& options, const std::stop_token& stop) {
+  const BoardFinder finder(board_of(options.board, true));
+  const Take take(options.input);
+  const auto times = frame_times_of(take);
+  Progress progress(!options.quiet);
+  const LightRecording board{
+      track_board(
+          take, times, finder, [&](double done) { progress.report(done); }, stop),
+      cameras_of(take), period_of(times)};
+  LightCalibrationSettings settings;
+  constexpr int kInstants = 80;  // each has a board's corners
+  settings.points.most_points = options.most_points.value_or(kInstants);
+  settings.points.prefers_rest = true;
+  settings.points.least_step_px = 0;
+  settings.points.most_bend_px = 20;  // frames lie near to the instants
+  settings.calibration = settings_of(options, {board.cameras, {}});
+  settings.calibration.board = finder.board().all_corners();
+  return found_from(board, settings, options);
 }
 
 Found found_in_table(const GeometryOptions& options) {
@@ -144,9 +176,15 @@ Found found_in_table(const GeometryOptions& options) {
 
 ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
-  const auto [settings, calibration] = std::filesystem::is_directory(options.input)
-                                           ? found_in_take(options, stop)
-                                           : found_in_table(options);
+  const bool is_take = std::filesystem::is_directory(options.input);
+  const bool has_board = !options.board.squares.empty();
+  if (has_board && !is_take) {
+    throw Error::bad_input("a board is looked for in a take", options.input.string(),
+                           "Give the take that shows the board, or leave --board out");
+  }
+  const auto [settings, calibration] = has_board ? found_by_board(options, stop)
+                                       : is_take ? found_in_take(options, stop)
+                                                 : found_in_table(options);
   fmt::print("{}", options.json ? report_json(calibration) : report_text(calibration));
   if (!options.report.empty()) {
     write_file_atomically(options.report, report_html(calibration, options.output.string()));
@@ -163,7 +201,8 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
 
 void add_inputs(CLI::App& app, GeometryOptions& o) {
   app.add_option("INPUT", o.input,
-                 "A take of a small light that was carried about in the dark; or a table of "
+                 "A take of a small light that was carried about in the dark, or with --board of a "
+                 "board that was shown to several cameras at once; or a table of "
                  "detections, camera,frame,u,v (docs/formats/documents.md#detections)")
       ->required()
       ->type_name("TAKE|FILE.csv");
@@ -226,8 +265,9 @@ void add_light(CLI::App& app, GeometryOptions& o) {
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0).description(""))
       ->group(group);
-  app.add_option("--points", o.most_points, "At most so many of the light's places are used")
-      ->capture_default_str()
+  app.add_option("--points", o.most_points,
+                 "At most so many of the light's places (default: 300), or instants of the board "
+                 "(80), are used")
       ->check(CLI::Range(20, 100000).description(""))
       ->group(group);
   app.add_flag("--trust-clocks", o.trust_clocks,
@@ -247,7 +287,8 @@ void add_model(CLI::App& app, GeometryOptions& o) {
                "Each camera has a lens of its own (default: one for all)")
       ->group(group);
   app.add_flag("--whole-lens-model", o.whole_lens_model,
-               "Also k3 and tangential distortion (default: focal length, principal point, k1, k2)")
+               "Also k3, tangential distortion and pixels that are not square (default: focal "
+               "length, principal point, k1, k2)")
       ->group(group);
   app.add_option("--max-rms", o.most_rms_px,
                  "Largest RMS of distances in the pictures that is vouched for, pixels")
@@ -266,6 +307,7 @@ CalibrateCommand declare_calibrate_geometry(CLI::App& calibrate) {
   add_inputs(*app, *options);
   add_knowledge(*app, *options);
   add_light(*app, *options);
+  add_board_options(*app, options->board);
   add_model(*app, *options);
   app->add_option("--report", options->report, "Write a page with charts of everything found")
       ->type_name("FILE.html");

@@ -46,4 +46,45 @@ Scene make_moving_light_scene() {
   return scene;
 }
 
+Scene make_board_scene() {
+  using Eigen::Isometry3f;
+  using Eigen::Vector3f;
+  Scene scene;
+  scene.name = "board";
+  scene.focus = 0.7;
+  scene.light_colour = Vector3f::Zero();
+  scene.sky_colour = Vector3f::Constant(0.75F);
+  scene.ground_colour = Vector3f::Constant(0.7F);
+  scene.background = Vector3f::Constant(0.1F);
+  constexpr int kColumns = kSimulatedBoardColumns, kRows = kSimulatedBoardRows;
+  scene.textures.emplace_back(1024, 1024, [](float u, float v) -> Vector3f {
+    const float x = u * (kColumns + 2) - 1, y = v * (kRows + 2) - 1;
+    const bool inside = x >= 0 && y >= 0 && x < kColumns && y < kRows;
+    const bool is_black = inside && (static_cast<int>(x) + static_cast<int>(y)) % 2 == 0;
+    return Vector3f::Constant(is_black ? 0.03F : 0.9F);
+  });
+  // Carried about, near enough to fill a third of the picture, and tilted to every side.
+  scene.motions.push_back([](double seconds) {
+    Isometry3f placement = Isometry3f::Identity();
+    placement.translation() =
+        Vector3f(0.2F * static_cast<float>(std::sin(1.1 * seconds)),
+                 0.12F * static_cast<float>(std::sin(1.7 * seconds + 1)),
+                 -0.62F - 0.14F * static_cast<float>(std::sin(0.6 * seconds)));
+    placement.rotate(
+        Eigen::AngleAxisf(0.65F * static_cast<float>(std::sin(0.9 * seconds + 0.3)),
+                          Vector3f::UnitY()) *
+        Eigen::AngleAxisf(0.6F * static_cast<float>(std::sin(1.3 * seconds + 2)),
+                          Vector3f::UnitX()) *
+        Eigen::AngleAxisf(0.3F * static_cast<float>(std::sin(0.5 * seconds)), Vector3f::UnitZ()));
+    return placement;
+  });
+  constexpr float kSquare = kSimulatedSquare;
+  const float width = kSquare * (kColumns + 2), height = kSquare * (kRows + 2);
+  scene.parts.push_back({"board",
+                         make_quad({-width / 2, height / 2, 0}, {width, 0, 0}, {0, -height, 0}),
+                         {.texture = 0, .colour = {1, 1, 1}},
+                         0});
+  return scene;
+}
+
 }  // namespace raystage

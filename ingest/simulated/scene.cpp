@@ -13,7 +13,8 @@ std::vector<SceneName> scene_names() {
           {"blue_screen", "a figure with loose hair that turns before a blue screen"},
           {"green_screen", "the same before a green one"},
           {"empty_blue_screen", "the blue screen alone"},
-          {"moving_light", "a small light carried about in the dark, to calibrate geometry"}};
+          {"moving_light", "a small light carried about in the dark, to calibrate geometry"},
+          {"board", "a checkerboard of 10x7 squares of 30 mm carried about, to calibrate lenses"}};
 }
 
 Scene make_scene(std::string_view name) {
@@ -23,6 +24,7 @@ Scene make_scene(std::string_view name) {
   if (name == "blue_screen") return make_screen_scene(blue, true);
   if (name == "green_screen") return make_screen_scene(green, true);
   if (name == "empty_blue_screen") return make_screen_scene(blue, false);
+  if (name == "board") return make_board_scene();
   if (name == "moving_light") return make_moving_light_scene();
   std::string known;
   for (const SceneName& scene : scene_names()) {

@@ -58,6 +58,10 @@ Scene make_scene(std::string_view name);
 
 Scene make_stage_scene(bool moving);
 Scene make_chart_scene();
+/// A checkerboard, black squares first, that is carried about: so many squares, metres each.
+Scene make_board_scene();
+inline constexpr int kSimulatedBoardColumns = 10, kSimulatedBoardRows = 7;
+inline constexpr float kSimulatedSquare = 0.03F;
 /// The light's part is called "light".
 Scene make_moving_light_scene();
 /// The screen's part is called "screen".

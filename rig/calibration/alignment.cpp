@@ -51,6 +51,10 @@ void apply(const Similarity& similarity, ArrayModel& model) {
   for (ArrayModel::Camera& camera : model.cameras) {
     if (camera.pose) camera.pose = similarity(*camera.pose);
   }
+  for (ArrayModel::Body& body : model.bodies) {
+    if (body.pose) body.pose = similarity(*body.pose);
+    for (Eigen::Vector3d& point : body.in_body) point *= similarity.scale;
+  }
   for (auto& point : model.points) {
     if (point) point = similarity(*point);
   }

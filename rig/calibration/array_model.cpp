@@ -30,6 +30,16 @@ ArrayModel model_of(const Detections& detections, double horizontal_fov) {
   return model;
 }
 
+void place_points_of_bodies(ArrayModel& model) {
+  for (const ArrayModel::Body& body : model.bodies) {
+    for (std::size_t i = 0; i < body.points.size(); ++i) {
+      auto& point = model.points[static_cast<std::size_t>(body.points[i])];
+      point.reset();
+      if (body.pose) point = body.pose->world_from_camera(body.in_body[i]);
+    }
+  }
+}
+
 std::vector<CameraModel> lenses_of(const ArrayModel& model) {
   std::vector<CameraModel> lenses;
   for (const ArrayModel::Camera& camera : model.cameras) {

@@ -28,7 +28,14 @@ struct ArrayModel {
     Eigen::Vector2d pixel;
     bool is_outlier = false;
   };
+  /// Something rigid that points are part of: a board at one instant.
+  struct Body {
+    std::optional<Pose> pose;                   ///< world from body; none: not found
+    std::vector<int> points = {};               ///< indices into `points`
+    std::vector<Eigen::Vector3d> in_body = {};  ///< where on it each of them is, metres
+  };
   std::vector<Camera> cameras;
+  std::vector<Body> bodies;  ///< empty: points are on their own; else each is of one of them
   std::vector<std::optional<Eigen::Vector3d>> points;  ///< world; none: not found
   std::vector<int> frame_of_point;                     ///< as the detections call them
   std::vector<Observation> observations;               ///< by point, then by camera
@@ -39,6 +46,9 @@ struct ArrayModel {
            points[static_cast<std::size_t>(observation.point)];
   }
 };
+
+/// Puts the points of bodies that are found where these are, and takes away those of others.
+void place_points_of_bodies(ArrayModel& model);
 
 /// Nothing found yet; every camera with a lens of this horizontal field of view (radians), the
 /// principal point in the middle, no distortion.

@@ -6,6 +6,7 @@
 #include <ceres/manifold.h>
 #include <ceres/ordered_groups.h>
 #include <ceres/problem.h>
+#include <ceres/product_manifold.h>
 #include <ceres/solver.h>
 #include <glog/logging.h>
 
@@ -40,6 +41,22 @@ struct Reprojection {
   }
 };
 
+/// The same of a point of a body, which moves as a whole.
+struct BodyReprojection {
+  Reprojection of_point;
+  Eigen::Vector3d in_body;
+
+  template <class T>
+  bool operator()(const T* rotation, const T* centre, const T* lens, const T* body,
+                  T* residual) const {
+    using Vector = Eigen::Matrix<T, 3, 1>;
+    const Eigen::Map<const Eigen::Quaternion<T>> body_from_world(body);
+    const Vector point =
+        body_from_world.conjugate() * in_body.cast<T>() + Eigen::Map<const Vector>(body + 4);
+    return of_point(rotation, centre, lens, point.data(), residual);
+  }
+};
+
 /// Holds what nothing else holds: an ordinary lens.
 struct OrdinaryLens {
   Eigen::Vector2d middle;
@@ -62,6 +79,9 @@ struct OrdinaryLens {
 struct Values {
   std::vector<Eigen::Quaterniond> rotations;  // camera_from_world
   std::vector<Eigen::Vector3d> centres, points;
+  /// Of each body the quaternion of body_from_world (x, y, z, w) and its place: one block, so that
+  /// bodies can be eliminated as points are.
+  std::vector<std::array<double, 7>> bodies;
   std::vector<LensValues> lenses;  // one, or of each camera
 
   Values(const ArrayModel& model, bool shared_lens) {
@@ -73,6 +93,12 @@ struct Values {
     }
     for (const auto& point : model.points)
       points.push_back(point.value_or(Eigen::Vector3d::Zero()));
+    for (const ArrayModel::Body& body : model.bodies) {
+      const Pose pose = body.pose.value_or(Pose{});
+      const Eigen::Quaterniond turn(pose.world_from_camera_rotation.transpose());
+      const Eigen::Vector3d& at = pose.position;
+      bodies.push_back({turn.x(), turn.y(), turn.z(), turn.w(), at.x(), at.y(), at.z()});
+    }
   }
   LensValues& lens(std::size_t camera) { return lenses[lenses.size() == 1 ? 0 : camera]; }
 
@@ -88,6 +114,13 @@ struct Values {
     for (std::size_t i = 0; i < points.size(); ++i) {
       if (model.points[i]) model.points[i] = points[i];
     }
+    for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+      if (!model.bodies[i].pose) continue;
+      const Eigen::Quaterniond turn(bodies[i].data());
+      model.bodies[i].pose = Pose{turn.normalized().toRotationMatrix().transpose(),
+                                  {bodies[i][4], bodies[i][5], bodies[i][6]}};
+    }
+    place_points_of_bodies(model);
   }
 };
 
@@ -136,6 +169,23 @@ void drop_what_is_behind(ArrayModel& model) {
   }
 }
 
+/// Of each point: which body, and where on it. Empty where points are on their own.
+struct PlaceInBody {
+  std::size_t body = 0;
+  Eigen::Vector3d in_body = Eigen::Vector3d::Zero();
+};
+
+std::vector<PlaceInBody> places_in_bodies(const ArrayModel& model) {
+  std::vector<PlaceInBody> places(model.bodies.empty() ? 0 : model.points.size());
+  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+    const ArrayModel::Body& body = model.bodies[b];
+    for (std::size_t i = 0; i < body.points.size(); ++i) {
+      places[static_cast<std::size_t>(body.points[i])] = {b, body.in_body[i]};
+    }
+  }
+  return places;
+}
+
 /// Ceres tells which trial steps it repeats; what counts is in the report.
 void keep_ceres_quiet() { FLAGS_minloglevel = google::FATAL; }
 
@@ -148,9 +198,9 @@ std::vector<int> held_values(LensFreedom freedom) {
     case LensFreedom::kFocalLength:
       return {1, 2, 3, 4, 5, 6, 7, 8};
     case LensFreedom::kPinhole:
-      return {4, 5, 6, 7, 8};
+      return {1, 4, 5, 6, 7, 8};
     case LensFreedom::kRadial:
-      return {6, 7, 8};
+      return {1, 6, 7, 8};
     case LensFreedom::kWholeModel:
       return {};
   }
@@ -161,11 +211,13 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
   keep_ceres_quiet();
   drop_what_is_behind(model);
   Values values(model, settings.shared_lens);
-  const bool one_focal_length = settings.lens == LensFreedom::kFocalLength;
+  const bool one_focal_length =
+      settings.lens != LensFreedom::kNone && settings.lens != LensFreedom::kWholeModel;
   ceres::Problem::Options ownership;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::EigenQuaternionManifold turns;
+  ceres::ProductManifold<ceres::EigenQuaternionManifold, ceres::EuclideanManifold<3>> body_moves;
   const std::vector<int> held = held_values(settings.lens);
   std::unique_ptr<ceres::SubsetManifold> some_of_lens;
   if (!held.empty() && settings.lens != LensFreedom::kNone) {
@@ -176,6 +228,8 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
   ceres::Problem problem(ownership);
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   BundleReport report;
+  const bool has_bodies = !model.bodies.empty();
+  const auto place_in_body = places_in_bodies(model);
   for (const ArrayModel::Observation& observation : model.observations) {
     if (!model.counts(observation)) continue;
     const auto camera = static_cast<std::size_t>(observation.camera);
@@ -183,12 +237,25 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
     double* rotation = values.rotations[camera].coeffs().data();
     double* centre = values.centres[camera].data();
     double* lens = values.lens(camera).data();
-    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<Reprojection, 2, 4, 3, kLensValues, 3>(
-                                 new Reprojection{observation.pixel, one_focal_length}),
-                             loss, rotation, centre, lens, values.points[point].data());
-    problem.SetManifold(rotation, &turns);
-    ordering->AddElementToGroup(values.points[point].data(), 0);
+    Reprojection reprojection{observation.pixel, one_focal_length};
+    if (has_bodies) {
+      const auto& [body, in_body] = place_in_body[point];
+      double* body_pose = values.bodies[body].data();
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<BodyReprojection, 2, 4, 3, kLensValues, 7>(
+              new BodyReprojection{reprojection, in_body}),
+          loss, rotation, centre, lens, body_pose);
+      problem.SetManifold(body_pose, &body_moves);
+      ordering->AddElementToGroup(body_pose, 0);
+    } else {
+      problem.AddResidualBlock(
+          new ceres::AutoDiffCostFunction<Reprojection, 2, 4, 3, kLensValues, 3>(
+              new Reprojection(reprojection)),
+          loss, rotation, centre, lens, values.points[point].data());
+      ordering->AddElementToGroup(values.points[point].data(), 0);
+    }
     for (double* block : {rotation, centre, lens}) ordering->AddElementToGroup(block, 1);
+    problem.SetManifold(rotation, &turns);
     if (camera < settings.held_cameras.size() && settings.held_cameras[camera]) {
       problem.SetParameterBlockConstant(rotation);
       problem.SetParameterBlockConstant(centre);
@@ -205,7 +272,7 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
   ceres::SubsetManifold all_but_one(3, {gauge->axis});
   problem.SetParameterBlockConstant(values.rotations[gauge->first].coeffs().data());
   problem.SetParameterBlockConstant(values.centres[gauge->first].data());
-  if (gauge->holds_scale && gauge->other != gauge->first) {
+  if (!has_bodies && gauge->holds_scale && gauge->other != gauge->first) {
     problem.SetManifold(values.centres[gauge->other].data(), &all_but_one);
   }
   if (settings.lens >= LensFreedom::kPinhole) {
@@ -250,7 +317,7 @@ int sort_outliers(ArrayModel& model, double most_px) {
     observation.is_outlier = is_outlier;
     if (!is_outlier) ++seen_by[static_cast<std::size_t>(observation.point)];
   }
-  for (std::size_t i = 0; i < seen_by.size(); ++i) {
+  for (std::size_t i = 0; i < seen_by.size() && model.bodies.empty(); ++i) {
     if (seen_by[i] < 2) model.points[i].reset();
   }
   return changed;

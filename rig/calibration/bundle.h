@@ -10,10 +10,10 @@ namespace raystage {
 /// What a bundle adjustment may change of lenses; each step releases what the one before did, too.
 enum class LensFreedom {
   kNone,
-  kFocalLength,  ///< one for x and y
-  kPinhole,      ///< focal lengths and principal point
+  kFocalLength,  ///< one for x and y: pixels are square
+  kPinhole,      ///< and principal point
   kRadial,       ///< k1 and k2
-  kWholeModel    ///< k3 and tangential distortion
+  kWholeModel    ///< k3, tangential distortion, a focal length each for x and y
 };
 
 struct BundleSettings {
@@ -33,19 +33,20 @@ struct BundleReport {
 
 /// Moves points, cameras and lenses so that points are seen where they were (thesis 4.3: one large
 /// least squares over all of them), by Ceres: Levenberg and Marquardt's steps, with points
-/// eliminated. What is not found stays so; observations of points behind their cameras become
+/// eliminated. Points of bodies move with these as a whole, and hold the world's scale. What is not
+/// found stays so; observations of points behind their cameras become
 /// outliers. Where fewer than two cameras are held, the world may drift, turn and grow as a whole.
 /// What the observations leave open of a lens stays near an ordinary one: its middle in the
 /// picture's (deviation a tenth of the width), its distortion small.
 BundleReport adjust(ArrayModel& model, const BundleSettings& settings);
 
 /// Marks as outliers observations farther from where they should be than `most_px`, and lets those
-/// count again that are nearer. Points seen by fewer than two cameras are then lost. Returns how
-/// many changed.
+/// count again that are nearer. Points on their own that fewer than two cameras see are then lost.
+/// Returns how many changed.
 int sort_outliers(ArrayModel& model, double most_px);
 
-/// Indices of the lens values (lens_projection.h) that a bundle adjustment may not change; with
-/// kFocalLength fy follows fx.
+/// Indices of the lens values (lens_projection.h) that a bundle adjustment may not change; but for
+/// the whole model fy follows fx.
 std::vector<int> held_values(LensFreedom freedom);
 
 }  // namespace raystage

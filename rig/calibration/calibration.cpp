@@ -96,6 +96,12 @@ void settle_world(Calibration& calibration, const CalibrationSettings& settings,
     return;
   }
   const bool is_start = settings.start && is_calibrated(*settings.start);
+  if (!settings.board.empty()) {  // metres already
+    align_to_array(calibration.model);
+    calibration.scale_from = "board";
+    calibration.scale_is_known = true;
+    return;
+  }
   if (held == 1) {
     const auto at = std::ranges::find(calibration.model.cameras, settings.held_cameras.front(),
                                       &ArrayModel::Camera::id) -
@@ -174,11 +180,13 @@ Calibration calibrate(const Detections& all, const CalibrationSettings& settings
   check_held(all, settings);
   Calibration calibration;
   Detections detections = all;
-  calibration.merged_points = merge_resting_points(detections);
+  const bool has_board = !settings.board.empty();
+  if (!has_board) calibration.merged_points = merge_resting_points(detections);
   SolveSettings solve = settings.solve;
   std::vector<std::optional<Pose>> known;
   if (settings.start) known = begin_with(detections, settings, solve);
-  calibration.model = solve_array(detections, solve, calibration.solve);
+  calibration.model = has_board ? solve_boards(detections, settings.board, solve, calibration.solve)
+                                : solve_array(detections, solve, calibration.solve);
   const auto held = static_cast<std::size_t>(std::ranges::count(solve.held_cameras, true));
   settle_world(calibration, settings, known, held);
   calibration.grid = grid_places_of(calibration.model);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "rig/calibration/board_array.h"
 #include "rig/calibration/verdict.h"
 #include "rig/calibration/world_frame.h"
 #include "schemas/rig_document.h"
@@ -17,6 +18,8 @@ struct CalibrationSettings {
   /// A rig to begin with: cameras are the detections' by id. Where nothing else tells it, the scale
   /// is the rig's, too, and the world stays where the rig has it.
   std::optional<RigDocument> start = {};
+  /// Where the points are corners of a board: which (board_array.h); they tell the scale.
+  BoardCorners board = {};
   /// Cameras whose poses stay as `start` has them, by id.
   std::vector<std::string> held_cameras = {};
   bool holds_all_poses = false;
@@ -29,7 +32,7 @@ struct Calibration {
   SolveReport solve;
   std::optional<Uncertainty> uncertainty;
   bool scale_is_known = false;
-  std::string scale_from;  ///< "spacing", "distance", "start", "held cameras" or empty
+  std::string scale_from;  ///< "spacing", "distance", "board", "start", "held cameras" or empty
   int merged_points = 0;   ///< the light stood still: counted once
   std::optional<std::vector<std::optional<GridPlace>>> grid;
   Verdict verdict;

@@ -10,12 +10,12 @@
 #include <vector>
 
 #include "rig/calibration/bundle.h"
+#include "rig/calibration/opencv_pose.h"
 #include "rig/camera_model.h"
 
 namespace raystage {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr int kLeastCommon = 12;  // points that two cameras must share to begin with
@@ -23,7 +23,7 @@ constexpr int kLeastKnown = 6;    // points found that a camera must see to be p
 constexpr double kSure = 0.9999;
 
 /// Ours looks down -z with y up, OpenCV's along z with y down.
-const Matrix3d kOpenCvFromOurs = Vector3d(1, -1, -1).asDiagonal();
+cv::Mat opencv_from_ours() { return cv::Mat::diag(cv::Mat(cv::Vec3d(1, -1, -1))); }
 
 /// Ideal image points of what a camera sees (y down), by point.
 using Sight = std::map<int, cv::Point2d>;
@@ -37,24 +37,6 @@ std::vector<Sight> sights_of(const ArrayModel& model) {
     if (ideal) sights[camera][observation.point] = {ideal->x(), ideal->y()};
   }
   return sights;
-}
-
-Matrix3d matrix_from(const cv::Mat& m) {
-  Matrix3d result;
-  for (int row = 0; row < 3; ++row) {
-    for (int column = 0; column < 3; ++column) result(row, column) = m.at<double>(row, column);
-  }
-  return result;
-}
-
-Vector3d vector_from(const cv::Mat& m) {
-  return {m.at<double>(0), m.at<double>(1), m.at<double>(2)};
-}
-
-/// From OpenCV's x_in_camera = rotation x + translation of our world.
-Pose pose_from_opencv(const Matrix3d& rotation, const Vector3d& translation) {
-  const Matrix3d camera_from_world = kOpenCvFromOurs * rotation;
-  return {camera_from_world.transpose(), -rotation.transpose() * translation};
 }
 
 /// A second camera as a first one sees it.
@@ -83,8 +65,7 @@ Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double
   if (essential.rows != 3) return {};
   const int agree = cv::recoverPose(essential, from, to, unit, rotation, translation, inliers);
   if (agree < kLeastCommon) return {};
-  Pair pair{first, second,
-            pose_from_opencv(matrix_from(rotation) * kOpenCvFromOurs, vector_from(translation)), 0};
+  Pair pair{first, second, pose_from_opencv_matrix(rotation * opencv_from_ours(), translation), 0};
   std::vector<double> angles;
   for (std::size_t i = 0; i < from.size(); ++i) {
     if (inliers.at<unsigned char>(static_cast<int>(i)) == 0) continue;
@@ -127,16 +108,19 @@ Placement placed_by(const std::vector<cv::Point3d>& points, const std::vector<cv
   for (cv::Point2d& place : scaled) place *= 1 / factor;
   cv::setRNGSeed(1);
   const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
-  cv::Mat turn, translation, rotation;
+  cv::Mat turn, translation;
   std::vector<int> inliers;
   constexpr int kTries = 1000;
-  if (!cv::solvePnPRansac(points, scaled, unit, {}, turn, translation, false, kTries,
-                          static_cast<float>(noise / factor), kSure, inliers, cv::SOLVEPNP_SQPNP)) {
+  try {
+    if (!cv::solvePnPRansac(points, scaled, unit, {}, turn, translation, false, kTries,
+                            static_cast<float>(noise / factor), kSure, inliers,
+                            cv::SOLVEPNP_SQPNP)) {
+      return {};
+    }
+  } catch (const cv::Exception&) {  // points that are all but one
     return {};
   }
-  cv::Rodrigues(turn, rotation);
-  return {pose_from_opencv(matrix_from(rotation), vector_from(translation)), factor,
-          inliers.size()};
+  return {pose_from_opencv(turn, translation), factor, inliers.size()};
 }
 
 /// A camera's pose from the points that are found; none where too few agree.

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rig/calibration/solve.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -10,53 +8,15 @@
 
 #include "rig/calibration/bundle.h"
 #include "rig/calibration/first_poses.h"
+#include "rig/calibration/solve_steps.h"
 #include "schemas/error.h"
 #include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
 
-constexpr double kFirstError = 12;     // pixels: as much may be wrong while lenses are guessed
-constexpr double kLeastThreshold = 3;  // pixels: what a bright spot's middle may be off by
-
-/// Pixels beyond which an observation is none of the others' kind: six times the deviation that
-/// their median tells (lengths of errors in two directions).
-double outlier_threshold(const ArrayModel& model) {
-  std::vector<double> errors = errors_of(model);
-  if (errors.empty()) return kFirstError;
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::ranges::nth_element(errors, middle);
-  const double deviation = *middle / std::sqrt(2 * std::numbers::ln2);
-  return std::clamp(6 * deviation, kLeastThreshold, kFirstError);
-}
-
-int placed_in(const ArrayModel& model) {
-  return static_cast<int>(std::ranges::count_if(
-      model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); }));
-}
-
-SolveReport::Step step_of(const ArrayModel& model, std::string what) {
-  SolveReport::Step step{std::move(what), rms_of(model), 0, 0};
-  for (const ArrayModel::Observation& observation : model.observations) {
-    if (model.counts(observation)) ++step.observations;
-    if (observation.is_outlier) ++step.outliers;
-  }
-  return step;
-}
-
-/// Until observations stay on their side. `least_px`: what the lens as it is then may err by is no
-/// reason to drop one.
-void settle(ArrayModel& model, const BundleSettings& settings, double least_px) {
-  constexpr int kMostRounds = 6;
-  for (int round = 0; round < kMostRounds; ++round) {
-    adjust(model, settings);
-    const double threshold = std::max(outlier_threshold(model), least_px);
-    triangulate(model, threshold);
-    const int changed = sort_outliers(model, threshold);
-    if (changed <= static_cast<int>(model.observations.size() / 1000)) break;
-  }
-  adjust(model, settings);
-}
+constexpr double kFirstError = 12;  // pixels: as much may be wrong while lenses are guessed
+constexpr double kStrict = 3;       // pixels: what a bright spot's middle may be off by
 
 /// The more cameras, then the more observations that fit, the better.
 double score_of(const ArrayModel& model) {
@@ -102,7 +62,7 @@ ArrayModel begun_with(const Detections& detections, const std::vector<double>& f
     for (std::size_t k = 0; k < settings.lenses.size(); ++k) {
       model.cameras[k].intrinsics = settings.lenses[k];
     }
-    begun[i] = begun_once(model, i % 2 == 0 ? kFirstError : kLeastThreshold, settings);
+    begun[i] = begun_once(model, i % 2 == 0 ? kFirstError : kStrict, settings);
   });
   return std::move(*std::ranges::max_element(begun, {}, score_of));
 }
@@ -168,34 +128,7 @@ ArrayModel solve_array(const Detections& detections, const SolveSettings& settin
     throw Error::bad_input("no two cameras see enough of the same points in places that differ", "",
                            "Record the light where several cameras see it at once, near and far");
   }
-  BundleSettings bundle;
-  bundle.held_cameras = settings.held_cameras;
-  const auto release = [&](LensFreedom lens, bool shared, double least_px, const char* what) {
-    bundle.lens = lens;
-    bundle.shared_lens = shared;
-    settle(model, bundle, least_px);
-    report.steps.push_back(step_of(model, what));
-  };
-  const bool frees = !settings.lens_is_known, each = settings.lens_per_camera;
-  release(LensFreedom::kNone, false, frees ? 8 : kLeastThreshold, "poses and points");
-  if (frees && settings.lenses.empty()) {
-    release(LensFreedom::kFocalLength, !each, 8,
-            each ? "a focal length for each camera" : "one focal length for all");
-  }
-  if (frees && !each) {
-    release(LensFreedom::kRadial, true, kLeastThreshold, "one lens for all");
-  }
-  if (frees && each) {
-    release(LensFreedom::kPinhole, false, 4, "a principal point for each camera");
-    release(LensFreedom::kRadial, false, 4, "a lens for each camera");
-  }
-  if (frees && settings.whole_lens_model) {
-    release(LensFreedom::kWholeModel, !each, 4, "all of the lens model");
-  }
-  if (frees && (each || settings.whole_lens_model)) {
-    release(bundle.lens, bundle.shared_lens, kLeastThreshold, "without what is still odd");
-  }
-  report.last = bundle;
+  run_steps(model, settings, report);
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return model;
 }

@@ -42,7 +42,7 @@ Layout layout_of(const ArrayModel& model, const BundleSettings& free) {
       if (std::ranges::find(held, i) == held.end()) layout.lens_values.push_back(i);
     }
   }
-  layout.fy_follows = free.lens == LensFreedom::kFocalLength;
+  layout.fy_follows = free.lens != LensFreedom::kNone && free.lens != LensFreedom::kWholeModel;
   Index shared = kHeld;
   for (std::size_t i = 0; i < model.cameras.size(); ++i) {
     const bool rests = i < free.held_cameras.size() && free.held_cameras[i];
@@ -123,20 +123,18 @@ Rows rows_of(const ArrayModel& model, const ArrayModel::Observation& o, const La
 /// (the reduced camera system), for noise of one pixel.
 struct Information {
   MatrixXd matrix;
-  int observations = 0, points = 0;
+  int observations = 0, eliminated = 0;  // how many rows' pairs; how many unknowns are gone
   double squared_error = 0;
 };
 
-void add_point(Information& sum, const std::vector<Rows>& rows) {
-  // The point takes with it what its own motion explains: the space of its columns, whose basis is
+/// Of what rows have in common: a point, or all points of a body. `by_common`: how each row moves
+/// with it, under each other.
+void add_common(Information& sum, const std::vector<Rows>& rows, const MatrixXd& by_common) {
+  // It takes with it what its own motion explains: the space of its columns, whose basis is
   // orthonormal however far away it is (its depth changes pixels by little, but changes them).
-  Eigen::MatrixX3d by_point(2 * static_cast<Index>(rows.size()), 3);
-  for (std::size_t k = 0; k < rows.size(); ++k) {
-    by_point.middleRows<2>(2 * static_cast<Index>(k)) = rows[k].by_point;
-  }
-  const Eigen::HouseholderQR<Eigen::MatrixX3d> qr(by_point);
-  const Eigen::MatrixX3d basis = qr.householderQ() * Eigen::MatrixX3d::Identity(by_point.rows(), 3);
-  std::vector<Eigen::MatrixX3d> across;  // unknowns x basis
+  const Eigen::HouseholderQR<MatrixXd> qr(by_common);
+  const MatrixXd basis = qr.householderQ() * MatrixXd::Identity(by_common.rows(), by_common.cols());
+  std::vector<MatrixXd> across;  // unknowns x basis
   for (std::size_t k = 0; k < rows.size(); ++k) {
     across.emplace_back(rows[k].by_unknowns.transpose() *
                         basis.middleRows<2>(2 * static_cast<Index>(k)));
@@ -155,27 +153,48 @@ void add_point(Information& sum, const std::vector<Rows>& rows) {
   }
 }
 
+/// Observations that stand or fall together: of one point, or of all points of one body.
+std::vector<std::vector<const ArrayModel::Observation*>> groups_of(const ArrayModel& model) {
+  std::vector<std::size_t> group_of(model.points.size());
+  for (std::size_t i = 0; i < group_of.size(); ++i) group_of[i] = i;
+  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+    for (const int point : model.bodies[b].points) group_of[static_cast<std::size_t>(point)] = b;
+  }
+  std::vector<std::vector<const ArrayModel::Observation*>> groups(model.points.size());
+  for (const ArrayModel::Observation& o : model.observations) {
+    if (model.counts(o)) groups[group_of[static_cast<std::size_t>(o.point)]].push_back(&o);
+  }
+  return groups;
+}
+
 Information information_of(const ArrayModel& model, const Layout& layout) {
   const std::vector<CameraModel> lenses = lenses_of(model);
+  const bool has_bodies = !model.bodies.empty();
+  const Index freedom = has_bodies ? 6 : 3;
   Information sum;
   sum.matrix = MatrixXd::Zero(layout.size, layout.size);
-  for (std::size_t begin = 0; begin < model.observations.size();) {
-    std::size_t end = begin;
+  const auto groups = groups_of(model);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
     std::vector<Rows> rows;
-    const int point = model.observations[begin].point;
-    for (; end < model.observations.size() && model.observations[end].point == point; ++end) {
-      const ArrayModel::Observation& o = model.observations[end];
-      if (!model.counts(o)) continue;
-      const auto residual = residual_of(model, lenses, o);
+    MatrixXd by_common(2 * static_cast<Index>(groups[g].size()), freedom);
+    for (const ArrayModel::Observation* o : groups[g]) {
+      const auto residual = residual_of(model, lenses, *o);
       if (!residual) continue;
-      rows.push_back(rows_of(model, o, layout));
+      rows.push_back(rows_of(model, *o, layout));
       sum.squared_error += residual->squaredNorm();
+      const Index at = 2 * (static_cast<Index>(rows.size()) - 1);
+      by_common.block<2, 3>(at, 0) = rows.back().by_point;
+      if (freedom == 6) {
+        const Vector3d from_middle =
+            *model.points[static_cast<std::size_t>(o->point)] - model.bodies[g].pose->position;
+        by_common.block<2, 3>(at, 3) = -rows.back().by_point * cross_matrix(from_middle);
+      }
     }
-    begin = end;
     if (rows.empty()) continue;
+    by_common.conservativeResize(2 * static_cast<Index>(rows.size()), freedom);
     sum.observations += static_cast<int>(rows.size());
-    ++sum.points;
-    add_point(sum, rows);
+    sum.eliminated += static_cast<int>(freedom);
+    add_common(sum, rows, by_common);
   }
   return sum;
 }
@@ -206,8 +225,8 @@ MatrixXd free_motions(const ArrayModel& model, const Layout& layout) {
       rest.push_back(model.cameras[i].pose->position);
     }
   }
-  if (rest.empty()) return motions;
-  if (rest.size() > 1) return MatrixXd::Zero(layout.size, 0);
+  if (rest.empty()) return model.bodies.empty() ? motions : MatrixXd(motions.leftCols<6>());
+  if (rest.size() > 1 || !model.bodies.empty()) return MatrixXd::Zero(layout.size, 0);
   const VectorXd growth = motions.col(6) - motions.leftCols<3>() * rest.front();
   return growth;
 }
@@ -340,7 +359,7 @@ std::optional<Uncertainty> uncertainty_of(const ArrayModel& model, const BundleS
   const Information information = information_of(model, layout);
   if (information.observations == 0) return std::nullopt;
   const MatrixXd motions = free_motions(model, layout);
-  const double surplus = 2.0 * information.observations - 3.0 * information.points -
+  const double surplus = 2.0 * information.observations - information.eliminated -
                          static_cast<double>(layout.size - motions.cols());
   Uncertainty result;
   result.noise_px =

@@ -83,6 +83,45 @@ TEST(Calibrate, FromTheFirstFrameToTheRigInOneCommand) {
   for (std::size_t i = 0; i < held.size(); ++i) EXPECT_NEAR(held[i], before[i], 1e-12);
 }
 
+TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
+  const TestFolder folder;
+  const std::string take = (folder.path() / "board").string();
+  ASSERT_EQ(
+      run("raystage simulate board -o " + take +
+          " --rows 1 --columns 2 --seconds 7 --fps 6 --width 480 --height 360 --truth-views 0 "
+          "--startup-loss-seconds 0.2 --calibration nominal -q")
+          .exit_code,
+      0);
+  const std::string lens = (folder.path() / "lens.json").string();
+  const std::string board = " --board 10x7 --square-mm 30 -q";
+  const CommandResult found = run("raystage calibrate lens " + take + board + " -o " + lens);
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  const RigDocument truth = read_rig(true_rig_of(take)), measured = read_rig(lens);
+  EXPECT_FALSE(is_calibrated(measured));  // lenses only
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    const Intrinsics &expected = truth.cameras[i].geometry.intrinsics,
+                     &k = measured.cameras[i].geometry.intrinsics;
+    EXPECT_NEAR(k.fx, expected.fx, 0.005 * expected.fx);
+    EXPECT_NEAR(k.cx, expected.cx, 2);
+    EXPECT_NEAR(k.cy, expected.cy, 2);
+  }
+  // The board also tells where the cameras stand, in metres.
+  const std::string rig = (folder.path() / "rig.json").string();
+  const CommandResult placed = run("raystage calibrate geometry " + take + board + " -o " + rig +
+                                   " --lens " + lens + " --lens-per-camera --hold lens --json");
+  ASSERT_EQ(placed.exit_code, 0) << placed.out << placed.err;
+  EXPECT_EQ(nlohmann::json::parse(placed.out).at("scale_from"), "board");
+  const auto compared = nlohmann::json::parse(
+      run("raystage calibrate compare --json " + true_rig_of(take) + " " + rig).out);
+  EXPECT_NEAR(compared.at("scale").get<double>(), 1, 0.01);
+  EXPECT_EQ(run("raystage calibrate lens " + take + " --board 13x9 --square-mm 30 -q -o " + lens)
+                .exit_code,
+            2);
+  EXPECT_EQ(run("raystage calibrate lens " + take + " --board 9by7 --square-mm 30 -q -o " + lens)
+                .exit_code,
+            2);
+}
+
 TEST(Calibrate, WritesNothingThatCannotBeReliedUpon) {
   const TestFolder folder;
   const std::string take = (folder.path() / "light").string();

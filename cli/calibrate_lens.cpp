@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "calibrate/board_views.h"
+#include "cli/board_options.h"
+#include "cli/calibrate.h"
+#include "cli/threads.h"
+#include "rig/calibration/board_lens.h"
+#include "schemas/rig_document.h"
+
+namespace raystage {
+namespace {
+
+struct LensOptions {
+  std::filesystem::path take, output;
+  std::vector<std::string> cameras;
+  BoardOptions board;
+  LensSettings lens;
+  int most_views = 60, threads = 0;
+  bool force = false, quiet = false;
+};
+
+std::vector<int> cameras_chosen(const Take& take, const std::vector<std::string>& ids) {
+  std::vector<int> cameras;
+  for (const std::string& id : ids) {
+    cameras.push_back(take.camera_index(id));
+    if (cameras.back() < 0) {
+      throw Error::bad_input("there is no camera \"" + id + "\"", take.folder().string(),
+                             "Name cameras of the take (raystage info)");
+    }
+  }
+  for (int i = 0; ids.empty() && i < take.camera_count(); ++i) cameras.push_back(i);
+  return cameras;
+}
+
+void print_lens(const std::string& id, const LensCalibration& found) {
+  fmt::print("Camera     {}: {:.3f} px RMS over {} corners in {} views, {} left out\n", id,
+             found.rms_px, found.corners, found.views, found.outliers);
+  const LensValues values = values_of(found.lens);
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    if (found.deviations[k] == 0 && values[k] == 0) continue;
+    fmt::print("Lens       {} {:.5g} +- {:.2g}\n", kLensValueNames[k], values[k],
+               found.deviations[k]);
+  }
+  fmt::print("Seen       {:.0f} % of the picture, tilts up to {:.0f} degrees\n",
+             100 * found.covered, found.largest_tilt_deg);
+  for (const std::string& reason : found.reasons) fmt::print("Not sure   {}\n", reason);
+  for (const std::string& step : found.next_steps) fmt::print("Next       {}\n", step);
+}
+
+ExitCode calibrate_lens_of(const LensOptions& options, const std::stop_token& stop) {
+  const ThreadLimit limit(options.threads);
+  const BoardFinder finder(board_of(options.board, false));
+  const Take take(options.take);
+  const std::vector<int> cameras = cameras_chosen(take, options.cameras);
+  RigDocument lenses;
+  lenses.name = kNotCalibrated;  // where the cameras stand is not known
+  bool is_sure = true;
+  Progress progress(!options.quiet);
+  for (std::size_t k = 0; k < cameras.size(); ++k) {
+    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(cameras[k])];
+    const auto views = board_views(
+        take, cameras[k], finder, options.most_views,
+        [&](double done) {
+          progress.report((static_cast<double>(k) + done) / static_cast<double>(cameras.size()));
+        },
+        stop);
+    const LensCalibration found =
+        calibrate_lens(views, camera.model.width(), camera.model.height(), camera.id, options.lens);
+    print_lens(camera.id, found);
+    is_sure = is_sure && found.reasons.empty();
+    RigDocument::Camera out;
+    out.geometry.id = camera.id;
+    out.geometry.width = camera.model.width();
+    out.geometry.height = camera.model.height();
+    out.geometry.intrinsics = found.lens;
+    lenses.cameras.push_back(std::move(out));
+  }
+  if (!is_sure && !options.force) {
+    throw Error::failed("the lens was not written, as nobody could rely on it",
+                        options.output.string(),
+                        "Do what stands under \"Next\"; --force writes it all the same");
+  }
+  write_rig(lenses, options.output);
+  return ExitCode::kSuccess;
+}
+
+}  // namespace
+
+CalibrateCommand declare_calibrate_lens(CLI::App& calibrate) {
+  auto o = std::make_shared<LensOptions>();
+  CLI::App* app = calibrate.add_subcommand(
+      "lens", "A camera's lens, from a checkerboard or ChArUco board shown to it (Zhang's method)");
+  app->add_option("TAKE", o->take, "The take that shows the board")->required();
+  app->add_option("-o,--output", o->output,
+                  "The lenses, as a rig without places; for calibrate geometry --lens")
+      ->required()
+      ->type_name("LENS.json");
+  app->add_option("--camera", o->cameras,
+                  "Cameras (ids, comma separated) whose lens is found (default: all of the take)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("ID,...");
+  add_board_options(*app, o->board);
+  app->get_option("--board")->required();
+  app->get_option("--square-mm")->required();
+  app->add_flag("--whole-lens-model", o->lens.whole_lens_model,
+                "Also k3, tangential distortion and pixels that are not square (default: focal "
+                "length, principal point, k1, k2)");
+  app->add_option("--views", o->most_views, "At most so many frames of each camera are looked at")
+      ->capture_default_str()
+      ->check(CLI::Range(3, 10000).description(""));
+  app->add_flag("--force", o->force, "Write the lens even if it cannot be vouched for");
+  add_threads_option(*app, o->threads);
+  app->add_flag("-q,--quiet", o->quiet, "No progress on stderr");
+  return {app, [o](const std::stop_token& stop) { return calibrate_lens_of(*o, stop); }};
+}
+
+}  // namespace raystage

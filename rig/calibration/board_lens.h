@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rig/calibration/lens_projection.h"
+#include "rig/camera_model.h"
+#include "rig/pose.h"
+
+namespace raystage {
+
+/// One picture of a flat board: where its corners are on it, and where they were seen.
+struct BoardView {
+  int frame = 0;
+  std::vector<Eigen::Vector2d> on_board;  ///< metres; x right, y down the board
+  std::vector<Eigen::Vector2d> pixels;    ///< as many; centres at +0.5, y down
+};
+
+/// Where a view's board is, as its camera with this lens sees it (camera_from_board: x right and y
+/// up on the board); none with fewer than four corners.
+std::optional<Pose> camera_from_board_of(const BoardView& view, const CameraModel& lens);
+
+struct LensSettings {
+  bool whole_lens_model = false;  ///< k3 and tangential distortion, too
+  double most_px = 3;             ///< a corner farther from where it should be does not count
+};
+
+/// A lens as a board shows it.
+struct LensCalibration {
+  Intrinsics lens;
+  LensValues deviations{};  ///< one standard deviation each; 0: held
+  double rms_px = 0;
+  int views = 0, corners = 0, outliers = 0;
+  double covered = 0;           ///< share of the picture's sixteenths with a corner that counts
+  double largest_tilt_deg = 0;  ///< of a view's board against the picture's plane
+  std::vector<std::string> reasons;     ///< why it cannot be vouched for; empty: it can
+  std::vector<std::string> next_steps;  ///< what to record
+};
+
+/// Zhang's method (2000): a first guess of the focal length from the boards' vanishing points, then
+/// all views and the lens refined at once, by least squares over the corners. Vouched for where the
+/// focal length is known to 1 % (two standard deviations). Throws Error (bad input) with fewer than
+/// three views of six corners. `id` names the camera in errors.
+LensCalibration calibrate_lens(const std::vector<BoardView>& views, int width, int height,
+                               const std::string& id, const LensSettings& settings);
+
+}  // namespace raystage

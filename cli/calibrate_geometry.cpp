@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <numbers>
@@ -9,6 +10,7 @@
 #include <vector>
 
 #include "calibrate/board_views.h"
+#include "calibrate/features.h"
 #include "calibrate/light_calibration.h"
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
@@ -16,6 +18,7 @@
 #include "rig/calibration/calibration.h"
 #include "rig/calibration/report.h"
 #include "schemas/atomic_file.h"
+#include "store/timeline.h"
 
 namespace raystage {
 namespace {
@@ -27,7 +30,8 @@ struct GeometryOptions {
   std::optional<double> fov_deg, spacing_mm;
   double most_rms_px = 1;
   bool lens_per_camera = false, whole_lens_model = false;
-  bool trust_clocks = false, force = false, json = false, quiet = false;
+  double at_s = 0;
+  bool features = false, trust_clocks = false, force = false, json = false, quiet = false;
   int threads = 0;
   std::optional<int> most_points;
   LightSettings light;
@@ -168,6 +172,20 @@ Found found_by_board(const GeometryOptions& options, const std::stop_token& stop
   return found_from(board, settings, options);
 }
 
+Found found_by_features(const GeometryOptions& options, const std::stop_token& stop) {
+  const Take take(options.input);
+  FeatureSettings features;
+  features.most_points = options.most_points.value_or(features.most_points);
+  Progress progress(!options.quiet);
+  const auto at = static_cast<Nanoseconds>(std::llround(options.at_s * 1e9));
+  const Detections detections = feature_points(
+      take, at, tolerance_of_stamps(take.document().nominal_fps), features,
+      [&](double done) { progress.report(done); }, stop);
+  if (!options.detections.empty()) write_tracked(detections, options.detections);
+  const CalibrationSettings settings = settings_of(options, detections);
+  return {settings, calibrate(detections, settings)};
+}
+
 Found found_in_table(const GeometryOptions& options) {
   const Detections detections = table_of(options);
   const CalibrationSettings settings = settings_of(options, detections);
@@ -182,9 +200,14 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
     throw Error::bad_input("a board is looked for in a take", options.input.string(),
                            "Give the take that shows the board, or leave --board out");
   }
-  const auto [settings, calibration] = has_board ? found_by_board(options, stop)
-                                       : is_take ? found_in_take(options, stop)
-                                                 : found_in_table(options);
+  if (options.features && (has_board || !is_take)) {
+    throw Error::bad_input("features are looked for in a take, without a board", "--features",
+                           "Give a take of a scene that stands still, and no --board");
+  }
+  const auto [settings, calibration] = options.features ? found_by_features(options, stop)
+                                       : has_board      ? found_by_board(options, stop)
+                                       : is_take        ? found_in_take(options, stop)
+                                                        : found_in_table(options);
   fmt::print("{}", options.json ? report_json(calibration) : report_text(calibration));
   if (!options.report.empty()) {
     write_file_atomically(options.report, report_html(calibration, options.output.string()));
@@ -201,8 +224,9 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
 
 void add_inputs(CLI::App& app, GeometryOptions& o) {
   app.add_option("INPUT", o.input,
-                 "A take of a small light that was carried about in the dark, or with --board of a "
-                 "board that was shown to several cameras at once; or a table of "
+                 "A take of a small light that was carried about in the dark, with --board of a "
+                 "board that was shown to several cameras at once, with --features of a scene that "
+                 "stands still; or a table of "
                  "detections, camera,frame,u,v (docs/formats/documents.md#detections)")
       ->required()
       ->type_name("TAKE|FILE.csv");
@@ -266,8 +290,8 @@ void add_light(CLI::App& app, GeometryOptions& o) {
       ->check(CLI::Range(0.0, 1.0).description(""))
       ->group(group);
   app.add_option("--points", o.most_points,
-                 "At most so many of the light's places (default: 300), or instants of the board "
-                 "(80), are used")
+                 "At most so many of the light's places (default: 300), instants of the board (80) "
+                 "or points of the scene (3000) are used")
       ->check(CLI::Range(20, 100000).description(""))
       ->group(group);
   app.add_flag("--trust-clocks", o.trust_clocks,
@@ -278,6 +302,19 @@ void add_light(CLI::App& app, GeometryOptions& o) {
                  "Write where the light was seen: this table, and its cameras beside it as "
                  "FILE.cameras.json")
       ->type_name("FILE.csv")
+      ->group(group);
+}
+
+void add_features(CLI::App& app, GeometryOptions& o) {
+  const char* group = "The scene itself, in a take";
+  auto* features = app.add_flag("--features", o.features,
+                                "Find points of a scene that stands still instead of a light: to "
+                                "refine a rig (--start) that moved a little")
+                       ->group(group);
+  app.add_option("--at", o.at_s, "Time of the frames that are looked at, s since the take's epoch")
+      ->capture_default_str()
+      ->needs(features)
+      ->check(CLI::Range(-1e7, 1e7).description(""))
       ->group(group);
 }
 
@@ -308,6 +345,7 @@ CalibrateCommand declare_calibrate_geometry(CLI::App& calibrate) {
   add_knowledge(*app, *options);
   add_light(*app, *options);
   add_board_options(*app, options->board);
+  add_features(*app, *options);
   add_model(*app, *options);
   app->add_option("--report", options->report, "Write a page with charts of everything found")
       ->type_name("FILE.html");

@@ -73,9 +73,12 @@ constexpr double kParallel = 0;
 
 INSTANTIATE_TEST_SUITE_P(
     Cases, CalibrationAtExtremes,
-    testing::Values(Case{"thesis", {}}, Case{"thesis_lens_known", {}, true},
+    testing::Values(Case{"thesis_lens_known", {}, true},
                     // Turned by nothing, an array cannot tell a longer lens from a deeper scene.
-                    Case{"parallel", {.mounting_m = 0, .mounting_deg = kParallel}, false, false},
+                    Case{"parallel",
+                         {.rows = 4, .columns = 4, .mounting_m = 0, .mounting_deg = kParallel},
+                         false,
+                         false},
                     Case{"parallel_lens_known", {.mounting_m = 0, .mounting_deg = kParallel}, true},
                     Case{"two_cameras", {.rows = 1, .columns = 2, .missing = 0}, false, false},
                     Case{"two_cameras_lens_known",

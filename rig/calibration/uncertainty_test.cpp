@@ -20,7 +20,7 @@ struct Squares {
 
 TEST(Deviations, AreAsLargeAsErrors) {
   Squares places, focal_lengths;
-  constexpr int kRecordings = 20;
+  constexpr int kRecordings = 14;
   for (int i = 0; i < kRecordings; ++i) {
     const SimulatedArray truth = simulated_array({.rows = 2,
                                                   .columns = 3,

@@ -125,7 +125,8 @@ std::vector<BoardCorner> charuco_in(const cv::Mat& grey, const Board& board) {
 
 Eigen::Vector2d Board::corner(int index) const {
   const int across = columns - 1;
-  return {square * (index % across), square * (index / across)};
+  const int column = index % across, row = index / across;
+  return {square * column, square * row};
 }
 
 std::vector<Eigen::Vector2d> Board::all_corners() const {

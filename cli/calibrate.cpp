@@ -13,7 +13,8 @@ int main(int argc, char** argv) {
       "raystage calibrate");
   app.require_subcommand(1);
   const std::vector<CalibrateCommand> commands{
-      declare_calibrate_lens(app), declare_calibrate_geometry(app), declare_calibrate_compare(app)};
+      declare_calibrate_lens(app), declare_calibrate_geometry(app), declare_calibrate_color(app),
+      declare_calibrate_compare(app)};
   app.footer(
       "Exit codes: 0 all asked for is written; 1 failed, or a result that cannot be vouched\n"
       "for was not written; 2 bad usage or input.");

@@ -17,6 +17,7 @@ struct CalibrateCommand {
 
 CalibrateCommand declare_calibrate_lens(CLI::App& calibrate);
 CalibrateCommand declare_calibrate_geometry(CLI::App& calibrate);
+CalibrateCommand declare_calibrate_color(CLI::App& calibrate);
 CalibrateCommand declare_calibrate_compare(CLI::App& calibrate);
 
 }  // namespace raystage

@@ -23,11 +23,6 @@ struct Pose {
   Eigen::Vector3d viewing_direction() const { return -world_from_camera_rotation.col(2); }
 };
 
-/// The way back: camera_from_world of a world_from_camera.
-inline Pose inverse(const Pose& pose) {
-  return {pose.world_from_camera_rotation.transpose(), pose.camera_from_world({0, 0, 0})};
-}
-
 /// The rotation is taken as it stands: documents are checked for rigidity when they are read.
 Pose pose_from_matrix(const Matrix4& world_from_camera);
 Matrix4 matrix_from_pose(const Pose& pose);

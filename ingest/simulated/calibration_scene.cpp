@@ -46,6 +46,19 @@ Scene make_moving_light_scene() {
   return scene;
 }
 
+Scene make_flat_scene(float light) {
+  using Eigen::Vector3f;
+  Scene scene;
+  scene.name = "flat target";
+  scene.focus = 1;
+  scene.light_colour = scene.sky_colour = scene.ground_colour = Vector3f::Zero();
+  scene.background = Vector3f::Zero();
+  scene.parts.push_back({"target",
+                         make_quad({-20, 20, -1}, {40, 0, 0}, {0, -40, 0}),
+                         {.colour = {1, 0.96F, 0.9F}, .emission = light}});
+  return scene;
+}
+
 Scene make_board_scene() {
   using Eigen::Isometry3f;
   using Eigen::Vector3f;

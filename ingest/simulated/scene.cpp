@@ -14,6 +14,9 @@ std::vector<SceneName> scene_names() {
           {"green_screen", "the same before a green one"},
           {"empty_blue_screen", "the blue screen alone"},
           {"moving_light", "a small light carried about in the dark, to calibrate geometry"},
+          {"white", "a white target that fills every picture, to calibrate colour"},
+          {"grey", "the same, a quarter as bright"},
+          {"black", "lens caps"},
           {"board", "a checkerboard of 10x7 squares of 30 mm carried about, to calibrate lenses"}};
 }
 
@@ -24,6 +27,9 @@ Scene make_scene(std::string_view name) {
   if (name == "blue_screen") return make_screen_scene(blue, true);
   if (name == "green_screen") return make_screen_scene(green, true);
   if (name == "empty_blue_screen") return make_screen_scene(blue, false);
+  if (name == "white") return make_flat_scene(0.6F);
+  if (name == "grey") return make_flat_scene(0.15F);
+  if (name == "black") return make_flat_scene(0);
   if (name == "board") return make_board_scene();
   if (name == "moving_light") return make_moving_light_scene();
   std::string known;

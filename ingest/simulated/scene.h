@@ -58,6 +58,8 @@ Scene make_scene(std::string_view name);
 
 Scene make_stage_scene(bool moving);
 Scene make_chart_scene();
+/// A target that fills every picture and is everywhere as bright, a little warm; 0: lens caps.
+Scene make_flat_scene(float light);
 /// A checkerboard, black squares first, that is carried about: so many squares, metres each.
 Scene make_board_scene();
 inline constexpr int kSimulatedBoardColumns = 10, kSimulatedBoardRows = 7;

@@ -22,6 +22,11 @@ struct Similarity {
   }
 };
 
+/// The way back: camera_from_world of a world_from_camera.
+inline Pose inverse(const Pose& pose) {
+  return {pose.world_from_camera_rotation.transpose(), pose.camera_from_world({0, 0, 0})};
+}
+
 /// The similarity that brings poses nearest to others: by their centres (least squares, Umeyama
 /// 1991) and their directions, each of which weighs as a centre as far out as they are in the mean.
 /// As many of both, two at least.

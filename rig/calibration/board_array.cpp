@@ -7,6 +7,7 @@
 #include <map>
 #include <numbers>
 
+#include "rig/calibration/alignment.h"
 #include "rig/calibration/bundle.h"
 #include "rig/calibration/solve_steps.h"
 #include "schemas/error.h"

@@ -9,6 +9,7 @@
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
 
+#include "rig/calibration/alignment.h"
 #include "rig/calibration/opencv_pose.h"
 #include "rig/calibration/uncertainty.h"
 #include "rig/calibration/verdict.h"

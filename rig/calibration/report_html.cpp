@@ -23,6 +23,7 @@ svg .way { stroke:var(--teal); stroke-width:1.2 }
 svg .frame { fill:none; stroke:var(--rule); stroke-width:1 }
 svg .error { stroke:var(--teal); stroke-width:1 }
 svg .large { stroke:var(--amber); stroke-width:1 }
+svg .seen { fill:var(--soft) }
 svg .shared { fill:var(--teal) }
 svg .nothing { fill:var(--red); fill-opacity:.55 }
 .fields { display:grid; grid-template-columns:repeat(auto-fill,minmax(150px,1fr)); gap:14px 12px }
@@ -123,6 +124,8 @@ std::string residual_field(const Calibration& calibration, std::size_t index,
     const auto residual = residual_of(calibration.model, lenses, o);
     if (!residual) continue;
     const Eigen::Vector2d to = o.pixel + drawn * *residual;
+    lines += fmt::format("<circle class=\"seen\" cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{:.1f}\"/>",
+                         o.pixel.x(), o.pixel.y(), camera.width / 250.0);
     lines += fmt::format(
         "<line class=\"{}\" vector-effect=\"non-scaling-stroke\" x1=\"{:.1f}\" y1=\"{:.1f}\" "
         "x2=\"{:.1f}\" y2=\"{:.1f}\"/>",
@@ -147,7 +150,8 @@ std::string residual_fields(const Calibration& calibration, const std::vector<Ca
   }
   return html_section(
       "Residuals in the pictures",
-      fmt::format("From where a point was seen to where the calibration expects it, {:.0f} times "
+      fmt::format("From where a point was seen (dot), away from where the calibration expects it, "
+                  "{:.0f} times "
                   "as long; red dots were left out. Arrows that point the same way side by side "
                   "are an error of the lens or of the pose; arrows in all directions are noise.",
                   drawn),

@@ -14,6 +14,7 @@
 
 #include "schemas/error.h"
 #include "schemas/transfer_function.h"
+#include "store/code_light.h"
 #include "store/frames/added_mcus.h"
 
 namespace raystage {
@@ -35,11 +36,6 @@ struct ReadAhead {
   bool is_in_use = false;                   // a frame was fetched
   std::deque<int> asked;                    // not held since then, the newest last; few
 };
-
-double linear_of_code(const TakeDocument& take, int code) {
-  const double value = code / 255.0;
-  return take.color_space == "lin_rec709_scene" ? value : linear_from_srgb(value);
-}
 
 double brightest(const Take& take) {
   double most = 1;

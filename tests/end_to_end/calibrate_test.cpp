@@ -122,6 +122,38 @@ TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
             2);
 }
 
+TEST(Calibrate, TargetsMakeColoursAlike) {
+  const TestFolder folder;
+  const auto take = [&](const std::string& target) { return (folder.path() / target).string(); };
+  for (const char* target : {"white", "grey", "black"}) {
+    ASSERT_EQ(run("raystage simulate " + std::string(target) + " -o " + take(target) +
+                  " --rows 2 --columns 3 --seconds 1 --fps 6 --width 160 --height 120 "
+                  "--truth-views 0 --startup-loss-seconds 0 --photometric 0.1 --noise 0.02 "
+                  "--quality 98 --calibration "
+                  "nominal -q")
+                  .exit_code,
+              0);
+  }
+  const std::string rig = (folder.path() / "rig.json").string();
+  const CommandResult found = run("raystage calibrate color " + take("white") + " " + take("grey") +
+                                  " " + take("black") + " -o " + rig);
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  // Truth is light = brightness + contrast * shown; here the first camera is the measure.
+  const RigDocument truth = read_rig(true_rig_of(take("white"))), measured = read_rig(rig);
+  const PhotometricResponse& first = truth.cameras[0].photometric;
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const PhotometricResponse &expected = truth.cameras[i].photometric,
+                                &response = measured.cameras[i].photometric;
+      const double contrast = expected.contrast[k] / first.contrast[k];
+      EXPECT_NEAR(response.contrast[k], contrast, 0.01 * contrast) << i;
+    }
+  }
+  EXPECT_EQ(
+      run("raystage calibrate color " + take("white") + " --reference nobody -o " + rig).exit_code,
+      2);
+}
+
 TEST(Calibrate, WritesNothingThatCannotBeReliedUpon) {
   const TestFolder folder;
   const std::string take = (folder.path() / "light").string();

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "schemas/take_document.h"
+#include "schemas/transfer_function.h"
+
+namespace raystage {
+
+/// Linear light of an 8-bit code (0 to 255) in a take's frames, full scale 1, as the camera shows
+/// it: not photometrically corrected.
+inline double linear_of_code(const TakeDocument& take, int code) {
+  const double value = code / 255.0;
+  return take.color_space == "lin_rec709_scene" ? value : linear_from_srgb(value);
+}
+
+}  // namespace raystage

@@ -38,8 +38,8 @@ void compare_pictures(const Both& both, double nearest, RigComparison::Camera& o
   double sum = 0;
   int count = 0;
   for (int i = 0; i < kGrid * kGrid; ++i) {
-    const Vector2d pixel((i % kGrid + 0.5) / kGrid * a.width(),
-                         (i / kGrid + 0.5) / kGrid * a.height());
+    const int column = i % kGrid, row = i / kGrid;
+    const Vector2d pixel((column + 0.5) / kGrid * a.width(), (row + 0.5) / kGrid * a.height());
     const auto ray = a.unproject(pixel);
     if (!ray) continue;
     for (const double away : {nearest, 2 * nearest, 4 * nearest, 0.0}) {

@@ -204,13 +204,16 @@ std::string array_chart(const Calibration& calibration, int up_axis, const char*
     low_y = std::min(low_y, y), high_y = std::max(high_y, y);
   }
   const double most = std::max({high_x - low_x, high_y - low_y, 1e-6});
-  const double margin = 0.12 * most;
-  const double middle_y = (low_y + high_y) / 2, half = std::max(high_y - low_y, 0.35 * most) / 2;
+  // As far apart as they are, both ways: a chart is so much wider than high.
+  constexpr double kWider = 3.35, kMargin = 1.2;
+  const double middle_x = (low_x + high_x) / 2, middle_y = (low_y + high_y) / 2;
+  const double half =
+      kMargin / 2 * std::max({(high_x - low_x) / kWider, high_y - low_y, most / 10});
   const char* unit = calibration.scale_is_known ? "m" : "units";
-  SvgChart chart("Where the cameras stand",
-                 {low_x - margin, high_x + margin, fmt::format("x, {}", unit), true},
-                 {middle_y - half - margin, middle_y + half + margin,
-                  fmt::format("{}, {}", up_name, unit), true});
+  SvgChart chart(
+      "Where the cameras stand",
+      {middle_x - kWider * half, middle_x + kWider * half, fmt::format("x, {}", unit), true},
+      {middle_y - half, middle_y + half, fmt::format("{}, {}", up_name, unit), true});
   for (const ArrayModel::Camera& camera : calibration.model.cameras) {
     if (!camera.pose) continue;
     const Eigen::Vector3d& at = camera.pose->position;

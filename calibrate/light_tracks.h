@@ -34,7 +34,7 @@ using Tracks = std::vector<std::vector<LightTrack>>;
 std::vector<std::vector<Nanoseconds>> frame_times_of(const Take& take);
 
 /// Looks for the light in every frame. `progress` gets the part done, in [0, 1]. A spot with less
-/// than a quarter of the light that its camera's spots have in the median is unsteady. Throws Error
+/// than a tenth of the light that its camera's spots have in the median is unsteady. Throws Error
 /// (failed) when a stop is asked for, (bad input) for a damaged frame's take.
 Tracks track_light(const Take& take, const std::vector<std::vector<Nanoseconds>>& times,
                    const LightSettings& settings, const std::function<void(double)>& progress,
@@ -68,8 +68,8 @@ struct LightPoints {
 
 /// Where every camera sees the light at common times: its path interpolated between the frames
 /// before and after, which free-running cameras took at other times (a cubic through two on each
-/// side; a line where only one is there). `period`: between frames, ns; sights further apart are
-/// not bridged.
+/// side, a parabola where one side has only one; nothing where both have). `period`: between
+/// frames, ns; sights further apart are not bridged.
 LightPoints light_points(const Tracks& tracks,
                          const std::vector<DetectionsDocument::Camera>& cameras, Nanoseconds period,
                          const LightPointSettings& settings);

@@ -210,7 +210,8 @@ std::vector<int> held_values(LensFreedom freedom) {
 BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
   keep_ceres_quiet();
   drop_what_is_behind(model);
-  Values values(model, settings.shared_lens);
+  // Lenses that rest stay each as it is.
+  Values values(model, settings.shared_lens && settings.lens != LensFreedom::kNone);
   const bool one_focal_length =
       settings.lens != LensFreedom::kNone && settings.lens != LensFreedom::kWholeModel;
   ceres::Problem::Options ownership;

@@ -45,8 +45,6 @@ std::vector<std::optional<Pose>> begin_with(const Detections& detections,
   }
   if (is_calibrated(start)) {
     solve.poses = poses;
-    const auto differs = [&](const Intrinsics& lens) { return !(lens == solve.lenses.front()); };
-    solve.lens_per_camera = solve.lens_per_camera || std::ranges::any_of(solve.lenses, differs);
   } else {
     solve.lenses.clear();  // guesses only
   }
@@ -185,6 +183,8 @@ Calibration calibrate(const Detections& all, const CalibrationSettings& settings
   SolveSettings solve = settings.solve;
   std::vector<std::optional<Pose>> known;
   if (settings.start) known = begin_with(detections, settings, solve);
+  const auto differs = [&](const Intrinsics& lens) { return !(lens == solve.lenses.front()); };
+  solve.lens_per_camera = solve.lens_per_camera || std::ranges::any_of(solve.lenses, differs);
   calibration.model = has_board ? solve_boards(detections, settings.board, solve, calibration.solve)
                                 : solve_array(detections, solve, calibration.solve);
   const auto held = static_cast<std::size_t>(std::ranges::count(solve.held_cameras, true));

@@ -50,6 +50,18 @@ TEST(Deviations, AreAsLargeAsErrors) {
   EXPECT_LE(focal_lengths.ratio(), 1.5);
 }
 
+TEST(Lenses, ThatRestStayEachAsItIs) {
+  const SimulatedArray truth = simulated_array({.rows = 2, .columns = 2});
+  CalibrationSettings settings;
+  settings.solve.lenses.assign(4, truth.lens);
+  settings.solve.lenses[1].fx = settings.solve.lenses[1].fy = 1.02 * truth.lens.fx;
+  settings.solve.lens_is_known = true;
+  const Calibration found = calibrate(truth.detections, settings);
+  for (std::size_t i = 0; i < 4; ++i) {
+    EXPECT_EQ(found.model.cameras[i].intrinsics, settings.solve.lenses[i]) << i;
+  }
+}
+
 TEST(Deviations, OfHeldPartsAreNone) {
   const SimulatedArray truth = simulated_array({.rows = 2, .columns = 2});
   CalibrationSettings settings;

@@ -289,7 +289,7 @@ Verdict verdict_on(const ArrayModel& model, const std::optional<Uncertainty>& un
   if (!scale_is_known) {
     verdict.reasons.emplace_back("Nothing tells the scale: a light's path looks the same in any.");
     verdict.next_steps.emplace_back(
-        "Give the distance from one camera to the next (--spacing), or a measured one "
+        "Give the distance from one camera to the next (--spacing-mm), or a measured one "
         "(--distance).");
   }
   return verdict;

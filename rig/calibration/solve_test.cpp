@@ -43,16 +43,21 @@ TEST(SolvedArrays, WhatSeesNothingHasNoPose) {
   EXPECT_THROW(solve_array(truth.detections, {}, report), Error);
 }
 
+/// A captured light, with a lens for each camera.
+ArrayModel solved_light(const std::filesystem::path& folder, SolveReport& report) {
+  const Detections detections =
+      read_detections(folder / "detections.csv", read_detections_document(folder / "cameras.json"));
+  SolveSettings settings;
+  settings.lens_per_camera = true;
+  return solve_array(detections, settings, report);
+}
+
 /// Svoboda's MultiCamSelfCal states 0.62 px in the mean.
 TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
   const auto folder = test_data() / "led_points" / "DATA20100906_134124";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured detections at " << folder;
-  const Detections detections =
-      read_detections(folder / "detections.csv", read_detections_document(folder / "cameras.json"));
   SolveReport report;
-  SolveSettings settings;
-  settings.lens_per_camera = true;
-  const ArrayModel model = solve_array(detections, settings, report);
+  const ArrayModel model = solved_light(folder, report);
   std::string steps;
   for (const SolveReport::Step& step : report.steps) {
     steps += fmt::format("{}: {:.3f} px, {} of {} left out\n", step.what, step.rms_px,
@@ -82,12 +87,8 @@ TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
 TEST(SolvedArrays, LensesThatNobodyGuessedAreFound) {
   const auto folder = test_data() / "led_points" / "DATA20090709_111010";
   if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured detections at " << folder;
-  const Detections detections =
-      read_detections(folder / "detections.csv", read_detections_document(folder / "cameras.json"));
   SolveReport report;
-  SolveSettings settings;
-  settings.lens_per_camera = true;
-  const ArrayModel model = solve_array(detections, settings, report);
+  const ArrayModel model = solved_light(folder, report);
   for (const ArrayModel::Camera& camera : model.cameras) EXPECT_TRUE(camera.pose) << camera.id;
   EXPECT_LE(rms_of(model), 0.3);
   EXPECT_GE(report.steps.back().observations,

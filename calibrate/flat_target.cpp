@@ -7,16 +7,22 @@
 #include <cmath>
 
 #include "calibrate/color_difference.h"
+#include "calibrate/vignetting.h"
 #include "rig/calibration/verdict.h"
 #include "schemas/error.h"
-#include "schemas/parallel.h"
-#include "store/code_light.h"
-#include "store/jpeg/decode.h"
 
 namespace raystage {
 namespace {
 
-constexpr int kFullCode = 252;  // codes: JPEG leaves clipped areas a little below 255
+/// The target's light, by what a camera shows of it in the middle of its picture.
+Rgb target_light(const PhotometricResponse& response, const FlatSight& sight) {
+  const Rgb left = left_in_middle(response, sight.size);
+  Rgb light{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    light[c] = (response.brightness[c] + response.contrast[c] * sight.mean[c]) / left[c];
+  }
+  return light;
+}
 
 /// Shown by the reference = brightness + contrast * shown, of one channel.
 struct Line {
@@ -46,9 +52,9 @@ ColorSpread spread_of(const std::vector<FlatSights>& targets,
   int count = 0;
   for (const FlatSights& target : targets) {
     Rgb mean{}, squares{};
-    const Lab expected = lab_from_linear(corrected(responses[reference], target[reference].mean));
+    const Lab expected = lab_from_linear(target_light(responses[reference], target[reference]));
     for (std::size_t c = 0; c < target.size(); ++c) {
-      const Rgb shown = corrected(responses[c], target[c].mean);
+      const Rgb shown = target_light(responses[c], target[c]);
       for (std::size_t k = 0; k < 3; ++k) {
         mean[k] += shown[k] / static_cast<double>(target.size());
         squares[k] += shown[k] * shown[k] / static_cast<double>(target.size());
@@ -79,7 +85,8 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
     for (const FlatSights& target : targets) {
       is_clipped = is_clipped || target[c].clipped > kClipped;
       const double mean = target[c].mean[1];
-      is_uneven = is_uneven || (mean > kBright && target[c].deviation[1] > kUneven * mean);
+      is_uneven = is_uneven || (!colors.responses[c].vignetting && mean > kBright &&
+                                target[c].deviation[1] > kUneven * mean);
     }
     if (is_clipped) clipped.push_back(cameras[c]);
     if (is_uneven) uneven.push_back(cameras[c]);
@@ -92,6 +99,19 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
     colors.warnings.push_back("A target is not everywhere as bright in " + few_of(uneven) +
                               ": let it fill the middle of every picture, without shadows.");
   }
+  constexpr double kUnevenCells = 0.02;
+  if (colors.worst_vignetting > kUnevenCells) {
+    colors.reasons.emplace_back(
+        "The target is not as bright everywhere as a lens could make it uneven: let it fill every "
+        "picture, evenly lit, or do without --vignetting.");
+  }
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    if (colors.responses[c].dark_pixels.size() > PhotometricResponse::kMostDarkPixels) {
+      colors.responses[c].dark_pixels.clear();
+      colors.reasons.push_back("Camera \"" + cameras[c] +
+                               "\" shows light nearly everywhere in the dark: cap its lens.");
+    }
+  }
   if (targets.size() < 2) {
     colors.warnings.emplace_back(
         "One target tells the contrast alone: with lens caps or a grey target the brightness, "
@@ -99,104 +119,75 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
   }
 }
 
-}  // namespace
+constexpr double kCutOff = 0.02;  // share of pixels at code 0 that makes a mean say too much
 
-Rgb corrected(const PhotometricResponse& response, const Rgb& shown) {
-  Rgb light{};
+/// What light the reference camera makes of the codes that it shows, per channel.
+struct Scale {
+  Rgb black{};  ///< shown without light
+  Rgb factor{1, 1, 1};
+};
+
+/// Contrast and brightness of a camera whose vignetting is in `response`.
+void match_camera(const std::vector<FlatSights>& targets, std::size_t camera, std::size_t reference,
+                  const Scale& scale, const std::string& name, PhotometricResponse& response) {
+  const Rgb left = left_in_middle(response, targets.front()[camera].size);
   for (std::size_t k = 0; k < 3; ++k) {
-    light[k] = response.brightness[k] + response.contrast[k] * shown[k];
+    std::vector<double> shown, expected;
+    for (const FlatSights& target : targets) {
+      if (std::max(target[camera].black[k], target[reference].black[k]) > kCutOff) continue;
+      shown.push_back(target[camera].mean[k]);
+      expected.push_back((target[reference].mean[k] - scale.black[k]) * scale.factor[k] * left[k]);
+    }
+    const Line line = shown.empty() ? Line{0, 0} : fitted(shown, expected);
+    constexpr double kLeast = 0.01, kMost = 100;
+    if (!(line.contrast > kLeast && line.contrast < kMost)) {
+      throw Error::bad_input("camera \"" + name + "\" or the reference camera shows no light", "",
+                             "Record a white target with every camera, lit and in focus");
+    }
+    response.contrast[k] = line.contrast;
+    response.brightness[k] = line.brightness;
   }
-  return light;
 }
 
-FlatSight flat_sight(const Take& take, int camera, double share, int most_frames) {
-  const ArchiveReader& archive = take.archive(camera);
-  const auto frames = static_cast<int>(archive.frames().size());
-  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
-  if (frames == 0) {
-    throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
-                           "Record the target with every camera");
-  }
-  std::array<double, 256> light{};
-  for (int code = 0; code < 256; ++code) {
-    light[static_cast<std::size_t>(code)] = linear_of_code(take.document(), code);
-  }
-  JpegDecoder decoder;
-  FlatSight sight;
-  Rgb squares{};
-  double count = 0, clipped = 0;
-  const int looked_at = std::min(frames, most_frames);
-  for (int k = 0; k < looked_at; ++k) {
-    const RgbImage image = decoder.decode(archive.jpeg((2 * k + 1) * frames / (2 * looked_at)), id);
-    const int left = static_cast<int>(image.width * (1 - share) / 2);
-    const int top = static_cast<int>(image.height * (1 - share) / 2);
-    for (int y = top; y < image.height - top; ++y) {
-      for (int x = left; x < image.width - left; ++x) {
-        const std::uint8_t* rgb =
-            &image.pixels[3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(image.width) +
-                               static_cast<std::size_t>(x))];
-        for (std::size_t c = 0; c < 3; ++c) {
-          const double value = light[rgb[c]];
-          sight.mean[c] += value;
-          squares[c] += value * value;
-          sight.black[c] += rgb[c] == 0 ? 1 : 0;
-        }
-        clipped += std::max({rgb[0], rgb[1], rgb[2]}) >= kFullCode ? 1 : 0;
-        count += 1;
-      }
-    }
-  }
-  for (std::size_t c = 0; c < 3; ++c) {
-    sight.mean[c] /= count;
-    sight.black[c] /= count;
-    sight.deviation[c] =
-        std::sqrt(std::max(0.0, squares[c] / count - sight.mean[c] * sight.mean[c]));
-  }
-  sight.clipped = clipped / count;
-  return sight;
-}
-
-FlatSights flat_sights(const Take& take, const std::stop_token& stop) {
-  FlatSights sights(static_cast<std::size_t>(take.camera_count()));
-  parallel_for(0, take.camera_count(), [&](int camera) {
-    if (stop.stop_requested()) {
-      throw Error::failed("the measurement was stopped", take.folder().string(), "Start it again");
-    }
-    sights[static_cast<std::size_t>(camera)] = flat_sight(take, camera);
-  });
-  return sights;
-}
+}  // namespace
 
 FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
                               const std::vector<std::string>& cameras,
                               const FlatColorSettings& settings) {
   const auto reference = static_cast<std::size_t>(settings.reference);
+  const auto light_of = [&](const FlatSights& target) { return target[reference].mean[1]; };
+  const FlatSights& brightest = *std::ranges::max_element(targets, {}, light_of);
+  const FlatSights& darkest = *std::ranges::min_element(targets, {}, light_of);
   FlatColors colors;
-  Rgb white{1, 1, 1};  // that the reference shows of the brightest target
-  const auto brightest = std::ranges::max_element(
-      targets, {}, [&](const FlatSights& target) { return target[reference].mean[1]; });
-  if (settings.neutral) white = (*brightest)[reference].mean;
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    PhotometricResponse response;
+  colors.responses.resize(cameras.size());
+  Rgb black{}, balance{1, 1, 1};
+  for (std::size_t k = 0; settings.dark && k < 3; ++k) {
+    if (darkest[reference].black[k] <= kCutOff) black[k] = darkest[reference].mean[k];
+  }
+  if (settings.neutral) {
+    const Rgb& white = brightest[reference].mean;
     for (std::size_t k = 0; k < 3; ++k) {
-      std::vector<double> shown, expected;
-      for (const FlatSights& target : targets) {
-        constexpr double kCutOff = 0.02;
-        if (std::max(target[c].black[k], target[reference].black[k]) > kCutOff) continue;
-        shown.push_back(target[c].mean[k]);
-        expected.push_back(target[reference].mean[k] * white[1] / white[k]);
-      }
-      const Line line = shown.empty() ? Line{0, 0} : fitted(shown, expected);
-      constexpr double kLeast = 0.01, kMost = 100;
-      if (!(line.contrast > kLeast && line.contrast < kMost)) {
-        throw Error::bad_input(
-            "camera \"" + cameras[c] + "\" or the reference camera shows no light", "",
-            "Record a white target with every camera, lit and in focus");
-      }
-      response.contrast[k] = line.contrast;
-      response.brightness[k] = line.brightness;
+      balance[k] = (white[1] - black[1]) / (white[k] - black[k]);
     }
-    colors.responses.push_back(response);
+  }
+  // What a lens leaves depends on a camera's black, and contrast on what the lens leaves.
+  const int rounds = settings.vignetting ? 3 : 1;
+  for (int round = 0; round < rounds; ++round) {
+    Scale scale{black, balance};
+    const Rgb left = left_in_middle(colors.responses[reference], targets.front()[reference].size);
+    for (std::size_t k = 0; k < 3; ++k) scale.factor[k] /= left[k];
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      match_camera(targets, c, reference, scale, cameras[c], colors.responses[c]);
+    }
+    for (std::size_t c = 0; settings.vignetting && c < cameras.size(); ++c) {
+      const FlatSight& sight = brightest[c];
+      const FoundVignetting found = find_vignetting(sight.cells, sight.size, colors.responses[c]);
+      colors.responses[c].vignetting = found.lens;
+      colors.worst_vignetting = std::max(round == 0 ? 0 : colors.worst_vignetting, found.residual);
+    }
+  }
+  for (std::size_t c = 0; settings.dark && c < cameras.size(); ++c) {
+    colors.responses[c].dark_pixels = darkest[c].outstanding;
   }
   colors.before = spread_of(targets, std::vector<PhotometricResponse>(cameras.size()), reference);
   colors.after = spread_of(targets, colors.responses, reference);
@@ -214,6 +205,17 @@ std::string color_text(const FlatColors& colors, const std::string& reference) {
   };
   std::string text = fmt::format("Reference  {}\n", reference);
   text += line("Before", colors.before) + line("After", colors.after);
+  if (colors.responses.front().vignetting) {
+    text += fmt::format(
+        "Vignetting what is left of it makes a target uneven by {:.2f} % at most (one sigma)\n",
+        100 * colors.worst_vignetting);
+  }
+  std::size_t dark = 0;
+  for (const PhotometricResponse& response : colors.responses) dark += response.dark_pixels.size();
+  if (dark > 0) {
+    text += fmt::format("Dark       {} pixels show light in the dark, {:.1f} of a camera\n", dark,
+                        static_cast<double>(dark) / static_cast<double>(colors.responses.size()));
+  }
   for (const std::string& warning : colors.warnings) text += "Weak       " + warning + "\n";
   for (const std::string& reason : colors.reasons) text += "Not sure   " + reason + "\n";
   return text;

@@ -17,9 +17,9 @@ namespace {
 
 struct ColorOptions {
   std::vector<std::filesystem::path> takes;
-  std::filesystem::path output, start;
+  std::filesystem::path output, start, dark;
   std::string reference;
-  bool neutral = false, force = false;
+  bool neutral = false, vignetting = false, force = false;
   int threads = 0;
 };
 
@@ -29,7 +29,9 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
       read_rig(options.start.empty() ? options.takes.front() / "rig.json" : options.start);
   std::vector<FlatSights> targets;
   std::vector<std::string> cameras;
-  for (const std::filesystem::path& folder : options.takes) {
+  std::vector<std::filesystem::path> takes = options.takes;
+  if (!options.dark.empty()) takes.push_back(options.dark);
+  for (const std::filesystem::path& folder : takes) {
     const Take take(folder);
     std::vector<std::string> ids;
     for (const auto& camera : take.document().cameras) ids.push_back(camera.id);
@@ -42,6 +44,8 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
   }
   FlatColorSettings settings;
   settings.neutral = options.neutral;
+  settings.vignetting = options.vignetting;
+  settings.dark = !options.dark.empty();
   if (!options.reference.empty()) {
     const auto found = std::ranges::find(cameras, options.reference);
     if (found == cameras.end()) {
@@ -89,6 +93,13 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
   app->add_option("--reference", o->reference,
                   "Camera that the others are made alike to (default: the first)")
       ->type_name("ID");
+  app->add_option("--dark", o->dark,
+                  "Take with capped lenses: light counts from there, and pixels that stand out of "
+                  "it are corrected")
+      ->type_name("TAKE");
+  app->add_flag("--vignetting", o->vignetting,
+                "Also the fall of light towards the corners: the brightest target fills every "
+                "picture, and is as bright everywhere");
   app->add_flag("--neutral", o->neutral, "White balance: the brightest target becomes grey");
   app->add_flag("--force", o->force, "Write the rig even if it cannot be vouched for");
   add_threads_option(*app, o->threads);

@@ -57,6 +57,26 @@ void add_array_options(CLI::App& app, Options& o) {
   app.add_option("--photometric", s.photometric_deviation,
                  "How much the cameras' contrast differs per channel, one sigma, 0-0.2")
       ->group(group);
+  raystage::ColorErrors& errors = s.color_errors;
+  app.add_option("--gain", errors.gain, "Gain of a camera: 1 +- this at most, 0-0.9")->group(group);
+  app.add_option("--white-balance", errors.white_balance,
+                 "Gain of red and blue beside green: 1 +- this at most, 0-0.9")
+      ->group(group);
+  app.add_option("--offset", errors.offset,
+                 "Light added to a channel, full scale 1: this at most, 0-0.5")
+      ->group(group);
+  app.add_option("--vignetting", errors.vignetting,
+                 "Share of light that a lens loses in the corner, at most, 0-0.9")
+      ->group(group);
+  app.add_option("--color-mix", errors.mix,
+                 "Share of each other channel's light in a channel, at most, 0-0.3")
+      ->group(group);
+  app.add_option("--curve", errors.curve,
+                 "Codes are raised to the power of 1 +- this at most, 0-0.5")
+      ->group(group);
+  app.add_option("--hot-pixels", errors.hot_pixels,
+                 "Pixels of a camera that show light in the dark, 0-20000")
+      ->group(group);
   app.add_option("--calibration", o.calibration,
                  "What rig.json holds: the true calibration or the design (nominal)")
       ->check(CLI::IsMember({"true", "nominal"}))

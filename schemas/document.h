@@ -12,6 +12,7 @@
 #include "schemas/geometry.h"
 #include "schemas/json_text.h"
 #include "schemas/option_values.h"
+#include "schemas/photometric.h"
 #include "schemas/time.h"
 
 namespace raystage {
@@ -81,6 +82,10 @@ void add_depth_range(const std::optional<DepthRange>& range, nlohmann::ordered_j
 /// Reads id, size, intrinsics, pose and place in the grid; the pose must be rigid.
 CameraGeometry camera_from(const Located& object, std::set<std::string, std::less<>>& seen);
 nlohmann::ordered_json json_from(const CameraGeometry& camera);
+
+/// Reads what a camera's codes stand for; pixels must be in the camera's picture.
+PhotometricResponse photometric_from(const Located& object, const CameraGeometry& camera);
+nlohmann::ordered_json json_from(const PhotometricResponse& response);
 
 /// Numbers, text, true and false by name; remarks ("x_", "comment") are left out.
 OptionValues options_from(const Located& object);

@@ -76,6 +76,14 @@ json good(const std::string& kind) {
   document["name"] = "test";
   if (kind == "rig") {
     document["cameras"] = {camera("a", 0), camera("b", 0.1)};
+    document["cameras"][1]["photometric"] = {
+        {"contrast", {1, 1.5, 1}},
+        {"brightness", {0, 0.1, 0}},
+        {"curve", {{0, 0.4, 1}, {0, 1}, {0, 1}}},
+        {"vignetting", {{"cx", 3.5}, {"cy", 2}, {"a", {0.3, 0.1, 0}}}},
+        {"gain_map", {{"columns", 2}, {"rows", 2}, {"gain", std::vector<Rgb>(4, {1, 1.5, 2})}}},
+        {"matrix", {{1.5, -0.5, 0}, {0, 1, 0}, {0, 0, 1}}},
+        {"dark_pixels", {{1, 0, 0.5, 0, 0}, {0, 1, 0.25, 0, 0}}}};
     return document;
   }
   document.update({{"epoch_utc", "2026-01-01T00:00:00Z"},
@@ -253,6 +261,37 @@ INSTANTIATE_TEST_SUITE_P(
                {{"contrast", {1, 0, 1}}, {"brightness", {0, 0, 0}}},
                "/cameras/0/photometric/contrast/1",
                "greater than 0"}));
+
+TEST(Documents, PhotometricDamageIsToldWhereItIs) {
+  struct Case {
+    const char *property, *value, *where, *message;
+  };
+  for (const Case& wrong : {
+           Case{"curve", "[[0, 1], [0, 0.5, 0.5], [0, 1]]", "/1/2", "does not rise"},
+           Case{"curve", "[[0, 1], [0, 1]]", "", "array of 2"},
+           Case{"vignetting", R"({"cx": 2, "cy": 2, "a": [-1, 0, 0]})", "", "greater than 0"},
+           Case{"gain_map",
+                R"({"columns": 2, "rows": 3, "gain": [[1,1,1],[1,1,1],[1,1,1],[1,1,1]]})", "/gain",
+                "columns * rows = 6"},
+           Case{"matrix", "[[1, 0, 0], [0, 1, 0]]", "", "array of 2"},
+           Case{"dark_pixels", "[[1, 1, 0, 0, 0], [70000, 0, 0, 0, 0]]", "/1/0", "65535"},
+           Case{"dark_pixels", "[[60000, 0, 0, 0, 0]]", "/0", "in the picture"},
+           Case{"dark_pixels", "[[0.5, 0, 0, 0, 0]]", "/0", "whole numbers"},
+           Case{"dark_pixels", "[[1, 0, 0, 0, 0], [1, 0, 1, 1, 1]]", "/1", "does not come after"},
+       }) {
+    json rig = good("rig");
+    rig["cameras"][0]["photometric"] = {{"contrast", {1, 1, 1}}, {"brightness", {0, 0, 0}}};
+    rig["cameras"][0]["photometric"][wrong.property] = json::parse(wrong.value);
+    try {
+      parse_rig(rig.dump(), "f");
+      ADD_FAILURE() << wrong.property << wrong.value;
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(),
+                  HasSubstr(std::string("/cameras/0/photometric/") + wrong.property + wrong.where));
+      EXPECT_THAT(error.what(), HasSubstr(wrong.message));
+    }
+  }
+}
 
 INSTANTIATE_TEST_SUITE_P(
     Takes, DamagedDocument,
@@ -471,7 +510,13 @@ TEST(Documents, DoublesComeBackExactly) {
   rig.cameras[0].geometry.intrinsics = {1.0 / 3, std::nextafter(1, 2), -0.0, 1e-300,
                                         Distortion{0.1, 0.2, 0.3, 1e-17, -1.0 / 7}};
   rig.cameras[0].geometry.world_from_camera[3] = std::sqrt(2);
-  rig.cameras[0].photometric.contrast = {1.1, 0.9, 1.0 / 3};
+  PhotometricResponse& response = rig.cameras[0].photometric;
+  response.contrast = {1.1, 0.9, 1.0 / 3};
+  response.curve = {{{0, 1.0 / 3, 1}, {-0.01, 1.1}, {0, 1}}};
+  response.vignetting = Vignetting{0.1, 1.0 / 7, {0.3, 1e-17, -0.01}};
+  response.gain_map = GainMap{2, 2, {{1, 2, 3}, {0.1, 1, 1}, {1, 1, 1}, {1, 1.0 / 3, 1}}};
+  response.matrix = {{{1, 0.1, 0}, {0, 1, -1.0 / 3}, {0, 0, 1}}};
+  response.dark_pixels = {{1, 0, {0.1, 0, 1.0 / 3}}, {0, 1, {0, 0, -0.1}}};
   write_rig(rig, folder.path() / "rig.json");
   const RigDocument read = read_rig(folder.path() / "rig.json");
   EXPECT_EQ(read.cameras[0].geometry, rig.cameras[0].geometry);

@@ -18,9 +18,7 @@ RigDocument parse_rig(std::string_view text, std::string_view name) {
     const Located object = cameras.at(i);
     RigDocument::Camera camera{camera_from(object, seen), {}};
     if (object.has("photometric")) {
-      const Located photometric = object.at("photometric");
-      camera.photometric.contrast = photometric.at("contrast").get<std::array<double, 3>>();
-      camera.photometric.brightness = photometric.at("brightness").get<std::array<double, 3>>();
+      camera.photometric = photometric_from(object.at("photometric"), camera.geometry);
     }
     rig.cameras.push_back(std::move(camera));
   }
@@ -35,8 +33,7 @@ std::string format_rig(const RigDocument& rig) {
   for (const RigDocument::Camera& camera : rig.cameras) {
     nlohmann::ordered_json object = json_from(camera.geometry);
     if (camera.photometric != PhotometricResponse{}) {
-      object["photometric"] = {{"contrast", camera.photometric.contrast},
-                               {"brightness", camera.photometric.brightness}};
+      object["photometric"] = json_from(camera.photometric);
     }
     cameras.push_back(std::move(object));
   }

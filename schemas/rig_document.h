@@ -1,23 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <array>
 #include <filesystem>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "schemas/geometry.h"
+#include "schemas/photometric.h"
 
 namespace raystage {
-
-/// Photometric response of a camera per channel R, G, B (thesis eq. 4.1): what a reference camera
-/// would have shown = brightness + contrast * shown, both on linear light, full scale 1.
-struct PhotometricResponse {
-  std::array<double, 3> contrast{1, 1, 1};
-  std::array<double, 3> brightness{0, 0, 0};
-  bool operator==(const PhotometricResponse&) const = default;
-};
 
 /// schema "raystage/rig/1" (TAKE/rig.json): the physical array.
 struct RigDocument {

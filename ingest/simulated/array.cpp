@@ -7,13 +7,14 @@
 #include <cmath>
 #include <numbers>
 
+#include "ingest/simulated/color_errors.h"
 #include "ingest/simulated/hash_random.h"
 #include "rig/pose.h"
 
 namespace raystage {
 namespace {
 
-constexpr std::uint64_t kPlaceSalt = 1, kLensSalt = 2, kColourSalt = 3;
+constexpr std::uint64_t kPlaceSalt = 1, kLensSalt = 2;
 
 // Evenly distributed over the ball of radius 1.
 Eigen::Vector3d in_ball(HashRandom& random) {
@@ -77,11 +78,7 @@ SimulatedArray make_array(const SimulationSettings& s) {
       intrinsics.cy += s.lens_deviation * 0.006 * s.width * lens.normal();
       intrinsics.distortion.k1 += s.lens_deviation * 0.01 * lens.normal();
       intrinsics.distortion.k2 += s.lens_deviation * 0.01 * lens.normal();
-      HashRandom colour{s.seed, kColourSalt, index};
-      for (std::size_t c = 0; c < 3; ++c) {
-        camera.photometric.contrast[c] = std::exp(s.photometric_deviation * colour.normal());
-        camera.photometric.brightness[c] = s.photometric_deviation / 20 * colour.normal();
-      }
+      camera.photometric = simulated_response(s, index);
       array.truth.cameras.push_back(camera);
     }
   }

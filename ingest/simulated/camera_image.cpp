@@ -29,21 +29,6 @@ bool differ(const LightSample& a, const LightSample& b) {
   return farther - nearer > 0.02F * nearer;
 }
 
-std::array<std::uint8_t, 65536> make_srgb_codes() {
-  std::array<std::uint8_t, 65536> codes{};
-  for (std::size_t i = 0; i < codes.size(); ++i) {
-    codes[i] = static_cast<std::uint8_t>(
-        std::lround(255 * srgb_from_linear(static_cast<double>(i) / 65535)));
-  }
-  return codes;
-}
-
-// Nearly normal, mean 0, standard deviation 1: four 16-bit numbers added up.
-float quick_normal(std::uint64_t bits) {
-  const auto part = [&](unsigned shift) { return static_cast<float>((bits >> shift) & 0xFFFFU); };
-  return (part(0) + part(16) + part(32) + part(48) - 131070.0F) * (1.7320508F / 65536);
-}
-
 }  // namespace
 
 PixelRays::PixelRays(const CameraModel& model, const Pose& pose)
@@ -293,29 +278,6 @@ void CameraRenderer::render_evenly(const World& world, const PixelRays& rays, in
     if (rays.sees(column, row)) pixels_.push_back({column, row, index});
   }
   oversample(world, rays, pixels_, samples, nullptr, image);
-}
-
-RgbImage develop(const LinearImage& image, const Development& development) {
-  static const std::array<std::uint8_t, 65536> codes = make_srgb_codes();
-  RgbImage result{image.width, image.height, std::vector<std::uint8_t>(image.light.size() * 3)};
-  std::array<float, 3> gain{}, offset{};
-  for (std::size_t c = 0; c < 3; ++c) {
-    gain[c] = static_cast<float>(1 / development.response.contrast[c]);
-    offset[c] = static_cast<float>(-development.response.brightness[c]) * gain[c];
-  }
-  const auto noise = static_cast<float>(development.noise);
-  for (std::size_t i = 0; i < image.light.size(); ++i) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      float shown = image.light[i][static_cast<Eigen::Index>(c)] * gain[c] + offset[c];
-      if (noise > 0) {
-        shown += noise * std::sqrt(std::max(shown, 0.0F)) *
-                 quick_normal(mix64(development.noise_seed + 3 * i + c));
-      }
-      const float scaled = std::clamp(shown, 0.0F, 1.0F) * 65535.0F + 0.5F;
-      result.pixels[3 * i + c] = codes[static_cast<std::size_t>(scaled)];
-    }
-  }
-  return result;
 }
 
 }  // namespace raystage

@@ -9,8 +9,6 @@
 #include "ingest/simulated/radiance.h"
 #include "rig/camera_model.h"
 #include "rig/pose.h"
-#include "schemas/rig_document.h"
-#include "store/jpeg/rgb_image.h"
 
 namespace raystage {
 
@@ -107,15 +105,5 @@ class CameraRenderer {
   std::vector<std::uint8_t> moved_, edge_;
   std::vector<std::size_t> missing_;
 };
-
-/// How a camera turns light into codes.
-struct Development {
-  PhotometricResponse response;  ///< light = brightness + contrast * (what the camera shows)
-  double noise = 0;  ///< standard deviation at full scale; falls with the root of the light
-  std::uint64_t noise_seed = 0;
-};
-
-/// 8-bit sRGB codes.
-RgbImage develop(const LinearImage& image, const Development& development);
 
 }  // namespace raystage

@@ -9,6 +9,7 @@
 #include <string>
 
 #include "ingest/simulated/array.h"
+#include "ingest/simulated/develop.h"
 #include "rig/rig.h"
 #include "schemas/error.h"
 
@@ -182,8 +183,8 @@ TEST_F(StageImage, CacheChangesNothing) {
   shoot.renderer.render(shoot.world, rays, 4, used, from_used);
   shoot.renderer.render(shoot.world, rays, 4, small, from_small);
   shoot.renderer.render(shoot.world, rays, 4, fresh, from_fresh);
-  EXPECT_EQ(develop(from_used, {}).pixels, develop(from_fresh, {}).pixels);
-  EXPECT_EQ(develop(from_small, {}).pixels, develop(from_fresh, {}).pixels);
+  EXPECT_EQ(develop(from_used).pixels, develop(from_fresh).pixels);
+  EXPECT_EQ(develop(from_small).pixels, develop(from_fresh).pixels);
 }
 
 TEST_F(StageImage, QuickPicturesAreLikeCarefulOnes) {
@@ -194,7 +195,7 @@ TEST_F(StageImage, QuickPicturesAreLikeCarefulOnes) {
   LinearImage quick, careful;
   shoot.renderer.render(shoot.world, rays, 4, cache, quick);
   shoot.renderer.render_evenly(shoot.world, rays, 64, careful);
-  const double db = psnr(develop(quick, {}), develop(careful, {}));
+  const double db = psnr(develop(quick), develop(careful));
   RecordProperty("psnr", std::to_string(db));
   EXPECT_GT(db, 33);
 }
@@ -206,38 +207,6 @@ TEST_F(StageImage, MovesWithTime) {
   const Eigen::Vector3f before = shoot.world.world_from_part(ball).translation();
   shoot.world.set_time(1.1);
   EXPECT_GT((shoot.world.world_from_part(ball).translation() - before).norm(), 0.01F);
-}
-
-TEST(Development, AppliesTheInverseOfTheResponse) {
-  LinearImage image{1, 1, {Eigen::Vector3f(0.5F, 0.5F, 0.5F)}, {}};
-  Development development;
-  EXPECT_EQ(develop(image, development).pixels[0], 188);  // sRGB of 0.5
-  // light = brightness + contrast * shown
-  development.response.contrast = {2, 1, 1};
-  development.response.brightness = {0, 0.25, 0};
-  const RgbImage codes = develop(image, development);
-  EXPECT_EQ(codes.pixels[0], 137);  // sRGB of 0.25
-  EXPECT_EQ(codes.pixels[1], 137);
-  EXPECT_EQ(codes.pixels[2], 188);
-}
-
-TEST(Development, NoiseHasTheStrengthAsked) {
-  LinearImage image{
-      100, 100, std::vector<Eigen::Vector3f>(10000, Eigen::Vector3f(0.5F, 0.5F, 0.5F)), {}};
-  Development development;
-  development.noise = 0.02;
-  development.noise_seed = 5;
-  const RgbImage noisy = develop(image, development);
-  double sum = 0, squares = 0;
-  for (const std::uint8_t code : noisy.pixels) {
-    sum += code - 188.0;
-    squares += (code - 188.0) * (code - 188.0);
-  }
-  const auto count = static_cast<double>(noisy.pixels.size());
-  EXPECT_NEAR(sum / count, 0, 0.6);
-  // d(code)/d(light) at 0.5 is 164; the noise falls with the root of the light.
-  EXPECT_NEAR(std::sqrt(squares / count), 164 * 0.02 * std::sqrt(0.5), 0.25);
-  EXPECT_EQ(develop(image, development).pixels, noisy.pixels);
 }
 
 TEST(Texture, AveragesWhatIsFinerThanThePixel) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "schemas/error.h"
+#include "schemas/photometric.h"
 
 namespace raystage {
 namespace {
@@ -44,6 +45,14 @@ void check_settings(const SimulationSettings& s) {
   check_range("mounting error (m)", s.mounting_error, 0.0, 1.0);
   check_range("mounting error (degrees)", s.mounting_error_deg, 0.0, 45.0);
   check_range("photometric deviation", s.photometric_deviation, 0.0, 0.2);
+  check_range("gain", s.color_errors.gain, 0.0, 0.9);
+  check_range("white balance", s.color_errors.white_balance, 0.0, 0.9);
+  check_range("offset", s.color_errors.offset, 0.0, 0.5);
+  check_range("vignetting", s.color_errors.vignetting, 0.0, 0.9);
+  check_range("mix of colours", s.color_errors.mix, 0.0, 0.3);
+  check_range("curve", s.color_errors.curve, 0.0, 0.5);
+  check_range("hot pixels", s.color_errors.hot_pixels, 0,
+              static_cast<int>(PhotometricResponse::kMostDarkPixels));
   check_range("fps", s.fps, 0.1, 1000.0);
   check_range("seconds", s.seconds, 0.0, 36000.0);
   check_range("frames per camera", s.seconds * s.fps + 1e-9, 1.0, 1e6);

@@ -9,6 +9,17 @@
 
 namespace raystage {
 
+/// How cameras show colours wrong, each in its own way.
+struct ColorErrors {
+  double gain = 0;           ///< of a camera: 1 +- this at most
+  double white_balance = 0;  ///< of red and blue beside green: 1 +- this at most
+  double offset = 0;         ///< of a channel, light with full scale 1: this at most
+  double vignetting = 0;     ///< share of light lost in the corner, at most
+  double mix = 0;            ///< of each other channel's light in a channel, at most
+  double curve = 0;          ///< codes are raised to the power of 1 +- this at most
+  int hot_pixels = 0;        ///< per camera, which show light in the dark
+};
+
 /// What to simulate. The defaults are the thesis' array (chapter 4) with free-running cameras.
 struct SimulationSettings {
   std::string scene = "stage";
@@ -31,6 +42,7 @@ struct SimulationSettings {
   double mounting_error_deg = 0.6;   ///< at most, turned about any axis
   double photometric_deviation = 0;  ///< standard deviation of the contrast per channel;
                                      ///< brightness has a twentieth of it
+  ColorErrors color_errors;          ///< besides
   bool nominal_calibration = false;  ///< rig.json holds the design instead of the truth
 
   // Time.

@@ -11,6 +11,7 @@
 #include "images/image_file.h"
 #include "ingest/simulated/array.h"
 #include "ingest/simulated/camera_image.h"
+#include "ingest/simulated/develop.h"
 #include "ingest/simulated/hash_random.h"
 #include "ingest/simulated/schedule.h"
 #include "ingest/simulated/truth_document.h"
@@ -213,6 +214,7 @@ class Simulation {
     const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(index)];
     const Schedule::Camera& times = schedule_.cameras[static_cast<std::size_t>(index)];
     const PixelRays rays(camera.model, camera.pose);
+    const Developer developer(camera.photometric, {rays.width(), rays.height()}, settings_.noise);
     ArchiveWriter& archive = writer.archive(index);
     const auto worker = workers_.borrow();
     StillCache cache;
@@ -224,11 +226,10 @@ class Simulation {
         check_stop(loop);
         worker->world.set_time(seconds_of(frame.true_time));
         worker->renderer.render(worker->world, rays, settings_.edge_samples, cache, worker->image);
-        const Development development{
-            camera.photometric, settings_.noise,
-            hash_of({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number})};
-        archive.append(encode_jpeg(develop(worker->image, development), settings_.jpeg),
-                       frame.stamped_time);
+        const RgbImage picture = developer.develop(
+            worker->image,
+            hash_of({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
+        archive.append(encode_jpeg(picture, settings_.jpeg), frame.stamped_time);
       }
       advance(1);
     }
@@ -245,7 +246,7 @@ class Simulation {
       const auto worker = workers_.borrow();
       worker->world.set_time(seconds_of(view.time_ns));
       worker->renderer.render_evenly(worker->world, rays, settings_.truth_samples, worker->image);
-      write_image(develop(worker->image, {}), folder / view.file);
+      write_image(develop(worker->image), folder / view.file);
       advance(truth_cost_);
     };
     raystage::parallel_for(std::size_t{0}, path_.views.views.size(), render);

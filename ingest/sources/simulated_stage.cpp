@@ -10,6 +10,7 @@
 
 #include "ingest/simulated/array.h"
 #include "ingest/simulated/camera_image.h"
+#include "ingest/simulated/develop.h"
 #include "ingest/simulated/hash_random.h"
 #include "ingest/sources/pixel_conversion.h"
 #include "schemas/parallel.h"
@@ -119,6 +120,7 @@ SimulatedLoop SimulatedStage::render(int index) const {
   SimulatedLoop loop;
   loop.exposures.resize(times.frames.size());
   loop.length = std::llround(times.period_ns * static_cast<double>(times.frames.size()));
+  const Developer developer(camera.photometric, {rays.width(), rays.height()}, settings_.noise);
   const std::size_t parts = render_threads();
   parallel_for(std::size_t{0}, parts, [&](std::size_t part) {
     const std::size_t count = loop.exposures.size();
@@ -135,10 +137,8 @@ SimulatedLoop SimulatedStage::render(int index) const {
       world.set_time(
           std::abs(seconds <= source_.seconds ? seconds : 2 * source_.seconds - seconds));
       renderer.render(world, rays, settings_.edge_samples, cache, light);
-      const Development development{
-          camera.photometric, settings_.noise,
-          hash_of({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number})};
-      const RgbImage picture = develop(light, development);
+      const RgbImage picture = developer.develop(
+          light, hash_of({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
       SimulatedLoop::Exposure& exposure = loop.exposures[number];
       exposure.true_time = frame.true_time;
       exposure.stamped_time = frame.stamped_time;

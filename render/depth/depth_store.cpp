@@ -65,6 +65,31 @@ void write_maps(const fs::path& file, std::span<const InverseDepthMap> maps,
   temporary.commit();
 }
 
+/// What a camera's colours depend on beyond contrast and brightness, where there is such.
+void add_pixel_numbers(double camera, const PhotometricResponse& response,
+                       std::vector<double>& numbers) {
+  PhotometricResponse plain;
+  plain.contrast = response.contrast;
+  plain.brightness = response.brightness;
+  if (response == plain) return;
+  numbers.push_back(camera);
+  for (const std::vector<double>& curve : response.curve) {
+    numbers.push_back(static_cast<double>(curve.size()));
+    numbers.insert(numbers.end(), curve.begin(), curve.end());
+  }
+  const Vignetting lens = response.vignetting.value_or(Vignetting{});
+  numbers.insert(numbers.end(), {lens.cx, lens.cy, lens.a[0], lens.a[1], lens.a[2]});
+  const GainMap map = response.gain_map.value_or(GainMap{});
+  numbers.insert(numbers.end(), {double(map.columns), double(map.rows)});
+  for (const Rgb& gain : map.gain) numbers.insert(numbers.end(), gain.begin(), gain.end());
+  for (const Rgb& row : response.matrix) numbers.insert(numbers.end(), row.begin(), row.end());
+  numbers.push_back(static_cast<double>(response.dark_pixels.size()));
+  for (const DarkPixel& pixel : response.dark_pixels) {
+    numbers.insert(numbers.end(), {double(pixel.x), double(pixel.y), pixel.light[0], pixel.light[1],
+                                   pixel.light[2]});
+  }
+}
+
 /// All of a rig that depths depend on. Not the file: another may have been put in its place since.
 std::vector<std::byte> numbers_of(const Rig& rig) {
   std::vector<double> numbers;
@@ -80,6 +105,9 @@ std::vector<std::byte> numbers_of(const Rig& rig) {
     for (const auto& values : {camera.photometric.brightness, camera.photometric.contrast}) {
       numbers.insert(numbers.end(), values.begin(), values.end());
     }
+  }
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    add_pixel_numbers(static_cast<double>(i), rig.cameras[i].photometric, numbers);
   }
   std::vector<std::byte> bytes(numbers.size() * sizeof(double));
   for (std::size_t i = 0; i < numbers.size(); ++i) {

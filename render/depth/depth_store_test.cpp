@@ -127,7 +127,11 @@ TEST_F(TakeWithDepths, TheRigThatIsUsedIsPartOfTheKeyNotTheFile) {
   moved.cameras[1].pose.position.x() += 1e-9;
   Rig brighter = take_->rig();
   brighter.cameras[1].photometric.contrast[2] += 1e-9;
-  for (const Rig* rig : {&moved, &brighter}) {
+  Rig vignetted = take_->rig();
+  vignetted.cameras[0].photometric.vignetting = Vignetting{1, 1, {0, 0, 1e-9}};
+  Rig spotted = take_->rig();
+  spotted.cameras[1].photometric.dark_pixels = {{0, 0, {0, 0, 1e-9}}};
+  for (const Rig* rig : {&moved, &brighter, &vignetted, &spotted}) {
     Instant other = instant_;
     other.rig = rig;
     EXPECT_NE(depth_key(other, {}).set, before.set);

@@ -13,9 +13,8 @@
 #include <utility>
 
 #include "schemas/error.h"
-#include "schemas/transfer_function.h"
-#include "store/code_light.h"
 #include "store/frames/added_mcus.h"
+#include "store/frames/photometric_correction.h"
 
 namespace raystage {
 namespace {
@@ -37,29 +36,16 @@ struct ReadAhead {
   std::deque<int> asked;                    // not held since then, the newest last; few
 };
 
+PictureSize size_of(const Rig::Camera& camera) {
+  return {camera.model.width(), camera.model.height()};
+}
+
 double brightest(const Take& take) {
   double most = 1;
   for (const Rig::Camera& camera : take.rig().cameras) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      most = std::max(most, camera.photometric.brightness[c] + camera.photometric.contrast[c]);
-    }
+    most = std::max(most, brightest_light(camera.photometric, size_of(camera), take.document()));
   }
   return most;
-}
-
-LinearTable table_of(const Take& take, const PhotometricResponse& response, double full_scale,
-                     BlendSpace space) {
-  LinearTable table{};
-  for (std::size_t c = 0; c < 3; ++c) {
-    for (int code = 0; code < 256; ++code) {
-      const double linear =
-          response.brightness[c] + response.contrast[c] * linear_of_code(take.document(), code);
-      const double part = std::clamp(linear / full_scale, 0.0, 1.0);
-      const double value = space == BlendSpace::kPerceptual ? srgb_from_linear(part) : part;
-      table.code[c][code] = static_cast<std::uint16_t>(value * 65535 + 0.5);
-    }
-  }
-  return table;
 }
 
 bool holds(const DecodedFrame& frame, const McuMask& wanted) {
@@ -87,7 +73,7 @@ struct FrameCache::State {
   double full_scale;
   BlendSpace space;
   std::shared_ptr<const FrameMatte> matte;
-  std::vector<LinearTable> tables;
+  std::vector<PhotometricCorrection> corrections;
   tbb::enumerable_thread_specific<JpegDecoder> decoders;
   std::atomic<Look> looks = kByItself;
 
@@ -183,9 +169,11 @@ struct FrameCache::State {
 
   std::int64_t decode_into(const DecodedFrame& frame, const Key& key, const JpegLayout& layout,
                            const McuMask& mcus) {
-    const std::int64_t decoded = decoders.local().decode_region(
-        take.archive(key.first).jpeg(key.second), layout, mcus,
-        tables[static_cast<std::size_t>(key.first)], pixels_of(frame), name_of(key));
+    const PhotometricCorrection& correction = corrections[static_cast<std::size_t>(key.first)];
+    const std::int64_t decoded =
+        decoders.local().decode_region(take.archive(key.first).jpeg(key.second), layout, mcus,
+                                       correction.table(), pixels_of(frame), name_of(key));
+    correction.correct(pixels_of(frame), layout, mcus);
     if (matte) {
       key_mcus(*matte->key_of(key.first, key.second, {space, full_scale}), frame, layout, mcus);
     }
@@ -276,7 +264,8 @@ FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace sp
     : state_(
           std::make_shared<State>(take, budget_bytes, brightest(take), space, std::move(matte))) {
   for (const Rig::Camera& camera : take.rig().cameras) {
-    state_->tables.push_back(table_of(take, camera.photometric, state_->full_scale, space));
+    state_->corrections.emplace_back(camera.photometric, size_of(camera), take.document(),
+                                     CodeScale{space, state_->full_scale});
   }
   state_->ahead.resize(take.rig().cameras.size());
 }

@@ -14,6 +14,7 @@
 #include "images/image_file.h"
 #include "ingest/simulated/array.h"
 #include "ingest/simulated/camera_image.h"
+#include "ingest/simulated/develop.h"
 #include "ingest/simulated/scene.h"
 #include "rig/rig.h"
 #include "store/retime/in_between.h"
@@ -79,12 +80,8 @@ class Stage {
   RgbImage picture(std::size_t camera, double time, bool noise) {
     world_.set_time(time);
     renderer_.render(world_, cameras_[camera].rays, 4, cameras_[camera].cache, image_);
-    Development development;
-    if (noise) {
-      development.noise = 0.005;
-      development.noise_seed = ++seed_;
-    }
-    return develop(image_, development);
+    if (!noise) return develop(image_);
+    return Developer({}, {image_.width, image_.height}, 0.005).develop(image_, ++seed_);
   }
 
  private:

@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "rig/photometric.h"
 #include "schemas/rig_document.h"
 #include "schemas/test_folder.h"
 #include "tests/end_to_end/run_command.h"
@@ -152,6 +154,63 @@ TEST(Calibrate, TargetsMakeColoursAlike) {
   EXPECT_EQ(
       run("raystage calibrate color " + take("white") + " --reference nobody -o " + rig).exit_code,
       2);
+}
+
+TEST(Calibrate, TargetsMendVignettingOffsetsAndHotPixels) {
+  const TestFolder folder;
+  const auto take = [&](const std::string& target) { return (folder.path() / target).string(); };
+  for (const char* target : {"white", "grey", "black"}) {
+    ASSERT_EQ(run("raystage simulate " + std::string(target) + " -o " + take(target) +
+                  " --rows 2 --columns 3 --seconds 1 --fps 12 --width 160 --height 120 "
+                  "--truth-views 0 --startup-loss-seconds 0 --drop 0 --noise 0.02 --quality 98 "
+                  "--gain 0.2 --white-balance 0.1 --offset 0.031 --vignetting 0.3 --hot-pixels 20 "
+                  "--calibration nominal -q")
+                  .exit_code,
+              0);
+  }
+  const RigDocument truth = read_rig(true_rig_of(take("white")));
+  // The measure is a camera whose black can be seen.
+  std::size_t reference = 0;
+  const auto shown_black = [&](std::size_t camera) {
+    const PhotometricResponse& response = truth.cameras[camera].photometric;
+    double least = 1;
+    for (std::size_t k = 0; k < 3; ++k) {
+      least = std::min(least, -response.brightness[k] / response.contrast[k]);
+    }
+    return least;
+  };
+  for (std::size_t i = 1; i < truth.cameras.size(); ++i) {
+    if (shown_black(i) > shown_black(reference)) reference = i;
+  }
+  ASSERT_GT(shown_black(reference), 0);
+  const std::string rig = (folder.path() / "rig.json").string();
+  const CommandResult found = run("raystage calibrate color " + take("white") + " " + take("grey") +
+                                  " --dark " + take("black") + " --vignetting --reference " +
+                                  truth.cameras[reference].geometry.id + " -o " + rig);
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  const RigDocument measured = read_rig(rig);
+  const Rgb& scale = truth.cameras[reference].photometric.contrast;
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    const PhotometricResponse &expected = truth.cameras[i].photometric,
+                              &response = measured.cameras[i].photometric;
+    const PictureSize size{160, 120};
+    for (const auto& [x, y] : {std::pair{0, 0}, {159, 0}, {80, 60}, {20, 100}, {159, 119}}) {
+      const Rgb shown = shown_of_light(expected, size, x, y, {0.5, 0.5, 0.5});
+      const Rgb light = light_of_shown(response, size, x, y, shown);
+      for (std::size_t k = 0; k < 3; ++k) {
+        EXPECT_NEAR(light[k] * scale[k], 0.5, 0.01 * 0.5) << i << " at " << x << ", " << y;
+      }
+    }
+    // Every pixel that is clearly hot is known, by what it shows in the dark.
+    for (const DarkPixel& hot : expected.dark_pixels) {
+      const auto same = std::ranges::find_if(response.dark_pixels, [&](const DarkPixel& pixel) {
+        return pixel.x == hot.x && pixel.y == hot.y;
+      });
+      if (hot.light[2] < 0.06) continue;  // an offset below 0 may hide it
+      ASSERT_NE(same, response.dark_pixels.end()) << i << " at " << hot.x << ", " << hot.y;
+      EXPECT_NEAR(same->light[1], hot.light[1], 0.04 + 0.05 * hot.light[1]);
+    }
+  }
 }
 
 TEST(Calibrate, WritesNothingThatCannotBeReliedUpon) {

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <stop_token>
+#include <vector>
+
+#include "rig/photometric.h"
+#include "store/take.h"
+
+namespace raystage {
+
+/// Part of a picture, and what is shown there.
+struct FlatCell {
+  double x = 0, y = 0;  ///< its middle, pixels from the picture's top-left corner
+  Rgb mean{};
+};
+
+/// What one camera shows of a target that is everywhere as bright: linear light, full scale 1.
+struct FlatSight {
+  Rgb mean{};          ///< over the middle of the picture, half of its width and height
+  Rgb deviation{};     ///< there, from pixel to pixel
+  Rgb black{};         ///< share of pixels at code 0 there: they may be darker than they can say
+  double clipped = 0;  ///< share of pixels with a channel at full scale there
+  PictureSize size;
+  std::vector<FlatCell> cells;  ///< all of the picture, by rows
+  /// Where the mean over frames stands out from the pixels around, by how much: by rows.
+  std::vector<DarkPixel> outstanding;
+};
+
+/// The mean over at most `most_frames` frames, spread over the take. Throws Error (bad input) for a
+/// camera without frames.
+FlatSight flat_sight(const Take& take, int camera, int most_frames = 12);
+
+/// Sights of all cameras in one take of a target.
+using FlatSights = std::vector<FlatSight>;
+FlatSights flat_sights(const Take& take, const std::stop_token& stop);
+
+}  // namespace raystage

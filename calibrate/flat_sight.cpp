@@ -15,6 +15,8 @@ namespace {
 
 constexpr int kFullCode = 252;  // codes: JPEG leaves clipped areas a little below 255
 
+using CodeLight = std::array<std::array<double, 256>, 3>;  // of each code, per channel
+
 /// Over frames, per pixel: R, G, B.
 struct MeanPicture {
   PictureSize size;
@@ -36,8 +38,8 @@ Middle middle_of(PictureSize size) {
 }
 
 /// Sums of one frame go into `sight` and `sum`.
-void add_frame(const RgbImage& image, const std::array<double, 256>& light, FlatSight& sight,
-               Rgb& squares, MeanPicture& sum) {
+void add_frame(const RgbImage& image, const CodeLight& light, FlatSight& sight, Rgb& squares,
+               MeanPicture& sum) {
   const Middle middle = middle_of(sum.size);
   for (int y = 0; y < image.height; ++y) {
     for (int x = 0; x < image.width; ++x) {
@@ -48,7 +50,7 @@ void add_frame(const RgbImage& image, const std::array<double, 256>& light, Flat
       const bool counts =
           x >= middle.left && x < middle.right && y >= middle.top && y < middle.bottom;
       for (std::size_t c = 0; c < 3; ++c) {
-        const double value = light[rgb[c]];
+        const double value = light[c][rgb[c]];
         sum.light[pixel][c] += static_cast<float>(value);
         if (!counts) continue;
         sight.mean[c] += value;
@@ -129,7 +131,8 @@ std::vector<DarkPixel> outstanding_pixels(const MeanPicture& picture) {
 
 }  // namespace
 
-FlatSight flat_sight(const Take& take, int camera, int most_frames) {
+FlatSight flat_sight(const Take& take, int camera, const PhotometricResponse& response,
+                     int most_frames) {
   const ArchiveReader& archive = take.archive(camera);
   const auto frames = static_cast<int>(archive.frames().size());
   const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
@@ -137,9 +140,12 @@ FlatSight flat_sight(const Take& take, int camera, int most_frames) {
     throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
                            "Record the target with every camera");
   }
-  std::array<double, 256> light{};
-  for (int code = 0; code < 256; ++code) {
-    light[static_cast<std::size_t>(code)] = linear_of_code(take.document(), code);
+  CodeLight light{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (int code = 0; code < 256; ++code) {
+      light[c][static_cast<std::size_t>(code)] =
+          linear_of_code(take.document(), 255 * straightened(response.curve[c], code / 255.0));
+    }
   }
   JpegDecoder decoder;
   FlatSight sight;
@@ -176,13 +182,16 @@ FlatSight flat_sight(const Take& take, int camera, int most_frames) {
   return sight;
 }
 
-FlatSights flat_sights(const Take& take, const std::stop_token& stop) {
+FlatSights flat_sights(const Take& take, const std::vector<PhotometricResponse>& responses,
+                       const std::stop_token& stop) {
   FlatSights sights(static_cast<std::size_t>(take.camera_count()));
   parallel_for(0, take.camera_count(), [&](int camera) {
     if (stop.stop_requested()) {
       throw Error::failed("the measurement was stopped", take.folder().string(), "Start it again");
     }
-    sights[static_cast<std::size_t>(camera)] = flat_sight(take, camera);
+    const auto index = static_cast<std::size_t>(camera);
+    sights[index] =
+        flat_sight(take, camera, responses.empty() ? PhotometricResponse{} : responses[index]);
   });
   return sights;
 }

@@ -27,12 +27,15 @@ struct FlatSight {
   std::vector<DarkPixel> outstanding;
 };
 
-/// The mean over at most `most_frames` frames, spread over the take. Throws Error (bad input) for a
-/// camera without frames.
-FlatSight flat_sight(const Take& take, int camera, int most_frames = 12);
+/// The mean over at most `most_frames` frames, spread over the take; `response`: of the camera,
+/// whose curve alone counts. Throws Error (bad input) for a camera without frames.
+FlatSight flat_sight(const Take& take, int camera, const PhotometricResponse& response = {},
+                     int most_frames = 12);
 
 /// Sights of all cameras in one take of a target.
 using FlatSights = std::vector<FlatSight>;
-FlatSights flat_sights(const Take& take, const std::stop_token& stop);
+/// `responses`: of each camera, or none.
+FlatSights flat_sights(const Take& take, const std::vector<PhotometricResponse>& responses,
+                       const std::stop_token& stop);
 
 }  // namespace raystage

@@ -159,6 +159,7 @@ FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
   const FlatSights& brightest = *std::ranges::max_element(targets, {}, light_of);
   const FlatSights& darkest = *std::ranges::min_element(targets, {}, light_of);
   FlatColors colors;
+  colors.responses = settings.curves;
   colors.responses.resize(cameras.size());
   Rgb black{}, balance{1, 1, 1};
   for (std::size_t k = 0; settings.dark && k < 3; ++k) {

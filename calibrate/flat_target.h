@@ -12,7 +12,8 @@ struct FlatColorSettings {
   int reference = 0;        ///< camera that the others are made alike to
   bool neutral = false;     ///< and makes the brightest target grey
   bool vignetting = false;  ///< the brightest target fills every picture, and is as bright there
-  bool dark = false;        ///< the darkest target has no light: lenses are capped
+  std::vector<PhotometricResponse> curves{};  ///< of each camera, whose curves the sights went by
+  bool dark = false;  ///< the darkest target has no light: lenses are capped
 };
 
 /// How well cameras agree about targets, before and after.

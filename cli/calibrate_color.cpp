@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "calibrate/flat_target.h"
+#include "calibrate/response_curve.h"
 #include "cli/calibrate.h"
 #include "cli/threads.h"
 #include "schemas/rig_document.h"
@@ -19,29 +20,72 @@ struct ColorOptions {
   std::vector<std::filesystem::path> takes;
   std::filesystem::path output, start, dark;
   std::string reference;
+  std::vector<double> exposures;
   bool neutral = false, vignetting = false, force = false;
   int threads = 0;
 };
+
+/// Targets, each a take of the same cameras.
+struct Targets {
+  std::vector<std::unique_ptr<Take>> takes;
+  std::vector<std::string> cameras;
+};
+
+Targets open_targets(const ColorOptions& options) {
+  std::vector<std::filesystem::path> folders = options.takes;
+  if (!options.dark.empty()) folders.push_back(options.dark);
+  Targets targets;
+  for (const std::filesystem::path& folder : folders) {
+    targets.takes.push_back(std::make_unique<Take>(folder));
+    std::vector<std::string> ids;
+    for (const auto& camera : targets.takes.back()->document().cameras) ids.push_back(camera.id);
+    if (targets.cameras.empty()) targets.cameras = ids;
+    if (ids != targets.cameras) {
+      throw Error::bad_input("the take has other cameras than the first", folder.string(),
+                             "Record all targets with the same cameras");
+    }
+  }
+  return targets;
+}
+
+/// How cameras show the targets; the last is the dark one, where there is such.
+std::vector<FlatSights> sights_of(const Targets& targets,
+                                  const std::vector<PhotometricResponse>& responses,
+                                  const std::stop_token& stop) {
+  std::vector<FlatSights> sights;
+  for (const auto& take : targets.takes) sights.push_back(flat_sights(*take, responses, stop));
+  return sights;
+}
+
+std::vector<PhotometricResponse> curves_of(const ColorOptions& options, const Targets& targets,
+                                           const std::vector<FlatSights>& sights) {
+  if (options.exposures.size() != options.takes.size()) {
+    throw Error::bad_input(fmt::format("there are {} exposures for {} takes",
+                                       options.exposures.size(), options.takes.size()),
+                           "--exposures", "Give each take's, in their order");
+  }
+  return find_response_curves(sights, options.exposures,
+                              options.dark.empty() ? nullptr : &sights.back(),
+                              targets.takes.front()->document().color_space);
+}
+
+/// Leaves exposures out that are too long for some camera: what they are for is the curve.
+void leave_out_overexposed(std::vector<FlatSights>& sights) {
+  constexpr double kClipped = 0.01;
+  const auto is_overexposed = [](const FlatSights& target) {
+    return std::ranges::any_of(target,
+                               [](const FlatSight& sight) { return sight.clipped > kClipped; });
+  };
+  if (std::ranges::all_of(sights, is_overexposed)) return;  // said where colours are matched
+  std::erase_if(sights, is_overexposed);
+}
 
 ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
   RigDocument rig =
       read_rig(options.start.empty() ? options.takes.front() / "rig.json" : options.start);
-  std::vector<FlatSights> targets;
-  std::vector<std::string> cameras;
-  std::vector<std::filesystem::path> takes = options.takes;
-  if (!options.dark.empty()) takes.push_back(options.dark);
-  for (const std::filesystem::path& folder : takes) {
-    const Take take(folder);
-    std::vector<std::string> ids;
-    for (const auto& camera : take.document().cameras) ids.push_back(camera.id);
-    if (cameras.empty()) cameras = ids;
-    if (ids != cameras) {
-      throw Error::bad_input("the take has other cameras than the first", folder.string(),
-                             "Record all targets with the same cameras");
-    }
-    targets.push_back(flat_sights(take, stop));
-  }
+  const Targets targets = open_targets(options);
+  const std::vector<std::string>& cameras = targets.cameras;
   FlatColorSettings settings;
   settings.neutral = options.neutral;
   settings.vignetting = options.vignetting;
@@ -54,7 +98,13 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
     }
     settings.reference = static_cast<int>(found - cameras.begin());
   }
-  const FlatColors colors = match_flat_targets(targets, cameras, settings);
+  std::vector<FlatSights> sights = sights_of(targets, {}, stop);
+  if (!options.exposures.empty()) {
+    settings.curves = curves_of(options, targets, sights);
+    sights = sights_of(targets, settings.curves, stop);
+    leave_out_overexposed(sights);
+  }
+  const FlatColors colors = match_flat_targets(sights, cameras, settings);
   fmt::print("{}", color_text(colors, cameras[static_cast<std::size_t>(settings.reference)]));
   if (!colors.reasons.empty() && !options.force) {
     throw Error::failed("the rig was not written, as nobody could rely on its colours",
@@ -97,6 +147,13 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
                   "Take with capped lenses: light counts from there, and pixels that stand out of "
                   "it are corrected")
       ->type_name("TAKE");
+  app->add_option(
+         "--exposures", o->exposures,
+         "The takes show one target that does not move, exposed for as long (any unit, one "
+         "number a take): also how each camera's codes follow light, whatever curve it has")
+      ->delimiter(',')
+      ->check(CLI::Range(1e-9, 1e9))
+      ->type_name("T1,T2,...");
   app->add_flag("--vignetting", o->vignetting,
                 "Also the fall of light towards the corners: the brightest target fills every "
                 "picture, and is as bright everywhere");

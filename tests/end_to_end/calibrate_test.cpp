@@ -9,6 +9,7 @@
 #include "rig/photometric.h"
 #include "schemas/rig_document.h"
 #include "schemas/test_folder.h"
+#include "schemas/transfer_function.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -209,6 +210,46 @@ TEST(Calibrate, TargetsMendVignettingOffsetsAndHotPixels) {
       if (hot.light[2] < 0.06) continue;  // an offset below 0 may hide it
       ASSERT_NE(same, response.dark_pixels.end()) << i << " at " << hot.x << ", " << hot.y;
       EXPECT_NEAR(same->light[1], hot.light[1], 0.04 + 0.05 * hot.light[1]);
+    }
+  }
+}
+
+TEST(Calibrate, ExposuresStraightenEveryCamerasCurve) {
+  const TestFolder folder;
+  const auto take = [&](const std::string& target) { return (folder.path() / target).string(); };
+  for (const char* target : {"white", "grey", "black"}) {
+    ASSERT_EQ(run("raystage simulate " + std::string(target) + " -o " + take(target) +
+                  " --rows 1 --columns 3 --seconds 1 --fps 12 --width 160 --height 120 "
+                  "--truth-views 0 --startup-loss-seconds 0 --drop 0 --noise 0.02 --quality 98 "
+                  "--gain 0.2 --offset 0.02 --vignetting 0.3 --curve 0.15 --calibration nominal -q")
+                  .exit_code,
+              0);
+  }
+  const std::string rig = (folder.path() / "rig.json").string();
+  const std::string command = "raystage calibrate color " + take("white") + " " + take("grey") +
+                              " --dark " + take("black") + " --vignetting -o " + rig;
+  EXPECT_EQ(run(command + " --exposures 4").exit_code, 2) << "one exposure for two takes";
+  const CommandResult found = run(command + " --exposures 4,1");  // as their light is
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  const RigDocument truth = read_rig(true_rig_of(take("white"))), measured = read_rig(rig);
+  const auto light_by = [](const PhotometricResponse& response, double code) {
+    Rgb shown{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      shown[k] = linear_from_srgb(straightened(response.curve[k], code));
+    }
+    return light_of_shown(response, {160, 120}, 80, 60, shown);
+  };
+  const auto scale = [&](std::size_t k) {  // what the reference camera makes of white
+    return light_by(measured.cameras[0].photometric, 0.75)[k] /
+           light_by(truth.cameras[0].photometric, 0.75)[k];
+  };
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    for (const double code : {0.45, 0.55, 0.65, 0.75}) {
+      const Rgb expected = light_by(truth.cameras[i].photometric, code);
+      const Rgb light = light_by(measured.cameras[i].photometric, code);
+      for (std::size_t k = 0; k < 3; ++k) {
+        EXPECT_NEAR(light[k], expected[k] * scale(k), 0.02 * expected[k]) << i << " at " << code;
+      }
     }
   }
 }

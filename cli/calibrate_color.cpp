@@ -7,18 +7,21 @@
 #include <string>
 #include <vector>
 
+#include "calibrate/color_sheet.h"
 #include "calibrate/flat_target.h"
 #include "calibrate/response_curve.h"
 #include "cli/calibrate.h"
 #include "cli/threads.h"
+#include "schemas/atomic_file.h"
 #include "schemas/rig_document.h"
+#include "store/jpeg/encode.h"
 
 namespace raystage {
 namespace {
 
 struct ColorOptions {
   std::vector<std::filesystem::path> takes;
-  std::filesystem::path output, start, dark;
+  std::filesystem::path output, start, dark, sheet, sheet_of;
   std::string reference;
   std::vector<double> exposures;
   bool neutral = false, vignetting = false, force = false;
@@ -120,6 +123,10 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
     camera.photometric = colors.responses[static_cast<std::size_t>(found - cameras.begin())];
   }
   write_rig(rig, options.output);
+  if (!options.sheet.empty()) {
+    const Take shown(options.sheet_of.empty() ? options.takes.front() : options.sheet_of);
+    write_file_atomically(options.sheet, encode_jpeg(color_sheet(shown, rig), {}));
+  }
   return ExitCode::kSuccess;
 }
 
@@ -158,6 +165,13 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
                 "Also the fall of light towards the corners: the brightest target fills every "
                 "picture, and is as bright everywhere");
   app->add_flag("--neutral", o->neutral, "White balance: the brightest target becomes grey");
+  app->add_option(
+         "--sheet", o->sheet,
+         "Contact sheet: what cameras show, as recorded on the left, corrected on the right")
+      ->type_name("FILE.jpg");
+  app->add_option("--sheet-of", o->sheet_of,
+                  "The take that the sheet shows (default: the first target)")
+      ->type_name("TAKE");
   app->add_flag("--force", o->force, "Write the rig even if it cannot be vouched for");
   add_threads_option(*app, o->threads);
   return {app, [o](const std::stop_token& stop) { return calibrate_color(*o, stop); }};

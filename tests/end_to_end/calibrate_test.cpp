@@ -10,6 +10,7 @@
 #include "schemas/rig_document.h"
 #include "schemas/test_folder.h"
 #include "schemas/transfer_function.h"
+#include "store/jpeg/decode.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -185,10 +186,30 @@ TEST(Calibrate, TargetsMendVignettingOffsetsAndHotPixels) {
   }
   ASSERT_GT(shown_black(reference), 0);
   const std::string rig = (folder.path() / "rig.json").string();
-  const CommandResult found = run("raystage calibrate color " + take("white") + " " + take("grey") +
-                                  " --dark " + take("black") + " --vignetting --reference " +
-                                  truth.cameras[reference].geometry.id + " -o " + rig);
+  const std::string sheet = (folder.path() / "sheet.jpg").string();
+  const CommandResult found =
+      run("raystage calibrate color " + take("white") + " " + take("grey") + " --dark " +
+          take("black") + " --vignetting --sheet " + sheet + " --reference " +
+          truth.cameras[reference].geometry.id + " -o " + rig);
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  // Two columns of three tiles each, two rows: on the right every tile is alike.
+  const std::string jpeg = testing::text_of(sheet);
+  const RgbImage picture = JpegDecoder().decode(std::as_bytes(std::span(jpeg)), "sheet");
+  const auto green = [&](int x, int y) {
+    return int{picture.pixels[3 * static_cast<std::size_t>(y * picture.width + x) + 1]};
+  };
+  const int half = picture.width / 2;
+  int least[2] = {255, 255}, most[2] = {0, 0};
+  for (const int x : {20, 100, 240, 300, 400, 460}) {
+    for (const int y : {10, 60, 100, 140, 200, 230}) {
+      for (const int side : {0, 1}) {
+        least[side] = std::min(least[side], green(x + side * half, y));
+        most[side] = std::max(most[side], green(x + side * half, y));
+      }
+    }
+  }
+  EXPECT_GT(most[0] - least[0], 30);
+  EXPECT_LT(most[1] - least[1], 12);
   const RigDocument measured = read_rig(rig);
   const Rgb& scale = truth.cameras[reference].photometric.contrast;
   for (std::size_t i = 0; i < truth.cameras.size(); ++i) {

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color_sheet.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "schemas/error.h"
+#include "store/frames/photometric_correction.h"
+#include "store/jpeg/decode.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kTileWidth = 160, kGap = 2, kBetween = 12;  // pixels
+constexpr int kPaper = 38;
+
+struct Place {
+  int row = 0, column = 0;
+};
+
+std::vector<Place> places_of(const RigDocument& rig) {
+  std::vector<Place> places;
+  const bool is_grid = std::ranges::all_of(rig.cameras, [](const RigDocument::Camera& camera) {
+    return camera.geometry.row && camera.geometry.column;
+  });
+  const int columns =
+      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(rig.cameras.size()))));
+  for (const RigDocument::Camera& camera : rig.cameras) {
+    const int index = static_cast<int>(places.size());
+    places.push_back(is_grid ? Place{*camera.geometry.row, *camera.geometry.column}
+                             : Place{index / columns, index % columns});
+  }
+  return places;
+}
+
+/// The camera's picture as it is recorded, and as it is corrected.
+struct Pair {
+  cv::Mat before, after;
+};
+
+Pair pictures_of(const Take& take, int camera, const PhotometricResponse& response,
+                 const cv::Size& tile) {
+  const ArchiveReader& archive = take.archive(camera);
+  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+  const int frames = static_cast<int>(archive.frames().size());
+  if (frames == 0) {
+    throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
+                           "Name a take in which every camera recorded");
+  }
+  const auto jpeg = archive.jpeg(frames / 2);
+  const JpegLayout layout = parse_jpeg_layout(jpeg, id);
+  const McuMask all(static_cast<std::size_t>(layout.mcu_count()), 1);
+  std::vector<std::uint16_t> levels(4 * static_cast<std::size_t>(layout.width) *
+                                    static_cast<std::size_t>(layout.height));
+  const auto shown_by = [&](const PhotometricResponse& by) {
+    const PhotometricCorrection correction(by, {layout.width, layout.height}, take.document(), {});
+    JpegDecoder().decode_region(jpeg, layout, all, correction.table(), levels, id);
+    correction.correct(levels, layout, all);
+    const cv::Mat whole(layout.height, layout.width, CV_16UC4, levels.data());
+    cv::Mat codes, small;
+    whole.convertTo(codes, CV_8UC4, 1 / 257.0);
+    cv::cvtColor(codes, codes, cv::COLOR_RGBA2RGB);
+    cv::resize(codes, small, tile, 0, 0, cv::INTER_AREA);
+    return small;
+  };
+  return {shown_by({}), shown_by(response)};
+}
+
+}  // namespace
+
+RgbImage color_sheet(const Take& take, const RigDocument& rig) {
+  if (static_cast<std::size_t>(take.camera_count()) != rig.cameras.size()) {
+    throw Error::bad_input("the rig has other cameras than the take", take.folder().string(),
+                           "Name a take of the same cameras");
+  }
+  const std::vector<Place> places = places_of(rig);
+  const int rows = std::ranges::max(places, {}, &Place::row).row + 1;
+  const int columns = std::ranges::max(places, {}, &Place::column).column + 1;
+  const CameraGeometry& first = rig.cameras.front().geometry;
+  const cv::Size tile(std::min(kTileWidth, first.width),
+                      std::max(1, std::min(kTileWidth, first.width) * first.height / first.width));
+  const int half = columns * (tile.width + kGap);
+  cv::Mat sheet(rows * (tile.height + kGap) + kGap, 2 * half + kBetween + 2 * kGap, CV_8UC3,
+                cv::Scalar::all(kPaper));
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    if (take.document().cameras[i].id != rig.cameras[i].geometry.id) {
+      throw Error::bad_input("the rig has other cameras than the take", take.folder().string(),
+                             "Name a take of the same cameras");
+    }
+    const Pair pictures = pictures_of(take, static_cast<int>(i), rig.cameras[i].photometric, tile);
+    const int x = kGap + places[i].column * (tile.width + kGap);
+    const int y = kGap + places[i].row * (tile.height + kGap);
+    pictures.before.copyTo(sheet(cv::Rect(cv::Point(x, y), tile)));
+    pictures.after.copyTo(sheet(cv::Rect(cv::Point(x + half + kBetween, y), tile)));
+  }
+  RgbImage image{sheet.cols, sheet.rows, {}};
+  image.pixels.assign(sheet.data, sheet.data + sheet.total() * 3);
+  return image;
+}
+
+}  // namespace raystage

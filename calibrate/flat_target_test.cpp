@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/flat_target.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+
+#include "calibrate/vignetting.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr PictureSize kPicture{640, 480};
+
+/// What a camera shows of a target whose light is a function of the place.
+FlatSight sight_of(const PhotometricResponse& response,
+                   const std::function<double(double, double)>& light) {
+  FlatSight sight;
+  sight.size = kPicture;
+  int in_middle = 0;
+  for (int row = 0; row < 24; ++row) {
+    for (int column = 0; column < 32; ++column) {
+      FlatCell cell{column * 20.0 + 10, row * 20.0 + 10, {}};
+      const double here = light(cell.x, cell.y);
+      cell.mean = shown_of_light(response, kPicture, static_cast<int>(cell.x),
+                                 static_cast<int>(cell.y), {here, here, here});
+      sight.cells.push_back(cell);
+      if (row < 6 || row >= 18 || column < 8 || column >= 24) continue;
+      for (std::size_t c = 0; c < 3; ++c) sight.mean[c] += cell.mean[c];
+      ++in_middle;
+    }
+  }
+  for (double& mean : sight.mean) mean /= in_middle;
+  return sight;
+}
+
+PhotometricResponse dim_lens() {
+  PhotometricResponse response;
+  response.contrast = {1.25, 0.9, 1.1};
+  response.brightness = {-0.02, -0.01, -0.005};
+  response.vignetting = Vignetting{330, 228, {0.3, 0.1, 0.02}};
+  return response;
+}
+
+std::vector<FlatSights> targets_of(const std::vector<PhotometricResponse>& cameras) {
+  std::vector<FlatSights> targets;
+  for (const double level : {0.6, 0.15, 0.0}) {
+    FlatSights& target = targets.emplace_back();
+    for (const PhotometricResponse& camera : cameras) {
+      target.push_back(sight_of(camera, [&](double, double) { return level; }));
+    }
+  }
+  return targets;
+}
+
+TEST(FlatTarget, FindsContrastBlackAndVignettingTogether) {
+  PhotometricResponse reference;
+  reference.brightness = {-0.01, -0.02, -0.03};
+  reference.vignetting = Vignetting{310, 250, {0.2, 0.05, 0}};
+  FlatColorSettings settings;
+  settings.vignetting = settings.dark = true;
+  const PhotometricResponse truth = dim_lens();
+  const FlatColors found = match_flat_targets(targets_of({reference, truth}), {"a", "b"}, settings);
+  EXPECT_TRUE(found.reasons.empty());
+  EXPECT_LT(found.worst_vignetting, 1e-3);
+  for (const double level : {0.1, 0.5}) {
+    for (const auto& [x, y] : {std::pair{0, 0}, {320, 240}, {639, 100}}) {
+      const Rgb shown = shown_of_light(truth, kPicture, x, y, {level, level, level});
+      const Rgb light = light_of_shown(found.responses[1], kPicture, x, y, shown);
+      for (const double channel : light) EXPECT_NEAR(channel, level, 0.003 * level) << x;
+    }
+  }
+  EXPECT_GT(found.before.mean_difference, 3);
+  EXPECT_LT(found.after.mean_difference, 0.1);
+}
+
+TEST(FlatTarget, ADustSpotOnTheTargetDoesNotMoveTheLens) {
+  const PhotometricResponse truth = dim_lens();
+  const FlatSight sight = sight_of(
+      truth, [](double x, double y) { return std::hypot(x - 450, y - 300) < 45 ? 0.42 : 0.6; });
+  const FoundVignetting found = find_vignetting(sight.cells, kPicture, truth);
+  PhotometricResponse measured = truth;
+  measured.vignetting = found.lens;
+  for (const auto& [x, y] : {std::pair{0.0, 0.0}, {320.0, 240.0}, {640.0, 480.0}}) {
+    const double ratio = gain_at(measured, kPicture, x, y)[1] / gain_at(truth, kPicture, x, y)[1];
+    EXPECT_NEAR(ratio,
+                gain_at(measured, kPicture, 320, 240)[1] / gain_at(truth, kPicture, 320, 240)[1],
+                0.01);
+  }
+}
+
+TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
+  std::vector<FlatSights> targets = targets_of({{}, {}});
+  targets[0][1] = sight_of({}, [](double x, double) { return x < 320 ? 0.6 : 0.45; });
+  FlatColorSettings settings;
+  settings.vignetting = true;
+  const FlatColors uneven = match_flat_targets(targets, {"a", "b"}, settings);
+  ASSERT_FALSE(uneven.reasons.empty());
+  EXPECT_THAT(uneven.reasons[0], HasSubstr("evenly lit"));
+
+  targets = targets_of({{}, {}});
+  targets[0][0].clipped = 0.5;
+  settings.vignetting = false;
+  const FlatColors clipped = match_flat_targets(targets, {"a", "b"}, settings);
+  ASSERT_EQ(clipped.reasons.size(), 1U);
+  EXPECT_THAT(clipped.reasons[0], HasSubstr("overexposed"));
+
+  targets = targets_of({{}, {}});
+  targets[2][1].outstanding.resize(PhotometricResponse::kMostDarkPixels + 1);
+  settings.dark = true;
+  const FlatColors lit = match_flat_targets(targets, {"a", "b"}, settings);
+  ASSERT_EQ(lit.reasons.size(), 1U);
+  EXPECT_THAT(lit.reasons[0], HasSubstr("cap its lens"));
+}
+
+}  // namespace
+}  // namespace raystage

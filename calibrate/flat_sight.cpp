@@ -177,8 +177,8 @@ FlatSight flat_sight(const Take& take, int camera, const PhotometricResponse& re
     for (float& channel : pixel) channel /= static_cast<float>(looked_at);
   }
   sight.cells = cells_of(picture);
-  constexpr double kDark = 0.1;  // brighter ones say little about what is seen in the dark
-  if (sight.mean[1] < kDark) sight.outstanding = outstanding_pixels(picture);
+  if (std::ranges::max(sight.mean) <= FlatSight::kDark)
+    sight.outstanding = outstanding_pixels(picture);
   return sight;
 }
 

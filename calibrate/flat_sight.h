@@ -17,6 +17,7 @@ struct FlatCell {
 
 /// What one camera shows of a target that is everywhere as bright: linear light, full scale 1.
 struct FlatSight {
+  static constexpr double kDark = 0.1;  ///< brighter ones say little about what is seen in the dark
   Rgb mean{};          ///< over the middle of the picture, half of its width and height
   Rgb deviation{};     ///< there, from pixel to pixel
   Rgb black{};         ///< share of pixels at code 0 there: they may be darker than they can say

@@ -105,13 +105,6 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
         "The target is not as bright everywhere as a lens could make it uneven: let it fill every "
         "picture, evenly lit, or do without --vignetting.");
   }
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    if (colors.responses[c].dark_pixels.size() > PhotometricResponse::kMostDarkPixels) {
-      colors.responses[c].dark_pixels.clear();
-      colors.reasons.push_back("Camera \"" + cameras[c] +
-                               "\" shows light nearly everywhere in the dark: cap its lens.");
-    }
-  }
   if (targets.size() < 2) {
     colors.warnings.emplace_back(
         "One target tells the contrast alone: with lens caps or a grey target the brightness, "
@@ -149,6 +142,29 @@ void match_camera(const std::vector<FlatSights>& targets, std::size_t camera, st
   }
 }
 
+/// The pixels that stand out of the dark, and whether it is dark.
+void take_over_darkness(const FlatSights& dark, std::size_t reference,
+                        const std::vector<std::string>& cameras, FlatColors& colors) {
+  std::vector<std::string> lit;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const bool is_lit = std::ranges::max(dark[c].mean) > FlatSight::kDark ||
+                        dark[c].outstanding.size() > PhotometricResponse::kMostDarkPixels;
+    if (is_lit) {
+      lit.push_back(cameras[c]);
+    } else {
+      colors.responses[c].dark_pixels = dark[c].outstanding;
+    }
+  }
+  if (!lit.empty()) {
+    colors.reasons.push_back("The dark is not dark in " + few_of(lit) + ": cap the lenses.");
+  }
+  if (std::ranges::max(dark[reference].black) > kCutOff) {
+    colors.warnings.emplace_back(
+        "The reference camera's black is cut off at code 0, so that light may count from too low: "
+        "choose another --reference.");
+  }
+}
+
 }  // namespace
 
 FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
@@ -180,16 +196,15 @@ FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
     for (std::size_t c = 0; c < cameras.size(); ++c) {
       match_camera(targets, c, reference, scale, cameras[c], colors.responses[c]);
     }
+    colors.worst_vignetting = 0;
     for (std::size_t c = 0; settings.vignetting && c < cameras.size(); ++c) {
       const FlatSight& sight = brightest[c];
       const FoundVignetting found = find_vignetting(sight.cells, sight.size, colors.responses[c]);
       colors.responses[c].vignetting = found.lens;
-      colors.worst_vignetting = std::max(round == 0 ? 0 : colors.worst_vignetting, found.residual);
+      colors.worst_vignetting = std::max(colors.worst_vignetting, found.residual);
     }
   }
-  for (std::size_t c = 0; settings.dark && c < cameras.size(); ++c) {
-    colors.responses[c].dark_pixels = darkest[c].outstanding;
-  }
+  if (settings.dark) take_over_darkness(darkest, reference, cameras, colors);
   colors.before = spread_of(targets, std::vector<PhotometricResponse>(cameras.size()), reference);
   colors.after = spread_of(targets, colors.responses, reference);
   judge(colors, targets, cameras);

@@ -95,7 +95,8 @@ TEST(FlatTarget, ADustSpotOnTheTargetDoesNotMoveTheLens) {
 
 TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
   std::vector<FlatSights> targets = targets_of({{}, {}});
-  targets[0][1] = sight_of({}, [](double x, double) { return x < 320 ? 0.6 : 0.45; });
+  // Not the last camera alone is looked at.
+  targets[0][0] = sight_of({}, [](double x, double) { return x < 320 ? 0.6 : 0.45; });
   FlatColorSettings settings;
   settings.vignetting = true;
   const FlatColors uneven = match_flat_targets(targets, {"a", "b"}, settings);
@@ -114,7 +115,18 @@ TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {
   settings.dark = true;
   const FlatColors lit = match_flat_targets(targets, {"a", "b"}, settings);
   ASSERT_EQ(lit.reasons.size(), 1U);
-  EXPECT_THAT(lit.reasons[0], HasSubstr("cap its lens"));
+  EXPECT_THAT(lit.reasons[0], HasSubstr("cap the lenses"));
+
+  targets.pop_back();  // the grey one is taken for it
+  const FlatColors grey = match_flat_targets(targets, {"a", "b"}, settings);
+  ASSERT_EQ(grey.reasons.size(), 1U);
+  EXPECT_THAT(grey.reasons[0], HasSubstr("not dark"));
+  targets = targets_of({{}, {}});
+  targets[2][0].black = {0.5, 0.5, 0.5};
+  const FlatColors cut_off = match_flat_targets(targets, {"a", "b"}, settings);
+  EXPECT_TRUE(cut_off.reasons.empty());
+  ASSERT_FALSE(cut_off.warnings.empty());
+  EXPECT_THAT(cut_off.warnings[0], HasSubstr("--reference"));
 }
 
 }  // namespace

@@ -122,11 +122,13 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
     }
     camera.photometric = colors.responses[static_cast<std::size_t>(found - cameras.begin())];
   }
-  write_rig(rig, options.output);
+  std::vector<std::byte> sheet;  // before anything is written, as it may fail
   if (!options.sheet.empty()) {
     const Take shown(options.sheet_of.empty() ? options.takes.front() : options.sheet_of);
-    write_file_atomically(options.sheet, encode_jpeg(color_sheet(shown, rig), {}));
+    sheet = encode_jpeg(color_sheet(shown, rig), {});
   }
+  write_rig(rig, options.output);
+  if (!sheet.empty()) write_file_atomically(options.sheet, sheet);
   return ExitCode::kSuccess;
 }
 
@@ -142,7 +144,8 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
                   "bright, each of another brightness: lens caps, grey, white (one alone tells the "
                   "contrast only)")
       ->required();
-  app->add_option("-o,--output", o->output, "The rig that is written: --start, with colours")
+  app->add_option("-o,--output", o->output,
+                  "The rig that is written: --start, with colours found here in place of its own")
       ->required()
       ->type_name("RIG.json");
   app->add_option("--start", o->start, "The rig that gets colours (default: the first take's)")
@@ -165,13 +168,15 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
                 "Also the fall of light towards the corners: the brightest target fills every "
                 "picture, and is as bright everywhere");
   app->add_flag("--neutral", o->neutral, "White balance: the brightest target becomes grey");
-  app->add_option(
-         "--sheet", o->sheet,
-         "Contact sheet: what cameras show, as recorded on the left, corrected on the right")
-      ->type_name("FILE.jpg");
+  CLI::Option* const sheet =
+      app->add_option(
+             "--sheet", o->sheet,
+             "Contact sheet: what cameras show, as recorded on the left, corrected on the right")
+          ->type_name("FILE.jpg");
   app->add_option("--sheet-of", o->sheet_of,
                   "The take that the sheet shows (default: the first target)")
-      ->type_name("TAKE");
+      ->type_name("TAKE")
+      ->needs(sheet);
   app->add_flag("--force", o->force, "Write the rig even if it cannot be vouched for");
   add_threads_option(*app, o->threads);
   return {app, [o](const std::stop_token& stop) { return calibrate_color(*o, stop); }};

@@ -263,9 +263,11 @@ FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace sp
                        std::shared_ptr<const FrameMatte> matte)
     : state_(
           std::make_shared<State>(take, budget_bytes, brightest(take), space, std::move(matte))) {
+  LevelTable levels;
   for (const Rig::Camera& camera : take.rig().cameras) {
+    if (!levels && needs_pixels(camera.photometric)) levels = make_level_table(space);
     state_->corrections.emplace_back(camera.photometric, size_of(camera), take.document(),
-                                     CodeScale{space, state_->full_scale});
+                                     CodeScale{space, state_->full_scale}, levels);
   }
   state_->ahead.resize(take.rig().cameras.size());
 }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "schemas/transfer_function.h"
 #include "store/code_light.h"
@@ -35,15 +36,23 @@ bool is_lost(const DarkPixel& pixel) {
 double brightest_light(const PhotometricResponse& response, PictureSize size,
                        const TakeDocument& take) {
   Rgb brightest{}, most_gain{1, 1, 1};
-  if (response.vignetting || response.gain_map) {
-    constexpr int kSteps = 16;  // the gain is smooth
+  if (response.gain_map) {
+    for (const Rgb& node : response.gain_map->gain) {
+      for (std::size_t c = 0; c < 3; ++c) most_gain[c] = std::max(most_gain[c], node[c]);
+    }
+  }
+  if (response.vignetting) {
+    PhotometricResponse lens;
+    lens.vignetting = response.vignetting;
+    double most = 0;
+    constexpr int kSteps = 16;  // it is smooth
     for (int j = 0; j <= kSteps; ++j) {
       for (int i = 0; i <= kSteps; ++i) {
-        const Rgb gain =
-            gain_at(response, size, 1.0 * i * size.width / kSteps, 1.0 * j * size.height / kSteps);
-        for (std::size_t c = 0; c < 3; ++c) most_gain[c] = std::max(most_gain[c], gain[c]);
+        const double x = 1.0 * i * size.width / kSteps, y = 1.0 * j * size.height / kSteps;
+        most = std::max(most, gain_at(lens, size, x, y)[0]);
       }
     }
+    for (double& gain : most_gain) gain *= most;
   }
   for (std::size_t c = 0; c < 3; ++c) {
     brightest[c] =
@@ -127,8 +136,8 @@ class PhotometricCorrection::Gains {
 class PhotometricCorrection::Pixels {
  public:
   Pixels(const PhotometricResponse& response, PictureSize size, const TakeDocument& take,
-         const CodeScale& scale)
-      : dark_(response.dark_pixels) {
+         const CodeScale& scale, LevelTable levels)
+      : dark_(response.dark_pixels), levels_(std::move(levels)) {
     for (std::size_t c = 0; c < 3; ++c) {
       contrast_[c] = static_cast<float>(response.contrast[c]);
       for (int code = 0; code < kCodes; ++code) {
@@ -139,12 +148,6 @@ class PhotometricCorrection::Pixels {
       for (std::size_t k = 0; k < 3; ++k) {
         matrix_[c][k] = static_cast<float>(response.matrix[c][k] / scale.full_scale);
       }
-    }
-    // By the root of the light: steps as fine in the dark as the eye's.
-    levels_.resize(kLevels);
-    for (std::size_t i = 0; i < kLevels; ++i) {
-      const double root = static_cast<double>(i) / (kLevels - 1);
-      levels_[i] = level_of(root * root, {scale.space, 1});
     }
     if (response.vignetting || response.gain_map) gains_.emplace(response, size);
   }
@@ -226,7 +229,7 @@ class PhotometricCorrection::Pixels {
     }
     for (int i = 0; i < count; ++i) {
       for (std::size_t c = 0; c < 3; ++c) {
-        pixels[4 * i + static_cast<std::ptrdiff_t>(c)] = levels_[static_cast<std::size_t>(
+        pixels[4 * i + static_cast<std::ptrdiff_t>(c)] = (*levels_)[static_cast<std::size_t>(
             static_cast<int>(light[c][static_cast<std::size_t>(i)]))];
       }
     }
@@ -272,14 +275,28 @@ class PhotometricCorrection::Pixels {
   std::array<float, 3> contrast_{};
   std::array<std::array<float, kCodes>, 3> light_{};  ///< of codes, before gain and matrix
   std::array<std::array<float, 3>, 3> matrix_{};      ///< to full scale 1
-  std::vector<std::uint16_t> levels_;                 ///< by the root of the light
+  LevelTable levels_;
   std::optional<Gains> gains_;
 };
 
+LevelTable make_level_table(BlendSpace space) {
+  std::vector<std::uint16_t> levels(kLevels);
+  for (std::size_t i = 0; i < kLevels; ++i) {
+    const double root = static_cast<double>(i) / (kLevels - 1);
+    levels[i] = level_of(root * root, {space, 1});
+  }
+  return std::make_shared<const std::vector<std::uint16_t>>(std::move(levels));
+}
+
+bool needs_pixels(const PhotometricResponse& response) {
+  return response.vignetting || response.gain_map || response.matrix != kSameColors ||
+         !response.dark_pixels.empty();
+}
+
 PhotometricCorrection::PhotometricCorrection(const PhotometricResponse& response, PictureSize size,
-                                             const TakeDocument& take, const CodeScale& scale) {
-  const bool by_pixel = response.vignetting || response.gain_map ||
-                        response.matrix != kSameColors || !response.dark_pixels.empty();
+                                             const TakeDocument& take, const CodeScale& scale,
+                                             LevelTable levels) {
+  const bool by_pixel = needs_pixels(response);
   for (std::size_t c = 0; c < 3; ++c) {
     for (int code = 0; code < kCodes; ++code) {
       const double light =
@@ -287,7 +304,9 @@ PhotometricCorrection::PhotometricCorrection(const PhotometricResponse& response
       table_.code[c][code] = by_pixel ? static_cast<std::uint16_t>(code) : level_of(light, scale);
     }
   }
-  if (by_pixel) pixels_ = std::make_shared<const Pixels>(response, size, take, scale);
+  if (!by_pixel) return;
+  if (!levels) levels = make_level_table(scale.space);
+  pixels_ = std::make_shared<const Pixels>(response, size, take, scale, std::move(levels));
 }
 
 void PhotometricCorrection::correct(std::span<std::uint16_t> rgba, const JpegLayout& layout,

@@ -19,13 +19,23 @@ namespace raystage {
 double brightest_light(const PhotometricResponse& response, PictureSize size,
                        const TakeDocument& take);
 
+/// Levels, 0 to 65535, of light in 65536 steps of its root, so that they are as fine in the dark as
+/// the eye's; for a full scale of 1. Cameras share one.
+using LevelTable = std::shared_ptr<const std::vector<std::uint16_t>>;
+LevelTable make_level_table(BlendSpace space);
+
+/// Whether a table by code alone is not enough.
+bool needs_pixels(const PhotometricResponse& response);
+
 /// Turns a camera's codes into light (PhotometricResponse) while they are decoded: by a table alone
 /// where curve, contrast and brightness are all there is, which costs nothing; otherwise by a table
 /// that holds the codes and one more look at every pixel.
 class PhotometricCorrection {
  public:
+  /// `levels`: of scale.space; null: makes its own where it needs one.
   PhotometricCorrection(const PhotometricResponse& response, PictureSize size,
-                        const TakeDocument& take, const CodeScale& scale);
+                        const TakeDocument& take, const CodeScale& scale,
+                        LevelTable levels = nullptr);
 
   /// What JpegDecoder::decode_region looks codes up in.
   const LinearTable& table() const { return table_; }

@@ -188,6 +188,11 @@ TEST_P(Correction, TheBrightestPixelKeepsItsLight) {
   response.matrix = {{{1.5, -0.2, -0.3}, {0, 1, 0}, {0, 0, 1}}};
   // Red alone, in the corner.
   EXPECT_NEAR(brightest_light(response, kSize, take_), 1.2 * 1.4 * 1.5, 1e-3);
+  // Also where one node alone is bright.
+  response = {};
+  response.gain_map = GainMap{40, 2, std::vector<Rgb>(80, {1, 1, 1})};
+  response.gain_map->gain[61][1] = 3;
+  EXPECT_NEAR(brightest_light(response, kSize, take_), 3, 1e-12);
   EXPECT_NEAR(brightest_light({}, kSize, take_), 1, 1e-12);
 }
 

@@ -5,9 +5,8 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "calibrate/corrected_picture.h"
 #include "schemas/error.h"
-#include "store/frames/photometric_correction.h"
-#include "store/jpeg/decode.h"
 
 namespace raystage {
 namespace {
@@ -41,23 +40,15 @@ struct Pair {
 
 Pair pictures_of(const Take& take, int camera, const PhotometricResponse& response,
                  const cv::Size& tile) {
-  const ArchiveReader& archive = take.archive(camera);
   const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
-  const int frames = static_cast<int>(archive.frames().size());
+  const int frames = static_cast<int>(take.archive(camera).frames().size());
   if (frames == 0) {
     throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
                            "Name a take in which every camera recorded");
   }
-  const auto jpeg = archive.jpeg(frames / 2);
-  const JpegLayout layout = parse_jpeg_layout(jpeg, id);
-  const McuMask all(static_cast<std::size_t>(layout.mcu_count()), 1);
-  std::vector<std::uint16_t> levels(4 * static_cast<std::size_t>(layout.width) *
-                                    static_cast<std::size_t>(layout.height));
   const auto shown_by = [&](const PhotometricResponse& by) {
-    const PhotometricCorrection correction(by, {layout.width, layout.height}, take.document(), {});
-    JpegDecoder().decode_region(jpeg, layout, all, correction.table(), levels, id);
-    correction.correct(levels, layout, all);
-    const cv::Mat whole(layout.height, layout.width, CV_16UC4, levels.data());
+    CorrectedPicture picture = corrected_picture(take, camera, frames / 2, by, {});
+    const cv::Mat whole(picture.size.height, picture.size.width, CV_16UC4, picture.rgba.data());
     cv::Mat codes, small;
     whole.convertTo(codes, CV_8UC4, 1 / 257.0);
     cv::cvtColor(codes, codes, cv::COLOR_RGBA2RGB);

@@ -165,6 +165,23 @@ void take_over_darkness(const FlatSights& dark, std::size_t reference,
   }
 }
 
+std::vector<std::string> findings_of(const FlatColors& colors) {
+  std::vector<std::string> findings;
+  if (colors.responses.front().vignetting) {
+    findings.push_back(fmt::format(
+        "Vignetting what is left of it makes a target uneven by {:.2f} % at most (one sigma)",
+        100 * colors.worst_vignetting));
+  }
+  std::size_t dark = 0;
+  for (const PhotometricResponse& response : colors.responses) dark += response.dark_pixels.size();
+  if (dark > 0) {
+    findings.push_back(
+        fmt::format("Dark       {} pixels show light in the dark, {:.1f} of a camera", dark,
+                    static_cast<double>(dark) / static_cast<double>(colors.responses.size())));
+  }
+  return findings;
+}
+
 }  // namespace
 
 FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
@@ -208,33 +225,8 @@ FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
   colors.before = spread_of(targets, std::vector<PhotometricResponse>(cameras.size()), reference);
   colors.after = spread_of(targets, colors.responses, reference);
   judge(colors, targets, cameras);
+  colors.findings = findings_of(colors);
   return colors;
-}
-
-std::string color_text(const FlatColors& colors, const std::string& reference) {
-  const auto line = [](const char* when, const ColorSpread& spread) {
-    return fmt::format(
-        "{:<10} cameras' means differ by {:.2f} % in red, {:.2f} in green, {:.2f} in blue (one "
-        "sigma); CIEDE2000 {:.2f} in the mean, {:.2f} at most\n",
-        when, 100 * spread.deviation[0], 100 * spread.deviation[1], 100 * spread.deviation[2],
-        spread.mean_difference, spread.most_difference);
-  };
-  std::string text = fmt::format("Reference  {}\n", reference);
-  text += line("Before", colors.before) + line("After", colors.after);
-  if (colors.responses.front().vignetting) {
-    text += fmt::format(
-        "Vignetting what is left of it makes a target uneven by {:.2f} % at most (one sigma)\n",
-        100 * colors.worst_vignetting);
-  }
-  std::size_t dark = 0;
-  for (const PhotometricResponse& response : colors.responses) dark += response.dark_pixels.size();
-  if (dark > 0) {
-    text += fmt::format("Dark       {} pixels show light in the dark, {:.1f} of a camera\n", dark,
-                        static_cast<double>(dark) / static_cast<double>(colors.responses.size()));
-  }
-  for (const std::string& warning : colors.warnings) text += "Weak       " + warning + "\n";
-  for (const std::string& reason : colors.reasons) text += "Not sure   " + reason + "\n";
-  return text;
 }
 
 }  // namespace raystage

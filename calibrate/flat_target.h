@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "calibrate/color_match.h"
 #include "calibrate/flat_sight.h"
 
 namespace raystage {
@@ -16,18 +17,8 @@ struct FlatColorSettings {
   bool dark = false;  ///< the darkest target has no light: lenses are capped
 };
 
-/// How well cameras agree about targets, before and after.
-struct ColorSpread {
-  Rgb deviation{};  ///< of the cameras' means about their mean, by it: the worst target's
-  double mean_difference = 0;  ///< CIEDE2000 from the reference camera, over cameras and targets
-  double most_difference = 0;
-};
-
-struct FlatColors {
-  std::vector<PhotometricResponse> responses;  ///< of each camera
-  ColorSpread before, after;
+struct FlatColors : ColorMatch {
   double worst_vignetting = 0;  ///< what the model leaves of a target: root mean square, by it
-  std::vector<std::string> reasons, warnings;  ///< why it cannot be vouched for; what is weak
 };
 
 /// Contrast and brightness of each camera and channel against a reference camera (thesis 4.3, eq.
@@ -39,7 +30,5 @@ struct FlatColors {
 FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
                               const std::vector<std::string>& cameras,
                               const FlatColorSettings& settings);
-
-std::string color_text(const FlatColors& colors, const std::string& reference);
 
 }  // namespace raystage

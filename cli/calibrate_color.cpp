@@ -10,21 +10,25 @@
 #include "calibrate/color_sheet.h"
 #include "calibrate/flat_target.h"
 #include "calibrate/response_curve.h"
+#include "calibrate/scene_color.h"
 #include "cli/calibrate.h"
 #include "cli/threads.h"
+#include "rig/rig.h"
 #include "schemas/atomic_file.h"
 #include "schemas/rig_document.h"
 #include "store/jpeg/encode.h"
+#include "store/scene_depths.h"
 
 namespace raystage {
 namespace {
 
 struct ColorOptions {
   std::vector<std::filesystem::path> takes;
-  std::filesystem::path output, start, dark, sheet, sheet_of;
+  std::filesystem::path scene, output, start, dark, sheet, sheet_of;
   std::string reference;
   std::vector<double> exposures;
-  bool neutral = false, vignetting = false, force = false;
+  double focal_depth = 0, near = 0, far = 0;  // metres; 0: not given
+  bool neutral = false, vignetting = false, force = false, json = false, quiet = false;
   int threads = 0;
 };
 
@@ -83,53 +87,177 @@ void leave_out_overexposed(std::vector<FlatSights>& sights) {
   std::erase_if(sights, is_overexposed);
 }
 
-ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& stop) {
-  const ThreadLimit limit(options.threads);
-  RigDocument rig =
-      read_rig(options.start.empty() ? options.takes.front() / "rig.json" : options.start);
+/// What was found about which cameras.
+struct FoundColors {
+  std::vector<std::string> cameras;  ///< their ids
+  int reference = 0;                 ///< one of them
+  ColorMatch match;
+};
+
+int reference_of(const ColorOptions& options, const std::vector<std::string>& cameras) {
+  if (options.reference.empty()) return 0;
+  const auto found = std::ranges::find(cameras, options.reference);
+  if (found == cameras.end()) {
+    throw Error::bad_input("there is no camera \"" + options.reference + "\"", "--reference",
+                           "Name a camera of the takes");
+  }
+  return static_cast<int>(found - cameras.begin());
+}
+
+FoundColors found_on_targets(const ColorOptions& options, const std::stop_token& stop) {
   const Targets targets = open_targets(options);
-  const std::vector<std::string>& cameras = targets.cameras;
   FlatColorSettings settings;
+  settings.reference = reference_of(options, targets.cameras);
   settings.neutral = options.neutral;
   settings.vignetting = options.vignetting;
   settings.dark = !options.dark.empty();
-  if (!options.reference.empty()) {
-    const auto found = std::ranges::find(cameras, options.reference);
-    if (found == cameras.end()) {
-      throw Error::bad_input("there is no camera \"" + options.reference + "\"", "--reference",
-                             "Name a camera of the takes");
-    }
-    settings.reference = static_cast<int>(found - cameras.begin());
-  }
   std::vector<FlatSights> sights = sights_of(targets, {}, stop);
   if (!options.exposures.empty()) {
     settings.curves = curves_of(options, targets, sights);
     sights = sights_of(targets, settings.curves, stop);
     leave_out_overexposed(sights);
   }
-  const FlatColors colors = match_flat_targets(sights, cameras, settings);
-  fmt::print("{}", color_text(colors, cameras[static_cast<std::size_t>(settings.reference)]));
-  if (!colors.reasons.empty() && !options.force) {
+  return {targets.cameras, settings.reference,
+          match_flat_targets(sights, targets.cameras, settings)};
+}
+
+/// The depths of --focal-depth, to a tenth of it, or of --near and --far, or as the take says.
+DepthRange depths_of(const ColorOptions& options, const Take& take) {
+  constexpr double kAround = 1.1;
+  if (options.focal_depth > 0) {
+    return {options.focal_depth / kAround, options.focal_depth * kAround};
+  }
+  return scene_depths(take, {options.near, options.far}, "matching colours",
+                      "Give --near and --far, or --focal-depth, in metres in front of the array");
+}
+
+FoundColors found_in_scene(const ColorOptions& options, const RigDocument& document,
+                           const std::stop_token& stop) {
+  const Take take(options.scene);
+  RigDocument in_order = document;  // as the take's cameras
+  in_order.cameras.clear();
+  FoundColors found;
+  for (const auto& camera : take.document().cameras) {
+    const auto same = std::ranges::find(
+        document.cameras, camera.id,
+        [](const RigDocument::Camera& of) -> const std::string& { return of.geometry.id; });
+    if (same == document.cameras.end()) {
+      throw Error::bad_input("the rig has no camera \"" + camera.id + "\"",
+                             options.start.empty() ? "rig.json" : options.start.string(),
+                             "Give the rig of the take's cameras with --start");
+    }
+    in_order.cameras.push_back(*same);
+    found.cameras.push_back(camera.id);
+  }
+  found.reference = reference_of(options, found.cameras);
+  const Rig rig = rig_from_document(in_order);
+  SurfaceSettings settings;
+  settings.depths = depths_of(options, take);
+  Progress progress(!options.quiet);
+  const std::vector<SurfacePoint> points = surface_points(
+      take, rig, settings, [&](double done) { progress.report(done); }, stop);
+  found.match = match_scene_colors(points, rig, found.reference, stop);
+  return found;
+}
+
+void check_inputs(const ColorOptions& options) {
+  if (options.takes.empty() == options.scene.empty()) {
+    throw Error::bad_input("there has to be either a target or a scene", "calibrate color",
+                           "Give takes of targets, or --scene TAKE");
+  }
+}
+
+/// The rig that gets colours: --start, or that of the take.
+RigDocument rig_to_start_from(const ColorOptions& options) {
+  const auto& take = options.scene.empty() ? options.takes.front() : options.scene;
+  return read_rig(options.start.empty() ? take / "rig.json" : options.start);
+}
+
+ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& stop) {
+  const ThreadLimit limit(options.threads);
+  check_inputs(options);
+  RigDocument rig = rig_to_start_from(options);
+  const FoundColors found =
+      options.scene.empty() ? found_on_targets(options, stop) : found_in_scene(options, rig, stop);
+  const std::vector<std::string>& cameras = found.cameras;
+  const std::string& reference = cameras[static_cast<std::size_t>(found.reference)];
+  fmt::print("{}", options.json ? color_json(found.match, reference, cameras)
+                                : color_text(found.match, reference));
+  if (!found.match.reasons.empty() && !options.force) {
     throw Error::failed("the rig was not written, as nobody could rely on its colours",
                         options.output.string(),
                         "Do what stands under \"Not sure\"; --force writes it all the same");
   }
   for (RigDocument::Camera& camera : rig.cameras) {
-    const auto found = std::ranges::find(cameras, camera.geometry.id);
-    if (found == cameras.end()) {
+    const auto same = std::ranges::find(cameras, camera.geometry.id);
+    if (same == cameras.end()) {
       throw Error::bad_input("the takes have no camera \"" + camera.geometry.id + "\"",
                              options.start.string(), "Give the rig of the same cameras");
     }
-    camera.photometric = colors.responses[static_cast<std::size_t>(found - cameras.begin())];
+    camera.photometric = found.match.responses[static_cast<std::size_t>(same - cameras.begin())];
   }
   std::vector<std::byte> sheet;  // before anything is written, as it may fail
   if (!options.sheet.empty()) {
-    const Take shown(options.sheet_of.empty() ? options.takes.front() : options.sheet_of);
+    const Take shown(!options.sheet_of.empty() ? options.sheet_of
+                     : options.scene.empty()   ? options.takes.front()
+                                               : options.scene);
     sheet = encode_jpeg(color_sheet(shown, rig), {});
   }
   write_rig(rig, options.output);
   if (!sheet.empty()) write_file_atomically(options.sheet, sheet);
   return ExitCode::kSuccess;
+}
+
+void add_scene(CLI::App& app, ColorOptions& o, CLI::Option* takes) {
+  const char* group = "Without a target";
+  CLI::Option* const scene =
+      app.add_option(
+             "--scene", o.scene,
+             "A take of any scene with patterned surfaces: contrast and brightness by which "
+             "the cameras agree about the same places of it. Needs a rig that is "
+             "calibrated; all else that it knows of colours stays")
+          ->type_name("TAKE")
+          ->excludes(takes)
+          ->group(group);
+  const auto depth = [&](const char* name, double& value, const char* what) {
+    return app.add_option(name, value, what)
+        ->needs(scene)
+        ->check(CLI::Range(1e-3, 1e7).description(""))
+        ->type_name("METRES")
+        ->group(group);
+  };
+  depth("--near", o.near, "Nothing is nearer, metres in front of the array (default: the take's)");
+  depth("--far", o.far, "Nothing is farther (default: the take's)");
+  depth("--focal-depth", o.focal_depth,
+        "Only surfaces at this depth count, metres in front of the array, to a tenth of it")
+      ->excludes("--near")
+      ->excludes("--far");
+}
+
+void add_target_options(CLI::App& app, ColorOptions& o, CLI::Option* takes) {
+  const char* group = "With targets";
+  app.add_option("--dark", o.dark,
+                 "Take with capped lenses: light counts from there, and pixels that stand out of "
+                 "it are corrected")
+      ->type_name("TAKE")
+      ->needs(takes)
+      ->group(group);
+  app.add_option("--exposures", o.exposures,
+                 "The takes show one target that does not move, exposed for as long (any unit, one "
+                 "number a take): also how each camera's codes follow light, whatever curve it has")
+      ->delimiter(',')
+      ->check(CLI::Range(1e-9, 1e9))
+      ->type_name("T1,T2,...")
+      ->needs(takes)
+      ->group(group);
+  app.add_flag("--vignetting", o.vignetting,
+               "Also the fall of light towards the corners: the brightest target fills every "
+               "picture, and is as bright everywhere")
+      ->needs(takes)
+      ->group(group);
+  app.add_flag("--neutral", o.neutral, "White balance: the brightest target becomes grey")
+      ->needs(takes)
+      ->group(group);
 }
 
 }  // namespace
@@ -138,12 +266,13 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
   auto o = std::make_shared<ColorOptions>();
   CLI::App* app = calibrate.add_subcommand(
       "color",
-      "Contrast and brightness of every camera and channel, from targets without features");
-  app->add_option("TAKE", o->takes,
-                  "Takes of a target that fills the middle of every picture and is everywhere as "
-                  "bright, each of another brightness: lens caps, grey, white (one alone tells the "
-                  "contrast only)")
-      ->required();
+      "Contrast and brightness of every camera and channel, from targets without features or "
+      "from a scene");
+  CLI::Option* const takes = app->add_option(
+      "TAKE", o->takes,
+      "Takes of a target that fills the middle of every picture and is everywhere as "
+      "bright, each of another brightness: lens caps, grey, white (one alone tells the "
+      "contrast only)");
   app->add_option("-o,--output", o->output,
                   "The rig that is written: --start, with colours found here in place of its own")
       ->required()
@@ -153,21 +282,8 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
   app->add_option("--reference", o->reference,
                   "Camera that the others are made alike to (default: the first)")
       ->type_name("ID");
-  app->add_option("--dark", o->dark,
-                  "Take with capped lenses: light counts from there, and pixels that stand out of "
-                  "it are corrected")
-      ->type_name("TAKE");
-  app->add_option(
-         "--exposures", o->exposures,
-         "The takes show one target that does not move, exposed for as long (any unit, one "
-         "number a take): also how each camera's codes follow light, whatever curve it has")
-      ->delimiter(',')
-      ->check(CLI::Range(1e-9, 1e9))
-      ->type_name("T1,T2,...");
-  app->add_flag("--vignetting", o->vignetting,
-                "Also the fall of light towards the corners: the brightest target fills every "
-                "picture, and is as bright everywhere");
-  app->add_flag("--neutral", o->neutral, "White balance: the brightest target becomes grey");
+  add_scene(*app, *o, takes);
+  add_target_options(*app, *o, takes);
   CLI::Option* const sheet =
       app->add_option(
              "--sheet", o->sheet,
@@ -179,6 +295,8 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
       ->needs(sheet);
   app->add_flag("--force", o->force, "Write the rig even if it cannot be vouched for");
   add_threads_option(*app, o->threads);
+  app->add_flag("--json", o->json, "Print everything found as JSON");
+  app->add_flag("-q,--quiet", o->quiet, "No progress on stderr");
   return {app, [o](const std::stop_token& stop) { return calibrate_color(*o, stop); }};
 }
 

@@ -6,7 +6,7 @@
 #include "render/depth/depth_surface.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/lumigraph/proxy.h"
-#include "render/view/scene_depths.h"
+#include "store/scene_depths.h"
 #include "schemas/error.h"
 
 namespace raystage {

@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "render/view/method.h"
-#include "schemas/geometry.h"
+#include "store/scene_depths.h"
 
 namespace raystage {
 
@@ -12,8 +12,5 @@ namespace raystage {
 /// method's options `near` and `far` do where they are above 0. Throws Error (bad input), naming
 /// `method`, where neither says, or far is nearer than near.
 DepthRange scene_depths(const MethodOptions& options, const Take& take, std::string_view method);
-/// The same with `given`; 0 in it: as the take says. `what_to_do`: for the Error.
-DepthRange scene_depths(const Take& take, const DepthRange& given, std::string_view method,
-                        std::string_view what_to_do);
 
 }  // namespace raystage

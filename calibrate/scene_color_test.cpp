@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/scene_color.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "rig/photometric.h"
+
+namespace raystage {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr PictureSize kPicture{640, 480};
+
+/// Cameras in a row; each has contrast, brightness and vignetting of its own.
+RigDocument row_of(int cameras) {
+  RigDocument document;
+  std::mt19937_64 random(1);
+  std::uniform_real_distribution<double> some(-1, 1);
+  for (int i = 0; i < cameras; ++i) {
+    RigDocument::Camera camera;
+    camera.geometry.id = "c" + std::to_string(i);
+    camera.geometry.width = kPicture.width;
+    camera.geometry.height = kPicture.height;
+    camera.geometry.intrinsics = {500, 500, 320, 240, {}};
+    camera.geometry.world_from_camera[3] = 0.06 * i;
+    for (std::size_t k = 0; k < 3; ++k) {
+      camera.photometric.contrast[k] = 1 / (1 + 0.2 * some(random));
+      camera.photometric.brightness[k] = -0.015 - 0.015 * some(random);
+    }
+    camera.photometric.vignetting = Vignetting{310, 250, {0.2, 0.05 * i, 0}};
+    camera.photometric.matrix[0] = {1.1, -0.1, 0};
+    document.cameras.push_back(camera);
+  }
+  return document;
+}
+
+/// What the cameras show of points that three neighbours see; a share of the sights is of another
+/// place.
+std::vector<SurfacePoint> points_before(const RigDocument& truth, double wrong, double noise,
+                                        double darkest = 0.02, double brightest = 0.6) {
+  std::mt19937_64 random(2);
+  std::uniform_real_distribution<double> part(0, 1);
+  std::normal_distribution<double> normal(0, noise);
+  std::vector<SurfacePoint> points;
+  const auto cameras = static_cast<int>(truth.cameras.size());
+  for (int i = 0; i < 600 * cameras; ++i) {
+    const auto some_light = [&] {
+      return Rgb{std::lerp(darkest, brightest, part(random)),
+                 std::lerp(darkest, brightest, part(random)),
+                 std::lerp(darkest, brightest, part(random))};
+    };
+    const Rgb light = some_light();
+    SurfacePoint point;
+    const int first = i % std::max(1, cameras - 2);
+    for (int c = first; c < std::min(cameras, first + 3); ++c) {
+      const int x = static_cast<int>(640 * part(random)), y = static_cast<int>(480 * part(random));
+      const bool is_wrong = part(random) < wrong;
+      Rgb shown = shown_of_light(truth.cameras[static_cast<std::size_t>(c)].photometric, kPicture,
+                                 x, y, is_wrong ? some_light() : light);
+      for (double& channel : shown) channel *= 1 + normal(random);
+      point.sights.push_back({c, x + 0.5, y + 0.5, shown});
+    }
+    points.push_back(point);
+  }
+  return points;
+}
+
+/// The truth but for contrast and brightness, which the reference camera alone has.
+Rig unmatched(RigDocument document, std::size_t reference = 0) {
+  for (std::size_t i = 0; i < document.cameras.size(); ++i) {
+    if (i == reference) continue;
+    document.cameras[i].photometric.contrast = {1, 1, 1};
+    document.cameras[i].photometric.brightness = {0, 0, 0};
+  }
+  return rig_from_document(document);
+}
+
+double worst_light_error(const SceneColors& found, const RigDocument& truth) {
+  double worst = 0;
+  for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
+    for (const double level : {0.1, 0.5}) {
+      const Rgb shown =
+          shown_of_light(truth.cameras[c].photometric, kPicture, 100, 100, {level, level, level});
+      for (const double light : light_of_shown(found.responses[c], kPicture, 100, 100, shown)) {
+        worst = std::max(worst, std::abs(light / level - 1));
+      }
+    }
+  }
+  return worst;
+}
+
+TEST(SceneColor, FindsContrastAndBrightnessExactly) {
+  const RigDocument truth = row_of(5);
+  const SceneColors found = match_scene_colors(points_before(truth, 0, 0), unmatched(truth), 0, {});
+  EXPECT_THAT(found.reasons, IsEmpty());
+  EXPECT_LT(worst_light_error(found, truth), 1e-3);
+  EXPECT_GT(found.before.mean_difference, 2.5);
+  EXPECT_LT(found.after.mean_difference, 0.05);
+  EXPECT_EQ(found.responses[0], truth.cameras[0].photometric);
+  EXPECT_EQ(found.responses[3].vignetting, truth.cameras[3].photometric.vignetting);
+}
+
+TEST(SceneColor, GhostsAndNoiseAreLeftOut) {
+  const RigDocument truth = row_of(5);
+  const SceneColors found =
+      match_scene_colors(points_before(truth, 0.1, 0.02), unmatched(truth, 2), 2, {});
+  EXPECT_THAT(found.reasons, IsEmpty());
+  int seen = 0, kept = 0;
+  for (const SceneColorFit& fit : found.fits) {
+    seen += fit.seen;
+    kept += fit.kept;
+  }
+  EXPECT_LT(kept, 0.95 * seen);
+  EXPECT_GT(kept, 0.7 * seen);
+  EXPECT_LT(worst_light_error(found, truth), 0.01);
+}
+
+TEST(SceneColor, TwoCamerasAreEnough) {
+  const RigDocument truth = row_of(2);
+  const SceneColors found =
+      match_scene_colors(points_before(truth, 0.1, 0.01), unmatched(truth), 0, {});
+  EXPECT_THAT(found.reasons, IsEmpty());
+  EXPECT_LT(worst_light_error(found, truth), 0.01);
+}
+
+TEST(SceneColor, RefusesCamerasThatNothingJoins) {
+  const RigDocument truth = row_of(6);
+  std::vector<SurfacePoint> points = points_before(truth, 0, 0.01);
+  std::erase_if(points, [](const SurfacePoint& point) {
+    return point.sights.front().camera < 3 && point.sights.back().camera >= 3;
+  });
+  const SceneColors found = match_scene_colors(points, unmatched(truth), 0, {});
+  EXPECT_THAT(found.reasons, Contains(HasSubstr("Nothing joins the reference camera to c3, c4")));
+}
+
+TEST(SceneColor, RefusesAnEmptySceneAndOneWithoutSense) {
+  const RigDocument truth = row_of(3);
+  const SceneColors empty = match_scene_colors({}, unmatched(truth), 0, {});
+  EXPECT_THAT(empty.reasons, Contains(HasSubstr("c0, c1, c2")));
+  const SceneColors senseless =
+      match_scene_colors(points_before(truth, 0.9, 0), unmatched(truth), 0, {});
+  EXPECT_THAT(senseless.reasons, Contains(HasSubstr("do not agree")));
+}
+
+TEST(SceneColor, ASceneOfOneBrightnessIsNotBelievedAboutOthers) {
+  const RigDocument truth = row_of(4);
+  const SceneColors found =
+      match_scene_colors(points_before(truth, 0.02, 0.05, 0.3, 0.302), unmatched(truth), 0, {});
+  EXPECT_THAT(found.reasons, Contains(HasSubstr("Half of the places")));
+}
+
+}  // namespace
+}  // namespace raystage

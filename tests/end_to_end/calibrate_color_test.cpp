@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+// From targets and scenes to cameras that show the same colours, as users calibrate.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "rig/photometric.h"
+#include "schemas/rig_document.h"
+#include "schemas/test_folder.h"
+#include "schemas/transfer_function.h"
+#include "store/jpeg/decode.h"
+#include "tests/end_to_end/run_command.h"
+#include "tests/end_to_end/true_rig.h"
+
+namespace raystage {
+namespace {
+
+using testing::CommandResult;
+using ::testing::HasSubstr;
+using testing::run;
+using testing::true_rig_of;
+
+TEST(CalibrateColor, TargetsMakeColoursAlike) {
+  const TestFolder folder;
+  const auto take = [&](const std::string& target) { return (folder.path() / target).string(); };
+  for (const char* target : {"white", "grey", "black"}) {
+    ASSERT_EQ(run("raystage simulate " + std::string(target) + " -o " + take(target) +
+                  " --rows 2 --columns 3 --seconds 1 --fps 6 --width 160 --height 120 "
+                  "--truth-views 0 --startup-loss-seconds 0 --photometric 0.1 --noise 0.02 "
+                  "--quality 98 --calibration "
+                  "nominal -q")
+                  .exit_code,
+              0);
+  }
+  const std::string rig = (folder.path() / "rig.json").string();
+  const CommandResult found = run("raystage calibrate color " + take("white") + " " + take("grey") +
+                                  " " + take("black") + " -o " + rig);
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  // Truth is light = brightness + contrast * shown; here the first camera is the measure.
+  const RigDocument truth = read_rig(true_rig_of(take("white"))), measured = read_rig(rig);
+  const PhotometricResponse& first = truth.cameras[0].photometric;
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const PhotometricResponse &expected = truth.cameras[i].photometric,
+                                &response = measured.cameras[i].photometric;
+      const double contrast = expected.contrast[k] / first.contrast[k];
+      EXPECT_NEAR(response.contrast[k], contrast, 0.01 * contrast) << i;
+    }
+  }
+  EXPECT_EQ(
+      run("raystage calibrate color " + take("white") + " --reference nobody -o " + rig).exit_code,
+      2);
+}
+
+TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
+  const TestFolder folder;
+  const auto take = [&](const std::string& target) { return (folder.path() / target).string(); };
+  for (const char* target : {"white", "grey", "black"}) {
+    ASSERT_EQ(run("raystage simulate " + std::string(target) + " -o " + take(target) +
+                  " --rows 2 --columns 3 --seconds 1 --fps 12 --width 160 --height 120 "
+                  "--truth-views 0 --startup-loss-seconds 0 --drop 0 --noise 0.02 --quality 98 "
+                  "--gain 0.2 --white-balance 0.1 --offset 0.031 --vignetting 0.3 --hot-pixels 20 "
+                  "--calibration nominal -q")
+                  .exit_code,
+              0);
+  }
+  const RigDocument truth = read_rig(true_rig_of(take("white")));
+  // The measure is a camera whose black can be seen.
+  std::size_t reference = 0;
+  const auto shown_black = [&](std::size_t camera) {
+    const PhotometricResponse& response = truth.cameras[camera].photometric;
+    double least = 1;
+    for (std::size_t k = 0; k < 3; ++k) {
+      least = std::min(least, -response.brightness[k] / response.contrast[k]);
+    }
+    return least;
+  };
+  for (std::size_t i = 1; i < truth.cameras.size(); ++i) {
+    if (shown_black(i) > shown_black(reference)) reference = i;
+  }
+  ASSERT_GT(shown_black(reference), 0);
+  const std::string rig = (folder.path() / "rig.json").string();
+  const std::string sheet = (folder.path() / "sheet.jpg").string();
+  const CommandResult found =
+      run("raystage calibrate color " + take("white") + " " + take("grey") + " --dark " +
+          take("black") + " --vignetting --sheet " + sheet + " --reference " +
+          truth.cameras[reference].geometry.id + " -o " + rig);
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  // Two columns of three tiles each, two rows: on the right every tile is alike.
+  const std::string jpeg = testing::text_of(sheet);
+  const RgbImage picture = JpegDecoder().decode(std::as_bytes(std::span(jpeg)), "sheet");
+  const auto green = [&](int x, int y) {
+    return int{picture.pixels[3 * static_cast<std::size_t>(y * picture.width + x) + 1]};
+  };
+  const int half = picture.width / 2;
+  int least[2] = {255, 255}, most[2] = {0, 0};
+  for (const int x : {20, 100, 240, 300, 400, 460}) {
+    for (const int y : {10, 60, 100, 140, 200, 230}) {
+      for (const int side : {0, 1}) {
+        least[side] = std::min(least[side], green(x + side * half, y));
+        most[side] = std::max(most[side], green(x + side * half, y));
+      }
+    }
+  }
+  EXPECT_GT(most[0] - least[0], 30);
+  EXPECT_LT(most[1] - least[1], 12);
+  const RigDocument measured = read_rig(rig);
+  const Rgb& scale = truth.cameras[reference].photometric.contrast;
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    const PhotometricResponse &expected = truth.cameras[i].photometric,
+                              &response = measured.cameras[i].photometric;
+    const PictureSize size{160, 120};
+    for (const auto& [x, y] : {std::pair{0, 0}, {159, 0}, {80, 60}, {20, 100}, {159, 119}}) {
+      const Rgb shown = shown_of_light(expected, size, x, y, {0.5, 0.5, 0.5});
+      const Rgb light = light_of_shown(response, size, x, y, shown);
+      for (std::size_t k = 0; k < 3; ++k) {
+        EXPECT_NEAR(light[k] * scale[k], 0.5, 0.01 * 0.5) << i << " at " << x << ", " << y;
+      }
+    }
+    // Every pixel that is clearly hot is known, by what it shows in the dark.
+    for (const DarkPixel& hot : expected.dark_pixels) {
+      const auto same = std::ranges::find_if(response.dark_pixels, [&](const DarkPixel& pixel) {
+        return pixel.x == hot.x && pixel.y == hot.y;
+      });
+      if (hot.light[2] < 0.06) continue;  // an offset below 0 may hide it
+      ASSERT_NE(same, response.dark_pixels.end()) << i << " at " << hot.x << ", " << hot.y;
+      EXPECT_NEAR(same->light[1], hot.light[1], 0.04 + 0.05 * hot.light[1]);
+    }
+  }
+}
+
+TEST(CalibrateColor, ExposuresStraightenEveryCamerasCurve) {
+  const TestFolder folder;
+  const auto take = [&](const std::string& target) { return (folder.path() / target).string(); };
+  for (const char* target : {"white", "grey", "black"}) {
+    ASSERT_EQ(run("raystage simulate " + std::string(target) + " -o " + take(target) +
+                  " --rows 1 --columns 3 --seconds 1 --fps 12 --width 160 --height 120 "
+                  "--truth-views 0 --startup-loss-seconds 0 --drop 0 --noise 0.02 --quality 98 "
+                  "--gain 0.2 --offset 0.02 --vignetting 0.3 --curve 0.15 --calibration nominal -q")
+                  .exit_code,
+              0);
+  }
+  const std::string rig = (folder.path() / "rig.json").string();
+  const std::string command = "raystage calibrate color " + take("white") + " " + take("grey") +
+                              " --dark " + take("black") + " --vignetting -o " + rig;
+  EXPECT_EQ(run(command + " --exposures 4").exit_code, 2) << "one exposure for two takes";
+  const CommandResult found = run(command + " --exposures 4,1");  // as their light is
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  const RigDocument truth = read_rig(true_rig_of(take("white"))), measured = read_rig(rig);
+  const auto light_by = [](const PhotometricResponse& response, double code) {
+    Rgb shown{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      shown[k] = linear_from_srgb(straightened(response.curve[k], code));
+    }
+    return light_of_shown(response, {160, 120}, 80, 60, shown);
+  };
+  const auto scale = [&](std::size_t k) {  // what the reference camera makes of white
+    return light_by(measured.cameras[0].photometric, 0.75)[k] /
+           light_by(truth.cameras[0].photometric, 0.75)[k];
+  };
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    for (const double code : {0.45, 0.55, 0.65, 0.75}) {
+      const Rgb expected = light_by(truth.cameras[i].photometric, code);
+      const Rgb light = light_by(measured.cameras[i].photometric, code);
+      for (std::size_t k = 0; k < 3; ++k) {
+        EXPECT_NEAR(light[k], expected[k] * scale(k), 0.02 * expected[k]) << i << " at " << code;
+      }
+    }
+  }
+}
+
+/// The true rig of a take without its colours, as a document of its own.
+std::string colourless_rig_of(const std::filesystem::path& take) {
+  RigDocument rig = read_rig(true_rig_of(take));
+  for (RigDocument::Camera& camera : rig.cameras) camera.photometric = {};
+  const std::filesystem::path file = take / "colourless_rig.json";
+  write_rig(rig, file);
+  return file.string();
+}
+
+TEST(CalibrateColor, ASceneMakesColoursAlikeWithoutATarget) {
+  const TestFolder folder;
+  const std::string take = (folder.path() / "stage").string();
+  ASSERT_EQ(run("raystage simulate stage -o " + take +
+                " --rows 2 --columns 3 --seconds 0.6 --fps 6 --width 320 --height 240 "
+                "--truth-views 0 --startup-loss-seconds 0 --drop 0 --gain 0.2 --white-balance 0.1 "
+                "--offset 0.02 -q")
+                .exit_code,
+            0);
+  const std::string rig = (folder.path() / "rig.json").string();
+  const std::string command = "raystage calibrate color --scene " + take + " --start " +
+                              colourless_rig_of(take) + " -q -o " + rig;
+  const CommandResult wrong = run(command + " --near 0.2 --far 0.21");
+  EXPECT_EQ(wrong.exit_code, 1) << wrong.out << wrong.err;
+  EXPECT_THAT(wrong.out, HasSubstr("Not sure"));
+  EXPECT_FALSE(std::filesystem::exists(rig));
+  EXPECT_EQ(run(command + " --near 3 --far 2").exit_code, 2);
+  const CommandResult found = run(command + " --json");
+  ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
+  const auto report = nlohmann::json::parse(found.out);
+  EXPECT_TRUE(report.at("is_vouched_for").get<bool>());
+  EXPECT_EQ(report.at("cameras").size(), 6U);
+  EXPECT_LT(report.at("after").at("mean_ciede2000"),
+            report.at("before").at("mean_ciede2000").get<double>() / 4);
+  const RigDocument truth = read_rig(true_rig_of(take)), measured = read_rig(rig);
+  const PictureSize size{320, 240};
+  const auto light_made_of = [&](std::size_t camera, double light) {
+    const Rgb shown =
+        shown_of_light(truth.cameras[camera].photometric, size, 160, 120, {light, light, light});
+    return light_of_shown(measured.cameras[camera].photometric, size, 160, 120, shown);
+  };
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    for (const double light : {0.2, 0.5}) {
+      const Rgb expected = light_made_of(0, light), made = light_made_of(i, light);
+      for (std::size_t k = 0; k < 3; ++k)
+        EXPECT_NEAR(made[k], expected[k], 0.01 * expected[k]) << i;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace raystage

@@ -3,6 +3,9 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+
 #include "schemas/document.h"
 
 namespace raystage {
@@ -24,27 +27,46 @@ nlohmann::ordered_json spread_json(const ColorSpread& spread) {
 
 }  // namespace
 
-std::string color_text(const ColorMatch& match, const std::string& reference) {
+double relative_deviation(const std::vector<Rgb>& of_cameras, std::size_t channel) {
+  if (of_cameras.empty()) return 0;
+  const auto count = static_cast<double>(of_cameras.size());
+  double mean = 0, squares = 0;
+  for (const Rgb& camera : of_cameras) {
+    mean += camera[channel] / count;
+    squares += camera[channel] * camera[channel] / count;
+  }
+  return std::sqrt(std::max(0.0, squares - mean * mean)) / mean;
+}
+
+std::string color_text(const std::vector<ColorMatch>& steps, const std::string& reference) {
   std::string text = fmt::format("Reference  {}\n", reference);
-  text += spread_line("Before", match.before) + spread_line("After", match.after);
-  for (const std::string& finding : match.findings) text += finding + "\n";
-  for (const std::string& warning : match.warnings) text += "Weak       " + warning + "\n";
-  for (const std::string& reason : match.reasons) text += "Not sure   " + reason + "\n";
+  for (const ColorMatch& step : steps) {
+    if (steps.size() > 1) text += fmt::format("By         {}\n", step.what);
+    text += spread_line("Before", step.before) + spread_line("After", step.after);
+    for (const std::string& finding : step.findings) text += finding + "\n";
+    for (const std::string& warning : step.warnings) text += "Weak       " + warning + "\n";
+    for (const std::string& reason : step.reasons) text += "Not sure   " + reason + "\n";
+  }
   return text;
 }
 
-std::string color_json(const ColorMatch& match, const std::string& reference,
+std::string color_json(const std::vector<ColorMatch>& steps, const std::string& reference,
                        const std::vector<std::string>& cameras) {
   nlohmann::ordered_json json;
-  json["is_vouched_for"] = match.reasons.empty();
-  json["reasons"] = match.reasons;
-  json["warnings"] = match.warnings;
-  json["findings"] = match.findings;
+  json["is_vouched_for"] =
+      std::ranges::all_of(steps, [](const ColorMatch& step) { return step.reasons.empty(); });
   json["reference"] = reference;
-  json["before"] = spread_json(match.before);
-  json["after"] = spread_json(match.after);
+  for (const ColorMatch& step : steps) {
+    json["steps"].push_back({{"by", step.what},
+                             {"before", spread_json(step.before)},
+                             {"after", spread_json(step.after)},
+                             {"findings", step.findings},
+                             {"warnings", step.warnings},
+                             {"reasons", step.reasons}});
+  }
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    json["cameras"].push_back({{"id", cameras[i]}, {"photometric", json_from(match.responses[i])}});
+    json["cameras"].push_back(
+        {{"id", cameras[i]}, {"photometric", json_from(steps.back().responses[i])}});
   }
   return json.dump(1) + "\n";
 }

@@ -17,18 +17,23 @@ struct ColorSpread {
 
 /// What makes an array's cameras alike, and whether it can be vouched for. Sentences for people.
 struct ColorMatch {
+  std::string what;                            ///< they all showed: "targets", "chart" or "scene"
   std::vector<PhotometricResponse> responses;  ///< of each camera
   ColorSpread before, after;
   std::vector<std::string> findings;  ///< what else was found, a line each: a word, then what
   std::vector<std::string> reasons, warnings;  ///< why it cannot be vouched for; what is weak
 };
 
-/// For people at a terminal. `reference`: the camera that the others are made alike to.
-std::string color_text(const ColorMatch& match, const std::string& reference);
+/// Standard deviation of one channel over cameras, by the mean; 0 where there are none.
+double relative_deviation(const std::vector<Rgb>& of_cameras, std::size_t channel);
 
-/// The same for programs, with each camera's response as rig.json has it, in the order of
-/// `cameras`.
-std::string color_json(const ColorMatch& match, const std::string& reference,
+/// For people at a terminal: what was found step by step, each on top of the one before.
+/// `reference`: the camera that the others are made alike to.
+std::string color_text(const std::vector<ColorMatch>& steps, const std::string& reference);
+
+/// The same for programs, with each camera's response in the end as rig.json has it, in the order
+/// of `cameras`.
+std::string color_json(const std::vector<ColorMatch>& steps, const std::string& reference,
                        const std::vector<std::string>& cameras);
 
 }  // namespace raystage

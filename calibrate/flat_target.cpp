@@ -51,14 +51,12 @@ ColorSpread spread_of(const std::vector<FlatSights>& targets,
   double sum = 0;
   int count = 0;
   for (const FlatSights& target : targets) {
-    Rgb mean{}, squares{};
+    std::vector<Rgb> lights;
+    Rgb mean{};
     const Lab expected = lab_from_linear(target_light(responses[reference], target[reference]));
     for (std::size_t c = 0; c < target.size(); ++c) {
-      const Rgb shown = target_light(responses[c], target[c]);
-      for (std::size_t k = 0; k < 3; ++k) {
-        mean[k] += shown[k] / static_cast<double>(target.size());
-        squares[k] += shown[k] * shown[k] / static_cast<double>(target.size());
-      }
+      const Rgb& shown = lights.emplace_back(target_light(responses[c], target[c]));
+      for (std::size_t k = 0; k < 3; ++k) mean[k] += shown[k] / static_cast<double>(target.size());
       if (c == reference) continue;
       const double difference = color_difference(expected, lab_from_linear(shown));
       sum += difference;
@@ -68,8 +66,7 @@ ColorSpread spread_of(const std::vector<FlatSights>& targets,
     constexpr double kBright = 0.02;  // of a black target's means the spread by them says nothing
     for (std::size_t k = 0; k < 3; ++k) {
       if (mean[k] < kBright) continue;
-      const double deviation = std::sqrt(std::max(0.0, squares[k] - mean[k] * mean[k])) / mean[k];
-      spread.deviation[k] = std::max(spread.deviation[k], deviation);
+      spread.deviation[k] = std::max(spread.deviation[k], relative_deviation(lights, k));
     }
   }
   spread.mean_difference = count > 0 ? sum / count : 0;
@@ -192,6 +189,7 @@ FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
   const FlatSights& brightest = *std::ranges::max_element(targets, {}, light_of);
   const FlatSights& darkest = *std::ranges::min_element(targets, {}, light_of);
   FlatColors colors;
+  colors.what = "targets";
   colors.responses = settings.curves;
   colors.responses.resize(cameras.size());
   Rgb black{}, balance{1, 1, 1};

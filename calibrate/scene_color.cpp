@@ -200,18 +200,13 @@ ColorSpread spread_of(Fit& fit, const std::vector<Unknowns>& cameras) {
   if (differences.empty()) return spread;
   spread.mean_difference /= static_cast<double>(differences.size());
   spread.most_difference = std::ranges::max(differences);
-  for (std::size_t k = 0; k < 3; ++k) {
-    double mean = 0, squares = 0, count = 0;
-    for (std::size_t c = 0; c < cameras.size(); ++c) {
-      if (!(agreed[c][k] > 0)) continue;
-      const double ratio = shown[c][k] / agreed[c][k];
-      mean += ratio;
-      squares += ratio * ratio;
-      count += 1;
-    }
-    mean /= count;
-    spread.deviation[k] = std::sqrt(std::max(0.0, squares / count - mean * mean)) / mean;
+  std::vector<Rgb> ratios;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    if (!(std::ranges::min(agreed[c]) > 0)) continue;
+    ratios.push_back(
+        {shown[c][0] / agreed[c][0], shown[c][1] / agreed[c][1], shown[c][2] / agreed[c][2]});
   }
+  for (std::size_t k = 0; k < 3; ++k) spread.deviation[k] = relative_deviation(ratios, k);
   return spread;
 }
 
@@ -322,6 +317,7 @@ SceneColors match_scene_colors(std::span<const SurfacePoint> points, const Rig& 
     }
   }
   SceneColors colors;
+  colors.what = "scene";
   colors.points = static_cast<int>(points.size());
   colors.uncertainty = std::ranges::max(uncertainty);
   colors.fits.resize(rig.cameras.size());

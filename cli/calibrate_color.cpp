@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "calibrate/color_chart.h"
 #include "calibrate/color_sheet.h"
 #include "calibrate/flat_target.h"
 #include "calibrate/response_curve.h"
@@ -24,13 +25,20 @@ namespace {
 
 struct ColorOptions {
   std::vector<std::filesystem::path> takes;
-  std::filesystem::path scene, output, start, dark, sheet, sheet_of;
+  std::filesystem::path chart, scene, output, start, dark, sheet, sheet_of;
   std::string reference;
   std::vector<double> exposures;
   double focal_depth = 0, near = 0, far = 0;  // metres; 0: not given
-  bool neutral = false, vignetting = false, force = false, json = false, quiet = false;
+  bool neutral = false, vignetting = false, force = false, json = false, quiet = false,
+       published = false;
   int threads = 0;
 };
+
+std::vector<std::string> ids_of(const Take& take) {
+  std::vector<std::string> ids;
+  for (const auto& camera : take.document().cameras) ids.push_back(camera.id);
+  return ids;
+}
 
 /// Targets, each a take of the same cameras.
 struct Targets {
@@ -44,8 +52,7 @@ Targets open_targets(const ColorOptions& options) {
   Targets targets;
   for (const std::filesystem::path& folder : folders) {
     targets.takes.push_back(std::make_unique<Take>(folder));
-    std::vector<std::string> ids;
-    for (const auto& camera : targets.takes.back()->document().cameras) ids.push_back(camera.id);
+    const std::vector<std::string> ids = ids_of(*targets.takes.back());
     if (targets.cameras.empty()) targets.cameras = ids;
     if (ids != targets.cameras) {
       throw Error::bad_input("the take has other cameras than the first", folder.string(),
@@ -91,7 +98,7 @@ void leave_out_overexposed(std::vector<FlatSights>& sights) {
 struct FoundColors {
   std::vector<std::string> cameras;  ///< their ids
   int reference = 0;                 ///< one of them
-  ColorMatch match;
+  std::vector<ColorMatch> steps;     ///< each on top of the one before
 };
 
 int reference_of(const ColorOptions& options, const std::vector<std::string>& cameras) {
@@ -104,10 +111,12 @@ int reference_of(const ColorOptions& options, const std::vector<std::string>& ca
   return static_cast<int>(found - cameras.begin());
 }
 
-FoundColors found_on_targets(const ColorOptions& options, const std::stop_token& stop) {
+void match_targets(const ColorOptions& options, FoundColors& found, const std::stop_token& stop) {
   const Targets targets = open_targets(options);
+  found.cameras = targets.cameras;
+  found.reference = reference_of(options, targets.cameras);
   FlatColorSettings settings;
-  settings.reference = reference_of(options, targets.cameras);
+  settings.reference = found.reference;
   settings.neutral = options.neutral;
   settings.vignetting = options.vignetting;
   settings.dark = !options.dark.empty();
@@ -117,8 +126,48 @@ FoundColors found_on_targets(const ColorOptions& options, const std::stop_token&
     sights = sights_of(targets, settings.curves, stop);
     leave_out_overexposed(sights);
   }
-  return {targets.cameras, settings.reference,
-          match_flat_targets(sights, targets.cameras, settings)};
+  found.steps.push_back(match_flat_targets(sights, targets.cameras, settings));
+}
+
+/// The rig with its cameras as the take has them.
+RigDocument in_order_of(const std::vector<std::string>& cameras, const RigDocument& document,
+                        const ColorOptions& options) {
+  RigDocument ordered = document;
+  ordered.cameras.clear();
+  for (const std::string& id : cameras) {
+    const auto same = std::ranges::find(
+        document.cameras, id,
+        [](const RigDocument::Camera& camera) -> const std::string& { return camera.geometry.id; });
+    if (same == document.cameras.end()) {
+      throw Error::bad_input("the rig has no camera \"" + id + "\"",
+                             options.start.empty() ? "rig.json" : options.start.string(),
+                             "Give the rig of the take's cameras with --start");
+    }
+    ordered.cameras.push_back(*same);
+  }
+  return ordered;
+}
+
+/// On top of what targets told, or else of what the rig knows.
+void match_chart(const ColorOptions& options, const RigDocument& document, FoundColors& found,
+                 const std::stop_token& stop) {
+  const Take take(options.chart);
+  std::vector<PhotometricResponse> responses;
+  if (found.steps.empty()) {
+    found.cameras = ids_of(take);
+    found.reference = reference_of(options, found.cameras);
+    for (const auto& camera : in_order_of(found.cameras, document, options).cameras) {
+      responses.push_back(camera.photometric);
+    }
+  } else {
+    responses = found.steps.back().responses;
+    if (ids_of(take) != found.cameras) {
+      throw Error::bad_input("the take has other cameras than the targets", options.chart.string(),
+                             "Record the chart with the same cameras");
+    }
+  }
+  found.steps.push_back(match_charts(chart_sights(take, responses, stop), responses, found.cameras,
+                                     {found.reference, options.published}));
 }
 
 /// The depths of --focal-depth, to a tenth of it, or of --near and --far, or as the take says.
@@ -131,59 +180,46 @@ DepthRange depths_of(const ColorOptions& options, const Take& take) {
                       "Give --near and --far, or --focal-depth, in metres in front of the array");
 }
 
-FoundColors found_in_scene(const ColorOptions& options, const RigDocument& document,
-                           const std::stop_token& stop) {
+void match_scene(const ColorOptions& options, const RigDocument& document, FoundColors& found,
+                 const std::stop_token& stop) {
   const Take take(options.scene);
-  RigDocument in_order = document;  // as the take's cameras
-  in_order.cameras.clear();
-  FoundColors found;
-  for (const auto& camera : take.document().cameras) {
-    const auto same = std::ranges::find(
-        document.cameras, camera.id,
-        [](const RigDocument::Camera& of) -> const std::string& { return of.geometry.id; });
-    if (same == document.cameras.end()) {
-      throw Error::bad_input("the rig has no camera \"" + camera.id + "\"",
-                             options.start.empty() ? "rig.json" : options.start.string(),
-                             "Give the rig of the take's cameras with --start");
-    }
-    in_order.cameras.push_back(*same);
-    found.cameras.push_back(camera.id);
-  }
+  found.cameras = ids_of(take);
   found.reference = reference_of(options, found.cameras);
-  const Rig rig = rig_from_document(in_order);
+  const Rig rig = rig_from_document(in_order_of(found.cameras, document, options));
   SurfaceSettings settings;
   settings.depths = depths_of(options, take);
   Progress progress(!options.quiet);
   const std::vector<SurfacePoint> points = surface_points(
       take, rig, settings, [&](double done) { progress.report(done); }, stop);
-  found.match = match_scene_colors(points, rig, found.reference, stop);
-  return found;
+  found.steps.push_back(match_scene_colors(points, rig, found.reference, stop));
 }
 
-void check_inputs(const ColorOptions& options) {
-  if (options.takes.empty() == options.scene.empty()) {
-    throw Error::bad_input("there has to be either a target or a scene", "calibrate color",
-                           "Give takes of targets, or --scene TAKE");
+/// The take that shows what is looked at first.
+const std::filesystem::path& first_take(const ColorOptions& options) {
+  if (!options.takes.empty()) return options.takes.front();
+  const auto& take = options.chart.empty() ? options.scene : options.chart;
+  if (take.empty()) {
+    throw Error::bad_input("there is neither a target nor a scene", "calibrate color",
+                           "Give takes of targets, --chart TAKE or --scene TAKE");
   }
-}
-
-/// The rig that gets colours: --start, or that of the take.
-RigDocument rig_to_start_from(const ColorOptions& options) {
-  const auto& take = options.scene.empty() ? options.takes.front() : options.scene;
-  return read_rig(options.start.empty() ? take / "rig.json" : options.start);
+  return take;
 }
 
 ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
-  check_inputs(options);
-  RigDocument rig = rig_to_start_from(options);
-  const FoundColors found =
-      options.scene.empty() ? found_on_targets(options, stop) : found_in_scene(options, rig, stop);
+  const std::filesystem::path& take = first_take(options);
+  RigDocument rig = read_rig(options.start.empty() ? take / "rig.json" : options.start);
+  FoundColors found;
+  if (!options.takes.empty()) match_targets(options, found, stop);
+  if (!options.chart.empty()) match_chart(options, rig, found, stop);
+  if (!options.scene.empty()) match_scene(options, rig, found, stop);
   const std::vector<std::string>& cameras = found.cameras;
   const std::string& reference = cameras[static_cast<std::size_t>(found.reference)];
-  fmt::print("{}", options.json ? color_json(found.match, reference, cameras)
-                                : color_text(found.match, reference));
-  if (!found.match.reasons.empty() && !options.force) {
+  fmt::print("{}", options.json ? color_json(found.steps, reference, cameras)
+                                : color_text(found.steps, reference));
+  const bool is_sure =
+      std::ranges::all_of(found.steps, [](const ColorMatch& step) { return step.reasons.empty(); });
+  if (!is_sure && !options.force) {
     throw Error::failed("the rig was not written, as nobody could rely on its colours",
                         options.output.string(),
                         "Do what stands under \"Not sure\"; --force writes it all the same");
@@ -194,13 +230,12 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
       throw Error::bad_input("the takes have no camera \"" + camera.geometry.id + "\"",
                              options.start.string(), "Give the rig of the same cameras");
     }
-    camera.photometric = found.match.responses[static_cast<std::size_t>(same - cameras.begin())];
+    camera.photometric =
+        found.steps.back().responses[static_cast<std::size_t>(same - cameras.begin())];
   }
   std::vector<std::byte> sheet;  // before anything is written, as it may fail
   if (!options.sheet.empty()) {
-    const Take shown(!options.sheet_of.empty() ? options.sheet_of
-                     : options.scene.empty()   ? options.takes.front()
-                                               : options.scene);
+    const Take shown(options.sheet_of.empty() ? take : options.sheet_of);
     sheet = encode_jpeg(color_sheet(shown, rig), {});
   }
   write_rig(rig, options.output);
@@ -208,7 +243,7 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
   return ExitCode::kSuccess;
 }
 
-void add_scene(CLI::App& app, ColorOptions& o, CLI::Option* takes) {
+void add_scene(CLI::App& app, ColorOptions& o, CLI::Option* takes, CLI::Option* chart) {
   const char* group = "Without a target";
   CLI::Option* const scene =
       app.add_option(
@@ -218,6 +253,7 @@ void add_scene(CLI::App& app, ColorOptions& o, CLI::Option* takes) {
              "calibrated; all else that it knows of colours stays")
           ->type_name("TAKE")
           ->excludes(takes)
+          ->excludes(chart)
           ->group(group);
   const auto depth = [&](const char* name, double& value, const char* what) {
     return app.add_option(name, value, what)
@@ -232,6 +268,23 @@ void add_scene(CLI::App& app, ColorOptions& o, CLI::Option* takes) {
         "Only surfaces at this depth count, metres in front of the array, to a tenth of it")
       ->excludes("--near")
       ->excludes("--far");
+}
+
+CLI::Option* add_chart(CLI::App& app, ColorOptions& o) {
+  const char* group = "With a colour chart";
+  CLI::Option* const chart =
+      app.add_option(
+             "--chart", o.chart,
+             "A take of a ColorChecker Classic that every camera sees, held still: a matrix "
+             "for each camera's colours, on top of what targets or else --start tell")
+          ->type_name("TAKE")
+          ->group(group);
+  app.add_flag("--published", o.published,
+               "Colours become what the chart is known to reflect in Rec.709 (default: what the "
+               "reference camera shows), as bright as the reference camera shows the greys")
+      ->needs(chart)
+      ->group(group);
+  return chart;
 }
 
 void add_target_options(CLI::App& app, ColorOptions& o, CLI::Option* takes) {
@@ -282,7 +335,8 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
   app->add_option("--reference", o->reference,
                   "Camera that the others are made alike to (default: the first)")
       ->type_name("ID");
-  add_scene(*app, *o, takes);
+  CLI::Option* const chart = add_chart(*app, *o);
+  add_scene(*app, *o, takes, chart);
   add_target_options(*app, *o, takes);
   CLI::Option* const sheet =
       app->add_option(
@@ -290,7 +344,7 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
              "Contact sheet: what cameras show, as recorded on the left, corrected on the right")
           ->type_name("FILE.jpg");
   app->add_option("--sheet-of", o->sheet_of,
-                  "The take that the sheet shows (default: the first target)")
+                  "The take that the sheet shows (default: the first that is given)")
       ->type_name("TAKE")
       ->needs(sheet);
   app->add_flag("--force", o->force, "Write the rig even if it cannot be vouched for");

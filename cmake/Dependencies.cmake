@@ -38,7 +38,7 @@ set_target_properties(PkgConfig::ARAVIS PROPERTIES INTERFACE_COMPILE_OPTIONS "${
 # Debian keeps OpenCV's CMake and pkg-config files in libopencv-dev, with VTK and Qt behind it: the
 # modules wanted are found without them.
 find_path(OPENCV_INCLUDE opencv2/core.hpp PATH_SUFFIXES opencv4 REQUIRED)
-foreach(module core imgproc video calib3d features2d aruco)   # opencv_core ...
+foreach(module core imgproc video calib3d features2d aruco mcc dnn)   # opencv_core ...
   find_library(OPENCV_${module} opencv_${module} REQUIRED)
   add_library(opencv_${module} INTERFACE IMPORTED)
   target_link_libraries(opencv_${module} INTERFACE "${OPENCV_${module}}")

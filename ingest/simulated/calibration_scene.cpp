@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is recorded to calibrate an array: a light carried about in the dark.
+#include <algorithm>
 #include <cmath>
 
 #include "ingest/simulated/scene.h"
+#include "rig/color_checker.h"
 
 namespace raystage {
 
@@ -56,6 +58,37 @@ Scene make_flat_scene(float light) {
   scene.parts.push_back({"target",
                          make_quad({-20, 20, -1}, {40, 0, 0}, {0, -40, 0}),
                          {.colour = {1, 0.96F, 0.9F}, .emission = light}});
+  return scene;
+}
+
+Scene make_color_chart_scene() {
+  using Eigen::Vector3f;
+  Scene scene;
+  scene.name = "color chart";
+  scene.focus = 0.9;
+  scene.light_colour = scene.sky_colour = scene.ground_colour = Vector3f::Zero();
+  scene.background = Vector3f::Constant(0.25F);
+  scene.textures.emplace_back(2048, 1024, [](float u, float v) -> Vector3f {
+    constexpr float kPatch = 2.5F, kBetween = 0.25F, kBorder = 0.5F, kPitch = kPatch + kBetween;
+    const float x = u * (kChartColumns * kPitch + kBetween + 2 * kBorder) - kBorder - kBetween;
+    const float y = v * (kChartRows * kPitch + kBetween + 2 * kBorder) - kBorder - kBetween;
+    const int column = static_cast<int>(std::floor(x / kPitch));
+    const int row = static_cast<int>(std::floor(y / kPitch));
+    const bool is_patch = column >= 0 && row >= 0 && column < kChartColumns && row < kChartRows &&
+                          x - static_cast<float>(column) * kPitch < kPatch &&
+                          y - static_cast<float>(row) * kPitch < kPatch;
+    if (!is_patch) return Vector3f::Constant(0.02F);
+    static const ChartLight light = color_checker_light();
+    const Rgb& patch = light[static_cast<std::size_t>(row * kChartColumns + column)];
+    return {std::max(0.0F, static_cast<float>(patch[0])), static_cast<float>(patch[1]),
+            static_cast<float>(patch[2])};
+  });
+  constexpr float kExposure = 0.75F;  // white stays below full scale
+  constexpr float kWidth = 0.45F, kHeight = 0.3F;
+  scene.parts.push_back(
+      {"chart",
+       make_quad({-kWidth / 2, kHeight / 2, -0.9F}, {kWidth, 0, 0}, {0, -kHeight, 0}),
+       {.texture = 0, .colour = {1, 1, 1}, .emission = kExposure}});
   return scene;
 }
 

@@ -17,6 +17,7 @@ std::vector<SceneName> scene_names() {
           {"white", "a white target that fills every picture, to calibrate colour"},
           {"grey", "the same, a quarter as bright"},
           {"black", "lens caps"},
+          {"color_chart", "a chart of 24 colours (ColorChecker), to calibrate colour"},
           {"board", "a checkerboard of 10x7 squares of 30 mm carried about, to calibrate lenses"}};
 }
 
@@ -30,6 +31,7 @@ Scene make_scene(std::string_view name) {
   if (name == "white") return make_flat_scene(0.6F);
   if (name == "grey") return make_flat_scene(0.15F);
   if (name == "black") return make_flat_scene(0);
+  if (name == "color_chart") return make_color_chart_scene();
   if (name == "board") return make_board_scene();
   if (name == "moving_light") return make_moving_light_scene();
   std::string known;

@@ -60,6 +60,8 @@ Scene make_stage_scene(bool moving);
 Scene make_chart_scene();
 /// A target that fills every picture and is everywhere as bright, a little warm; 0: lens caps.
 Scene make_flat_scene(float light);
+/// A ColorChecker of 0.45 x 0.3 m, as bright everywhere, held still at 0.9 m.
+Scene make_color_chart_scene();
 /// A checkerboard, black squares first, that is carried about: so many squares, metres each.
 Scene make_board_scene();
 inline constexpr int kSimulatedBoardColumns = 10, kSimulatedBoardRows = 7;

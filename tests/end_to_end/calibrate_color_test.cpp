@@ -200,10 +200,11 @@ TEST(CalibrateColor, ASceneMakesColoursAlikeWithoutATarget) {
   const CommandResult found = run(command + " --json");
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
   const auto report = nlohmann::json::parse(found.out);
+  const auto& step = report.at("steps").at(0);
   EXPECT_TRUE(report.at("is_vouched_for").get<bool>());
   EXPECT_EQ(report.at("cameras").size(), 6U);
-  EXPECT_LT(report.at("after").at("mean_ciede2000"),
-            report.at("before").at("mean_ciede2000").get<double>() / 4);
+  EXPECT_LT(step.at("after").at("mean_ciede2000"),
+            step.at("before").at("mean_ciede2000").get<double>() / 4);
   const RigDocument truth = read_rig(true_rig_of(take)), measured = read_rig(rig);
   const PictureSize size{320, 240};
   const auto light_made_of = [&](std::size_t camera, double light) {
@@ -216,6 +217,60 @@ TEST(CalibrateColor, ASceneMakesColoursAlikeWithoutATarget) {
       const Rgb expected = light_made_of(0, light), made = light_made_of(i, light);
       for (std::size_t k = 0; k < 3; ++k)
         EXPECT_NEAR(made[k], expected[k], 0.01 * expected[k]) << i;
+    }
+  }
+}
+
+TEST(CalibrateColor, AChartTellsWhatChannelsSeeOfEachOther) {
+  const TestFolder folder;
+  const auto take = [&](const std::string& target) { return (folder.path() / target).string(); };
+  const auto simulate = [&](const std::string& target) {
+    return run("raystage simulate " + target + " -o " + take(target) +
+               " --rows 1 --columns 3 --seconds 0.5 --fps 10 --width 480 --height 360 "
+               "--truth-views 0 --startup-loss-seconds 0 --drop 0 --quality 95 --gain 0.2 "
+               "--white-balance 0.1 --offset 0.02 --vignetting 0.3 --color-mix 0.15 --calibration "
+               "nominal -q")
+        .exit_code;
+  };
+  for (const char* target : {"white", "grey", "black", "color_chart"}) {
+    ASSERT_EQ(simulate(target), 0);
+  }
+  const std::string rig = (folder.path() / "rig.json").string();
+  const CommandResult nowhere =
+      run("raystage calibrate color --chart " + take("grey") + " -o " + rig);
+  EXPECT_EQ(nowhere.exit_code, 1) << nowhere.out << nowhere.err;
+  EXPECT_THAT(nowhere.out, HasSubstr("was not found by"));
+  const std::string command = "raystage calibrate color " + take("white") + " " + take("grey") +
+                              " --dark " + take("black") + " --vignetting --chart " +
+                              take("color_chart") + " -o " + rig;
+  const RigDocument truth = read_rig(true_rig_of(take("color_chart")));
+  const PictureSize size{480, 360};
+  const auto made_of = [&](std::size_t camera, const Rgb& light) {
+    const Rgb shown = shown_of_light(truth.cameras[camera].photometric, size, 100, 60, light);
+    return light_of_shown(read_rig(rig).cameras[camera].photometric, size, 100, 60, shown);
+  };
+  const Rgb lights[] = {{0.5, 0.5, 0.5}, {0.4, 0.1, 0.1}, {0.1, 0.3, 0.1}, {0.1, 0.15, 0.4}};
+  const CommandResult alike = run(command);
+  ASSERT_EQ(alike.exit_code, 0) << alike.out << alike.err;
+  for (const Rgb& light : lights) {
+    const Rgb expected = made_of(0, light);
+    for (const std::size_t camera : {1, 2}) {
+      const Rgb made = made_of(camera, light);
+      for (std::size_t k = 0; k < 3; ++k) {
+        EXPECT_NEAR(made[k], expected[k], 0.01 * light[1] + 0.005) << camera;
+      }
+    }
+  }
+  const CommandResult published = run(command + " --published --json");
+  ASSERT_EQ(published.exit_code, 0) << published.out << published.err;
+  EXPECT_EQ(nlohmann::json::parse(published.out).at("steps").size(), 2U);
+  const double scale = made_of(0, lights[0])[1] / 0.5;
+  for (const Rgb& light : lights) {
+    for (const std::size_t camera : {0, 1, 2}) {
+      const Rgb made = made_of(camera, light);
+      for (std::size_t k = 0; k < 3; ++k) {
+        EXPECT_NEAR(made[k], scale * light[k], 0.03 * light[k] + 0.005) << camera;
+      }
     }
   }
 }

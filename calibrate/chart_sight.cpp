@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/mcc.hpp>
+#include <optional>
+
+#include "calibrate/color_chart.h"
+#include "calibrate/corrected_picture.h"
+#include "schemas/error.h"
+#include "schemas/parallel.h"
+#include "store/frames/photometric_correction.h"
+
+namespace raystage {
+namespace {
+
+/// Places of the picture in a chart's own units: a patch is 1 wide, the first one's corner at (0,
+/// 0).
+using ChartFromPixel = cv::Matx33d;
+
+constexpr double kPatch = 2.5, kBetween = 0.25;  // of a ColorChecker
+constexpr double kPitch = (kPatch + kBetween) / kPatch;
+
+std::optional<ChartFromPixel> found_in(const CorrectedPicture& picture) {
+  cv::Mat codes, bgr;
+  const cv::Mat levels(picture.size.height, picture.size.width, CV_16UC4,
+                       const_cast<std::uint16_t*>(picture.rgba.data()));
+  levels.convertTo(codes, CV_8UC4, 1 / 257.0);
+  cv::cvtColor(codes, bgr, cv::COLOR_RGBA2BGR);
+  const auto detector = cv::mcc::CCheckerDetector::create();
+  try {
+    if (!detector->process(bgr, cv::mcc::MCC24, 1)) return std::nullopt;
+  } catch (const cv::Exception&) {
+    return std::nullopt;  // it does not look at its candidates closely enough
+  }
+  const std::vector<cv::Point2f> box = detector->getBestColorChecker()->getBox();
+  if (box.size() != 4) return std::nullopt;
+  // The box is around the outermost patches and as much as is between two of them.
+  const float left = static_cast<float>(-kBetween / kPatch);
+  const auto right = static_cast<float>(kChartColumns * kPitch);
+  const auto bottom = static_cast<float>(kChartRows * kPitch);
+  const std::vector<cv::Point2f> chart{
+      {left, left}, {right, left}, {right, bottom}, {left, bottom}};
+  return ChartFromPixel(cv::getPerspectiveTransform(box, chart));
+}
+
+struct Sums {
+  std::array<Rgb, kChartPatches> light{};
+  std::array<double, kChartPatches> x{}, y{}, count{}, clipped{};
+};
+
+/// The middle of every patch, half as wide and high.
+Sums sums_over(const CorrectedPicture& picture, const ChartFromPixel& chart_from_pixel,
+               const std::array<std::uint16_t, 3>& full) {
+  Sums sums;
+  for (int y = 0; y < picture.size.height; ++y) {
+    for (int x = 0; x < picture.size.width; ++x) {
+      const cv::Vec3d at = chart_from_pixel * cv::Vec3d(x, y, 1);  // OpenCV's pixels
+      const double u = at[0] / at[2] / kPitch, v = at[1] / at[2] / kPitch;
+      const double column = std::floor(u), row = std::floor(v);
+      if (!(column >= 0 && row >= 0 && column < kChartColumns && row < kChartRows)) continue;
+      const auto is_inside = [](double part) {
+        return part * kPitch > 0.25 && part * kPitch < 0.75;
+      };
+      if (!is_inside(u - column) || !is_inside(v - row)) continue;
+      const auto patch = static_cast<std::size_t>(row * kChartColumns + column);
+      const std::uint16_t* const rgb =
+          &picture.rgba[4 * (static_cast<std::size_t>(y) *
+                                 static_cast<std::size_t>(picture.size.width) +
+                             static_cast<std::size_t>(x))];
+      bool is_clipped = false;
+      for (std::size_t c = 0; c < 3; ++c) {
+        sums.light[patch][c] += rgb[c] / 65535.0;
+        is_clipped = is_clipped || rgb[c] >= full[c];
+      }
+      sums.clipped[patch] += is_clipped ? 1 : 0;
+      sums.x[patch] += x + 0.5;
+      sums.y[patch] += y + 0.5;
+      sums.count[patch] += 1;
+    }
+  }
+  return sums;
+}
+
+/// Whether what was found has a chart's colours at all: correlation with them.
+bool looks_like_a_chart(const std::array<Rgb, kChartPatches>& light) {
+  constexpr double kLeast = 0.8;
+  const ChartLight known = color_checker_light();
+  double x = 0, y = 0, xx = 0, yy = 0, xy = 0;
+  constexpr double kCount = 3.0 * kChartPatches;
+  for (std::size_t p = 0; p < kChartPatches; ++p) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double a = std::sqrt(std::max(0.0, known[p][c])),
+                   b = std::sqrt(std::max(0.0, light[p][c]));
+      x += a / kCount;
+      y += b / kCount;
+      xx += a * a / kCount;
+      yy += b * b / kCount;
+      xy += a * b / kCount;
+    }
+  }
+  const double spread = (xx - x * x) * (yy - y * y);
+  return spread > 0 && (xy - x * y) / std::sqrt(spread) > kLeast;
+}
+
+}  // namespace
+
+ChartSight chart_sight(const Take& take, int camera, const PhotometricResponse& of,
+                       int most_frames) {
+  PhotometricResponse response;
+  response.curve = of.curve;
+  response.dark_pixels = of.dark_pixels;
+  const auto frames = static_cast<int>(take.archive(camera).frames().size());
+  const CodeScale linear{BlendSpace::kLinear, 1};
+  constexpr std::uint8_t kFull = 250;
+  constexpr double kLeastPixels = 4, kMostClipped = 0.02;
+  ChartSight sight;
+  const int looked_at = std::min(frames, most_frames);
+  for (int k = 0; k < looked_at; ++k) {
+    const int frame = (2 * k + 1) * frames / (2 * looked_at);
+    const auto found = found_in(corrected_picture(take, camera, frame, response, {}));
+    if (!found) continue;
+    const CorrectedPicture picture = corrected_picture(take, camera, frame, response, linear);
+    const Sums sums =
+        sums_over(picture, *found,
+                  PhotometricCorrection::reference(response, picture.size, take.document(), linear,
+                                                   0, 0, {kFull, kFull, kFull}));
+    if (std::ranges::min(sums.count) < kLeastPixels) continue;
+    std::array<Rgb, kChartPatches> light = sums.light;
+    for (std::size_t p = 0; p < light.size(); ++p) {
+      for (double& channel : light[p]) channel /= sums.count[p];
+    }
+    if (!looks_like_a_chart(light)) continue;
+    sight.size = picture.size;
+    ++sight.frames;
+    for (std::size_t p = 0; p < light.size(); ++p) {
+      ChartSight::Patch& patch = sight.patches[p];
+      for (std::size_t c = 0; c < 3; ++c) patch.shown[c] += light[p][c];
+      patch.x += sums.x[p] / sums.count[p];
+      patch.y += sums.y[p] / sums.count[p];
+      patch.is_exposed = patch.is_exposed && sums.clipped[p] <= kMostClipped * sums.count[p];
+    }
+  }
+  for (ChartSight::Patch& patch : sight.patches) {
+    const double count = std::max(1, sight.frames);
+    for (double& channel : patch.shown) channel /= count;
+    patch.x /= count;
+    patch.y /= count;
+  }
+  return sight;
+}
+
+std::vector<ChartSight> chart_sights(const Take& take,
+                                     const std::vector<PhotometricResponse>& responses,
+                                     const std::stop_token& stop) {
+  std::vector<ChartSight> sights(responses.size());
+  parallel_for(std::size_t{0}, sights.size(), [&](std::size_t camera) {
+    if (stop.stop_requested()) {
+      throw Error::failed("the search for the chart was stopped", take.folder().string(),
+                          "Start it again");
+    }
+    sights[camera] = chart_sight(take, static_cast<int>(camera), responses[camera]);
+  });
+  return sights;
+}
+
+}  // namespace raystage

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color_chart.h"
+
+#include <ceres/ceres.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calibrate/color_difference.h"
+#include "rig/calibration/verdict.h"
+#include "schemas/error.h"
+
+namespace raystage {
+namespace {
+
+/// Light of a patch beside what it should be, in standard deviations.
+struct PatchError {
+  Rgb shown, gain, contrast, expected;
+
+  template <typename T>
+  bool operator()(const T* matrix, const T* brightness, T* error) const {
+    T light[3];
+    for (std::size_t c = 0; c < 3; ++c) {
+      light[c] = gain[c] * (brightness[c] + contrast[c] * shown[c]);
+    }
+    constexpr double kInTheDark = 0.004, kByLight = 0.02;
+    for (std::size_t row = 0; row < 3; ++row) {
+      const T made = matrix[3 * row] * light[0] + matrix[3 * row + 1] * light[1] +
+                     matrix[3 * row + 2] * light[2];
+      error[row] = (made - expected[row]) / (kInTheDark + kByLight * std::abs(expected[row]));
+    }
+    return true;
+  }
+};
+
+/// The light of a patch by a camera's response.
+Rgb light_of(const ChartSight& sight, std::size_t patch, const PhotometricResponse& response) {
+  const ChartSight::Patch& p = sight.patches[patch];
+  return light_of_shown(response, sight.size, static_cast<int>(p.x), static_cast<int>(p.y),
+                        p.shown);
+}
+
+bool counts(const ChartSight& sight, std::size_t patch) { return sight.patches[patch].is_exposed; }
+
+ChartLight published_by(const ChartSight& reference, const PhotometricResponse& response) {
+  ChartLight light = color_checker_light();
+  double shown = 0, known = 0;
+  for (std::size_t p = kFirstGrey; p < light.size(); ++p) {
+    if (!counts(reference, p)) continue;
+    shown += light_of(reference, p, response)[1];
+    known += light[p][1];
+  }
+  for (Rgb& patch : light) {
+    for (double& channel : patch) channel *= known > 0 ? shown / known : 0;
+  }
+  return light;
+}
+
+/// Matrix, and brightness where it is not known.
+void fit(const ChartSight& sight, const std::vector<bool>& used, const ChartLight& expected,
+         bool finds_brightness, PhotometricResponse& response) {
+  std::array<double, 9> matrix{1, 0, 0, 0, 1, 0, 0, 0, 1};
+  ceres::Problem problem;
+  for (std::size_t p = 0; p < expected.size(); ++p) {
+    if (!used[p]) continue;
+    const ChartSight::Patch& patch = sight.patches[p];
+    constexpr double kOdd = 2;
+    problem.AddResidualBlock(new ceres::AutoDiffCostFunction<PatchError, 3, 9, 3>(new PatchError{
+                                 patch.shown, gain_at(response, sight.size, patch.x, patch.y),
+                                 response.contrast, expected[p]}),
+                             new ceres::CauchyLoss(kOdd), matrix.data(),
+                             response.brightness.data());
+  }
+  if (!finds_brightness) problem.SetParameterBlockConstant(response.brightness.data());
+  ceres::Solver::Options options;
+  options.num_threads = 1;  // the same result everywhere
+  options.logging_type = ceres::SILENT;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 200;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+  for (std::size_t row = 0; row < 3; ++row) {
+    for (std::size_t c = 0; c < 3; ++c) response.matrix[row][c] = matrix[3 * row + c];
+  }
+}
+
+ColorSpread spread_of(const std::vector<ChartSight>& sights,
+                      const std::vector<PhotometricResponse>& responses,
+                      const std::vector<std::vector<bool>>& used, const ChartLight& expected) {
+  ColorSpread spread;
+  std::vector<Rgb> ratios;
+  int count = 0;
+  for (std::size_t i = 0; i < sights.size(); ++i) {
+    if (sights[i].frames == 0) continue;
+    Rgb shown{}, known{};
+    for (std::size_t p = 0; p < expected.size(); ++p) {
+      if (!used[i][p]) continue;
+      const Rgb light = light_of(sights[i], p, responses[i]);
+      for (std::size_t c = 0; c < 3; ++c) {
+        shown[c] += light[c];
+        known[c] += expected[p][c];
+      }
+      const double off = color_difference(lab_from_linear(expected[p]), lab_from_linear(light));
+      spread.mean_difference += off;
+      spread.most_difference = std::max(spread.most_difference, off);
+      ++count;
+    }
+    ratios.push_back({shown[0] / known[0], shown[1] / known[1], shown[2] / known[2]});
+  }
+  spread.mean_difference /= std::max(1, count);
+  for (std::size_t c = 0; c < 3; ++c) spread.deviation[c] = relative_deviation(ratios, c);
+  return spread;
+}
+
+}  // namespace
+
+ColorMatch match_charts(const std::vector<ChartSight>& sights,
+                        const std::vector<PhotometricResponse>& responses,
+                        const std::vector<std::string>& cameras,
+                        const ChartColorSettings& settings) {
+  const auto reference = static_cast<std::size_t>(settings.reference);
+  ColorMatch match;
+  match.what = "chart";
+  match.responses = responses;
+  for (PhotometricResponse& response : match.responses) response.matrix = kSameColors;
+  std::vector<std::string> blind;
+  for (std::size_t i = 0; i < sights.size(); ++i) {
+    if (sights[i].frames == 0) blind.push_back(cameras[i]);
+  }
+  if (!blind.empty()) {
+    match.reasons.push_back(
+        "The chart was not found by " + few_of(blind) +
+        ": let every camera see all of it, upright, sharp, a fifth of the picture large or more.");
+  }
+  if (sights[reference].frames == 0) {
+    match.responses = responses;
+    return match;
+  }
+  ChartLight expected{};
+  if (settings.published) {
+    expected = published_by(sights[reference], match.responses[reference]);
+  } else {
+    for (std::size_t p = 0; p < expected.size(); ++p) {
+      expected[p] = light_of(sights[reference], p, match.responses[reference]);
+    }
+  }
+  std::vector<std::vector<bool>> used(sights.size());
+  std::vector<std::string> overexposed;
+  for (std::size_t i = 0; i < sights.size(); ++i) {
+    for (std::size_t p = 0; p < expected.size(); ++p) {
+      used[i].push_back(counts(sights[i], p) &&
+                        (settings.published || counts(sights[reference], p)));
+    }
+    constexpr auto kLeastUsed = 18;  // patches
+    if (sights[i].frames > 0 && std::ranges::count(used[i], true) < kLeastUsed) {
+      overexposed.push_back(cameras[i]);
+    }
+  }
+  if (!overexposed.empty()) {
+    match.reasons.push_back("The chart is overexposed in " + few_of(overexposed) +
+                            ": expose less, so that white stays below full scale.");
+  }
+  match.before = spread_of(sights, responses, used, expected);
+  for (std::size_t i = 0; i < sights.size(); ++i) {
+    PhotometricResponse& response = match.responses[i];
+    if (sights[i].frames == 0) {
+      response = responses[i];
+      continue;
+    }
+    if (i == reference && !settings.published) continue;
+    const bool finds_brightness =
+        i != reference && response.contrast == Rgb{1, 1, 1} && response.brightness == Rgb{0, 0, 0};
+    fit(sights[i], used[i], expected, finds_brightness, response);
+  }
+  match.after = spread_of(sights, match.responses, used, expected);
+  constexpr double kMostOff = 4;  // CIEDE2000; sensors that see other colours than an eye reach 2
+  if (match.after.mean_difference > kMostOff) {
+    match.reasons.emplace_back(
+        "The chart's colours do not come out right even so: is it a ColorChecker Classic, evenly "
+        "lit, and are the cameras' curves known?");
+  }
+  return match;
+}
+
+}  // namespace raystage

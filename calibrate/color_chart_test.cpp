@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color_chart.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace raystage {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr PictureSize kPicture{640, 480};
+
+PhotometricResponse mixing(double by) {
+  PhotometricResponse response;
+  response.matrix = inverse({{{1 - 2 * by, by, by}, {by / 2, 1 - by, by / 2}, {0, by, 1 - by}}});
+  response.vignetting = Vignetting{320, 240, {0.2, 0.05, 0}};
+  return response;
+}
+
+/// What a camera shows of a chart in the lower left of its picture.
+ChartSight sight_of(const PhotometricResponse& response) {
+  ChartSight sight;
+  sight.frames = 1;
+  sight.size = kPicture;
+  const ChartLight light = color_checker_light();
+  for (int p = 0; p < kChartPatches; ++p) {
+    ChartSight::Patch& patch = sight.patches[static_cast<std::size_t>(p)];
+    patch.x = 40.5 + 50 * (p % kChartColumns);
+    patch.y = 250.5 + 50 * (p / kChartColumns);
+    Rgb lit = light[static_cast<std::size_t>(p)];
+    for (double& channel : lit) channel *= 0.7;
+    patch.shown = shown_of_light(response, kPicture, static_cast<int>(patch.x),
+                                 static_cast<int>(patch.y), lit);
+  }
+  return sight;
+}
+
+void expect_matrix(const ColorMatrix& found, const ColorMatrix& expected) {
+  for (std::size_t row = 0; row < 3; ++row) {
+    for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(found[row][c], expected[row][c], 1e-3);
+  }
+}
+
+/// All but the matrix.
+PhotometricResponse unmixed(PhotometricResponse response) {
+  response.matrix = kSameColors;
+  return response;
+}
+
+TEST(ColorChart, FindsWhatChannelsSeeOfEachOther) {
+  const PhotometricResponse one = mixing(0.02), other = mixing(0.15);
+  const ColorMatch found = match_charts({sight_of(one), sight_of(other)},
+                                        {unmixed(one), unmixed(other)}, {"a", "b"}, {1, true});
+  EXPECT_THAT(found.reasons, IsEmpty());
+  // As bright as the second camera shows the greys.
+  // (Its greys are not quite grey, and shift with the mixture.)
+  const double scale = found.responses[1].matrix[1][1] / other.matrix[1][1];
+  EXPECT_NEAR(scale, 1, 0.005);
+  for (std::size_t camera : {0U, 1U}) {
+    ColorMatrix matrix = found.responses[camera].matrix;
+    for (Rgb& row : matrix) {
+      for (double& channel : row) channel /= scale;
+    }
+    expect_matrix(matrix, (camera == 0 ? one : other).matrix);
+  }
+  EXPECT_GT(found.before.mean_difference, 2);
+  EXPECT_LT(found.after.mean_difference, 0.1);
+}
+
+TEST(ColorChart, MakesCamerasAlikeToTheReferenceCamera) {
+  const PhotometricResponse one = mixing(0.02), other = mixing(0.15);
+  const ColorMatch found = match_charts({sight_of(one), sight_of(other)},
+                                        {unmixed(one), unmixed(other)}, {"a", "b"}, {});
+  EXPECT_EQ(found.responses[0], unmixed(one));
+  const Rgb light{0.5, 0.1, 0.3};
+  const Rgb shown = light_of_shown(found.responses[0], kPicture, 9, 9,
+                                   shown_of_light(one, kPicture, 9, 9, light));
+  const Rgb made = light_of_shown(found.responses[1], kPicture, 9, 9,
+                                  shown_of_light(other, kPicture, 9, 9, light));
+  for (std::size_t c = 0; c < 3; ++c) EXPECT_NEAR(made[c], shown[c], 1e-3);
+}
+
+TEST(ColorChart, FindsBlackOnlyWhereNothingIsKnownOfIt) {
+  PhotometricResponse foggy = mixing(0.1);
+  foggy.vignetting.reset();
+  foggy.brightness = {-0.02, -0.03, -0.01};
+  PhotometricResponse nothing_known, contrast_known;
+  contrast_known.contrast = {1.01, 1, 1};
+  const ColorMatch found = match_charts({sight_of({}), sight_of(foggy), sight_of(foggy)},
+                                        {{}, nothing_known, contrast_known}, {"a", "b", "c"}, {});
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(found.responses[1].brightness[c], foggy.brightness[c], 1e-3);
+  }
+  EXPECT_EQ(found.responses[2].brightness, Rgb{});
+}
+
+TEST(ColorChart, DoesWithoutPatchesThatAreOverexposed) {
+  const PhotometricResponse other = mixing(0.1);
+  std::vector<ChartSight> sights{sight_of({}), sight_of(other)};
+  for (const std::size_t patch : {18U, 15U, 11U}) {
+    sights[1].patches[patch].shown = {1, 1, 1};
+    sights[1].patches[patch].is_exposed = false;
+  }
+  const ColorMatch found = match_charts(sights, {{}, unmixed(other)}, {"a", "b"}, {});
+  EXPECT_THAT(found.reasons, IsEmpty());
+  expect_matrix(found.responses[1].matrix, other.matrix);
+  for (ChartSight::Patch& patch : sights[1].patches) patch.is_exposed = false;
+  EXPECT_THAT(match_charts(sights, {{}, unmixed(other)}, {"a", "b"}, {}).reasons,
+              ElementsAre(HasSubstr("overexposed in b")));
+}
+
+TEST(ColorChart, LeavesCamerasThatDidNotFindItAsTheyAre) {
+  const std::vector<PhotometricResponse> known{mixing(0.1), mixing(0.2)};
+  std::vector<ChartSight> sights{sight_of(known[0]), {}};
+  const ColorMatch found = match_charts(sights, known, {"a", "b"}, {0, true});
+  EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("not found by b")));
+  EXPECT_EQ(found.responses[1], known[1]);
+  const ColorMatch blind = match_charts(sights, known, {"a", "b"}, {1, true});
+  EXPECT_EQ(blind.responses, known);
+}
+
+}  // namespace
+}  // namespace raystage

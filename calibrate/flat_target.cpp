@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "calibrate/color_difference.h"
+#include "calibrate/gain_map.h"
 #include "calibrate/vignetting.h"
 #include "rig/calibration/verdict.h"
 #include "schemas/error.h"
@@ -82,8 +83,9 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
     for (const FlatSights& target : targets) {
       is_clipped = is_clipped || target[c].clipped > kClipped;
       const double mean = target[c].mean[1];
-      is_uneven = is_uneven || (!colors.responses[c].vignetting && mean > kBright &&
-                                target[c].deviation[1] > kUneven * mean);
+      const bool is_evened = colors.responses[c].vignetting || colors.responses[c].gain_map;
+      is_uneven =
+          is_uneven || (!is_evened && mean > kBright && target[c].deviation[1] > kUneven * mean);
     }
     if (is_clipped) clipped.push_back(cameras[c]);
     if (is_uneven) uneven.push_back(cameras[c]);
@@ -96,8 +98,9 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
     colors.warnings.push_back("A target is not everywhere as bright in " + few_of(uneven) +
                               ": let it fill the middle of every picture, without shadows.");
   }
-  constexpr double kUnevenCells = 0.02;
-  if (colors.worst_vignetting > kUnevenCells) {
+  constexpr double kUnevenCells = 0.02;  // that a gain map is not there to even out
+  const bool is_lens_alone = !colors.responses.front().gain_map;
+  if (is_lens_alone && colors.worst_vignetting > kUnevenCells) {
     colors.reasons.emplace_back(
         "The target is not as bright everywhere as a lens could make it uneven: let it fill every "
         "picture, evenly lit, or do without --vignetting.");
@@ -203,7 +206,7 @@ FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
     }
   }
   // What a lens leaves depends on a camera's black, and contrast on what the lens leaves.
-  const int rounds = settings.vignetting ? 3 : 1;
+  const int rounds = settings.vignetting || settings.flat_field ? 3 : 1;
   for (int round = 0; round < rounds; ++round) {
     Scale scale{black, balance};
     const Rgb left = left_in_middle(colors.responses[reference], targets.front()[reference].size);
@@ -217,6 +220,11 @@ FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
       const FoundVignetting found = find_vignetting(sight.cells, sight.size, colors.responses[c]);
       colors.responses[c].vignetting = found.lens;
       colors.worst_vignetting = std::max(colors.worst_vignetting, found.residual);
+    }
+    for (std::size_t c = 0; settings.flat_field && c < cameras.size(); ++c) {
+      colors.responses[c].gain_map.reset();
+      colors.responses[c].gain_map =
+          find_gain_map(brightest[c].cells, brightest[c].size, colors.responses[c]);
     }
   }
   if (settings.dark) take_over_darkness(darkest, reference, cameras, colors);

@@ -13,6 +13,7 @@ struct FlatColorSettings {
   int reference = 0;        ///< camera that the others are made alike to
   bool neutral = false;     ///< and makes the brightest target grey
   bool vignetting = false;  ///< the brightest target fills every picture, and is as bright there
+  bool flat_field = false;  ///< likewise, and whatever is not the lens' (or all) becomes a gain map
   std::vector<PhotometricResponse> curves{};  ///< of each camera, whose curves the sights went by
   bool dark = false;  ///< the darkest target has no light: lenses are capped
 };
@@ -24,9 +25,9 @@ struct FlatColors : ColorMatch {
 /// Contrast and brightness of each camera and channel against a reference camera (thesis 4.3, eq.
 /// 4.1), by least squares over targets of different brightness (lens caps, grey, white): `targets`
 /// by take. Blacks that are cut off at code 0 tell nothing. One target tells the contrast alone.
-/// On request vignetting, from the brightest target; and where one is dark, light from the
-/// reference camera's black on, and the pixels that stand out in the dark.
-/// Throws Error (bad input) where a camera sees no light.
+/// On request vignetting and a gain map, from the brightest target; and where one is dark, light
+/// from the reference camera's black on, and the pixels that stand out in the dark. Throws Error
+/// (bad input) where a camera sees no light.
 FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
                               const std::vector<std::string>& cameras,
                               const FlatColorSettings& settings);

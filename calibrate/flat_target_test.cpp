@@ -8,6 +8,7 @@
 #include <functional>
 
 #include "calibrate/vignetting.h"
+#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -91,6 +92,49 @@ TEST(FlatTarget, ADustSpotOnTheTargetDoesNotMoveTheLens) {
                 gain_at(measured, kPicture, 320, 240)[1] / gain_at(truth, kPicture, 320, 240)[1],
                 0.01);
   }
+}
+
+/// Light that a lens, and a tinted filter before its lower half, let through.
+double through_filter(double, double y, std::size_t channel) {
+  const double tint = 0.1 * static_cast<double>(channel) + 0.05;
+  return 1 - tint / (1 + std::exp(-(y - 260) / 25));
+}
+
+TEST(FlatTarget, AGainMapEvensOutWhatNoLensExplains) {
+  const PhotometricResponse lens = dim_lens();
+  std::vector<FlatSights> targets = targets_of({{}, lens});
+  for (FlatSights& target : targets) {
+    for (FlatCell& cell : target[1].cells) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double black = -lens.brightness[c] / lens.contrast[c];
+        cell.mean[c] = black + (cell.mean[c] - black) * through_filter(cell.x, cell.y, c);
+      }
+    }
+    Rgb& mean = target[1].mean;
+    mean = {};
+    for (const FlatCell& cell : target[1].cells) {
+      if (std::abs(cell.x - 320) > 160 || std::abs(cell.y - 240) > 120) continue;
+      for (std::size_t c = 0; c < 3; ++c) mean[c] += cell.mean[c] / (16 * 12);
+    }
+  }
+  FlatColorSettings settings;
+  settings.flat_field = true;
+  for (const bool vignetting : {false, true}) {
+    settings.vignetting = vignetting;
+    const FlatColors found = match_flat_targets(targets, {"a", "b"}, settings);
+    EXPECT_TRUE(found.reasons.empty());
+    for (const double level : {0.1, 0.5}) {
+      for (const auto& [x, y] : {std::pair{10, 10}, {320, 240}, {629, 100}, {200, 460}}) {
+        Rgb lit{};
+        for (std::size_t c = 0; c < 3; ++c) lit[c] = level * through_filter(x, y, c);
+        const Rgb shown = shown_of_light(lens, kPicture, x, y, lit);
+        const Rgb light = light_of_shown(found.responses[1], kPicture, x, y, shown);
+        for (const double channel : light) EXPECT_NEAR(channel, level, 0.01 * level) << x << y;
+      }
+    }
+  }
+  targets[0][1].cells[7].mean = {0.001, 0.001, 0.001};
+  EXPECT_THROW(match_flat_targets(targets, {"a", "b"}, settings), Error);
 }
 
 TEST(FlatTarget, WhatNoLensCouldHaveDoneIsRefused) {

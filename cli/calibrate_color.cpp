@@ -29,8 +29,8 @@ struct ColorOptions {
   std::string reference;
   std::vector<double> exposures;
   double focal_depth = 0, near = 0, far = 0;  // metres; 0: not given
-  bool neutral = false, vignetting = false, force = false, json = false, quiet = false,
-       published = false;
+  bool neutral = false, vignetting = false, flat_field = false, force = false, json = false,
+       quiet = false, published = false;
   int threads = 0;
 };
 
@@ -119,6 +119,7 @@ void match_targets(const ColorOptions& options, FoundColors& found, const std::s
   settings.reference = found.reference;
   settings.neutral = options.neutral;
   settings.vignetting = options.vignetting;
+  settings.flat_field = options.flat_field;
   settings.dark = !options.dark.empty();
   std::vector<FlatSights> sights = sights_of(targets, {}, stop);
   if (!options.exposures.empty()) {
@@ -306,6 +307,11 @@ void add_target_options(CLI::App& app, ColorOptions& o, CLI::Option* takes) {
   app.add_flag("--vignetting", o.vignetting,
                "Also the fall of light towards the corners: the brightest target fills every "
                "picture, and is as bright everywhere")
+      ->needs(takes)
+      ->group(group);
+  app.add_flag("--flat-field", o.flat_field,
+               "Likewise, as a map of what each part of a picture gains in each channel: also what "
+               "no lens explains (filters, shading of a sensor), and any unevenness of the target")
       ->needs(takes)
       ->group(group);
   app.add_flag("--neutral", o.neutral, "White balance: the brightest target becomes grey")

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <span>
+
+#include "calibrate/flat_sight.h"
+
+namespace raystage {
+
+/// What makes a target that is everywhere as bright as even as it is: per channel, on top of
+/// `response`, by least squares with nodes that follow each other smoothly; about 1 in the middle.
+/// Throws Error (bad input) where part of the picture shows no light.
+GainMap find_gain_map(std::span<const FlatCell> cells, PictureSize size,
+                      const PhotometricResponse& response);
+
+}  // namespace raystage

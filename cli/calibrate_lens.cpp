@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -18,7 +20,7 @@ namespace {
 
 struct LensOptions {
   std::filesystem::path take, output;
-  std::vector<std::string> cameras;
+  std::vector<std::string> cameras, one_kind;
   BoardOptions board;
   LensSettings lens;
   int most_views = 60, threads = 0;
@@ -36,6 +38,22 @@ std::vector<int> cameras_chosen(const Take& take, const std::vector<std::string>
   }
   for (int i = 0; ids.empty() && i < take.camera_count(); ++i) cameras.push_back(i);
   return cameras;
+}
+
+/// The ids of --one-kind, all of them where it says so. Throws Error (bad input).
+std::vector<std::string> of_one_kind_among(const Take& take, const std::vector<int>& cameras,
+                                           const std::vector<std::string>& given) {
+  std::vector<std::string> ids;
+  for (const int camera : cameras) {
+    ids.push_back(take.document().cameras[static_cast<std::size_t>(camera)].id);
+  }
+  if (given == std::vector<std::string>{"all"}) return ids;
+  for (const std::string& id : given) {
+    if (std::ranges::find(ids, id) != ids.end()) continue;
+    throw Error::bad_input("camera \"" + id + "\" is not among those whose lens is found",
+                           "--one-kind", "Name cameras of the take, or of --camera; or: all");
+  }
+  return given;
 }
 
 void print_lens(const std::string& id, const LensCalibration& found) {
@@ -58,27 +76,40 @@ ExitCode calibrate_lens_of(const LensOptions& options, const std::stop_token& st
   const BoardFinder finder(board_of(options.board, false));
   const Take take(options.take);
   const std::vector<int> cameras = cameras_chosen(take, options.cameras);
-  RigDocument lenses;
-  lenses.name = kNotCalibrated;  // where the cameras stand is not known
-  bool is_sure = true;
+  const std::vector<std::string> of_one_kind = of_one_kind_among(take, cameras, options.one_kind);
   Progress progress(!options.quiet);
+  std::vector<LensViews> alike, others;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(cameras[k])];
-    const auto views = board_views(
+    auto views = board_views(
         take, cameras[k], finder, options.most_views,
         [&](double done) {
           progress.report((static_cast<double>(k) + done) / static_cast<double>(cameras.size()));
         },
         stop);
-    const LensCalibration found =
-        calibrate_lens(views, camera.model.width(), camera.model.height(), camera.id, options.lens);
-    print_lens(camera.id, found);
-    is_sure = is_sure && found.reasons.empty();
+    const bool is_alike = std::ranges::find(of_one_kind, camera.id) != of_one_kind.end();
+    (is_alike ? alike : others)
+        .push_back({camera.id, camera.model.width(), camera.model.height(), std::move(views)});
+  }
+  std::map<std::string, LensCalibration> found;
+  for (const LensViews& camera : others) found[camera.id] = calibrate_lens(camera, options.lens);
+  if (!alike.empty()) {
+    auto lenses = calibrate_lenses_of_one_kind(alike, options.lens);
+    for (std::size_t k = 0; k < alike.size(); ++k) found[alike[k].id] = std::move(lenses[k]);
+  }
+  RigDocument lenses;
+  lenses.name = kNotCalibrated;  // where the cameras stand is not known
+  bool is_sure = true;
+  for (const int index : cameras) {
+    const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(index)];
+    const LensCalibration& lens = found.at(camera.id);
+    print_lens(camera.id, lens);
+    is_sure = is_sure && lens.reasons.empty();
     RigDocument::Camera out;
     out.geometry.id = camera.id;
     out.geometry.width = camera.model.width();
     out.geometry.height = camera.model.height();
-    out.geometry.intrinsics = found.lens;
+    out.geometry.intrinsics = lens.lens;
     lenses.cameras.push_back(std::move(out));
   }
   if (!is_sure && !options.force) {
@@ -103,6 +134,12 @@ CalibrateCommand declare_calibrate_lens(CLI::App& calibrate) {
       ->type_name("LENS.json");
   app->add_option("--camera", o->cameras,
                   "Cameras (ids, comma separated) whose lens is found (default: all of the take)")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("ID,...");
+  app->add_option("--one-kind", o->one_kind,
+                  "Cameras of one make (ids, or: all): their lenses differ little but for the "
+                  "principal point, so that what the board tells of one holds for the others")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->type_name("ID,...");

@@ -33,14 +33,14 @@ void guess_lenses(ArrayModel& model, const std::vector<std::vector<BoardView>>& 
   std::vector<BoardView> all;
   for (const auto& of_camera : views) all.insert(all.end(), of_camera.begin(), of_camera.end());
   const ArrayModel::Camera& first = model.cameras.front();
-  const Intrinsics shared = calibrate_lens(all, first.width, first.height, "all", {}).lens;
+  const Intrinsics shared = calibrate_lens({"all", first.width, first.height, all}, {}).lens;
   for (std::size_t c = 0; c < model.cameras.size(); ++c) {
     ArrayModel::Camera& camera = model.cameras[c];
     camera.intrinsics = shared;
     constexpr std::size_t kLeastViews = 6;
     if (!for_each || views[c].size() < kLeastViews) continue;
     const Intrinsics own =
-        calibrate_lens(views[c], camera.width, camera.height, camera.id, {}).lens;
+        calibrate_lens({camera.id, camera.width, camera.height, views[c]}, {}).lens;
     if (own.fx > shared.fx / 4 && own.fx < shared.fx * 4) camera.intrinsics = own;
   }
 }

@@ -20,12 +20,38 @@ namespace {
 
 constexpr std::size_t kLeastViews = 3, kLeastCorners = 6;
 
-/// One camera at rest, and every view a board of its own before it.
-ArrayModel model_of_views(const std::vector<BoardView>& views, int width, int height,
-                          const Intrinsics& lens) {
+/// Cameras at rest, and every view a board of its own before its camera.
+struct Views {
+  std::vector<const BoardView*> views;
+  std::vector<std::size_t> camera;  // of each view
+
+  /// Those with enough corners.
+  explicit Views(std::span<const LensViews> cameras) {
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      const std::size_t before = views.size();
+      for (const BoardView& view : cameras[c].views) {
+        if (view.pixels.size() < kLeastCorners) continue;
+        views.push_back(&view);
+        camera.push_back(c);
+      }
+      if (views.size() - before >= kLeastViews) continue;
+      throw Error::bad_input(
+          fmt::format("camera \"{}\" saw the board in {} frames; a lens needs {} at least",
+                      cameras[c].id, views.size() - before, kLeastViews),
+          "", "Check --board and --square-mm, and show the board closer and in more ways");
+    }
+  }
+};
+
+ArrayModel model_of(const Views& views, std::span<const LensViews> cameras,
+                    std::span<const Intrinsics> lenses) {
   ArrayModel model;
-  model.cameras.push_back({"", width, height, lens, Pose{}});
-  for (const BoardView& view : views) {
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    model.cameras.push_back(
+        {cameras[c].id, cameras[c].width, cameras[c].height, lenses[c], Pose{}});
+  }
+  for (std::size_t v = 0; v < views.views.size(); ++v) {
+    const BoardView& view = *views.views[v];
     ArrayModel::Body board;
     for (std::size_t i = 0; i < view.pixels.size(); ++i) {
       const auto point = static_cast<int>(model.points.size());
@@ -33,7 +59,7 @@ ArrayModel model_of_views(const std::vector<BoardView>& views, int width, int he
       board.in_body.emplace_back(view.on_board[i].x(), -view.on_board[i].y(), 0);
       model.points.emplace_back();
       model.frame_of_point.push_back(point);
-      model.observations.push_back({0, point, view.pixels[i]});
+      model.observations.push_back({static_cast<int>(views.camera[v]), point, view.pixels[i]});
     }
     model.bodies.push_back(std::move(board));
   }
@@ -41,17 +67,17 @@ ArrayModel model_of_views(const std::vector<BoardView>& views, int width, int he
 }
 
 /// A first guess: the focal length by the boards' homographies, with the middle where it should be.
-Intrinsics guessed_lens(const std::vector<BoardView>& views, int width, int height) {
+Intrinsics guessed_lens(const Views& views, int width, int height) {
   std::vector<std::vector<cv::Point3f>> boards;
   std::vector<std::vector<cv::Point2f>> pictures;
-  for (const BoardView& view : views) {
+  for (const BoardView* const view : views.views) {
     boards.emplace_back();
     pictures.emplace_back();
-    for (std::size_t i = 0; i < view.pixels.size(); ++i) {
-      boards.back().emplace_back(static_cast<float>(view.on_board[i].x()),
-                                 static_cast<float>(view.on_board[i].y()), 0.0F);
-      pictures.back().emplace_back(static_cast<float>(view.pixels[i].x()),
-                                   static_cast<float>(view.pixels[i].y()));
+    for (std::size_t i = 0; i < view->pixels.size(); ++i) {
+      boards.back().emplace_back(static_cast<float>(view->on_board[i].x()),
+                                 static_cast<float>(view->on_board[i].y()), 0.0F);
+      pictures.back().emplace_back(static_cast<float>(view->pixels[i].x()),
+                                   static_cast<float>(view->pixels[i].y()));
     }
   }
   const cv::Mat matrix = cv::initCameraMatrix2D(boards, pictures, {width, height}, 1);
@@ -61,10 +87,10 @@ Intrinsics guessed_lens(const std::vector<BoardView>& views, int width, int heig
   return {focal, focal, width / 2.0, height / 2.0, {}};
 }
 
-void place_boards(ArrayModel& model, const std::vector<BoardView>& views) {
-  const CameraModel lens = lenses_of(model).front();
-  for (std::size_t v = 0; v < views.size(); ++v) {
-    model.bodies[v].pose = camera_from_board_of(views[v], lens);
+void place_boards(ArrayModel& model, const Views& views) {
+  const std::vector<CameraModel> lenses = lenses_of(model);
+  for (std::size_t v = 0; v < views.views.size(); ++v) {
+    model.bodies[v].pose = camera_from_board_of(*views.views[v], lenses[views.camera[v]]);
   }
   place_points_of_bodies(model);
 }
@@ -102,6 +128,52 @@ void judge(LensCalibration& found) {
   }
 }
 
+/// Refines lenses and boards step by step, and leaves out what does not fit.
+void refine(ArrayModel& model, const Views& views, const LensSettings& settings,
+            BundleSettings& bundle) {
+  bundle.held_cameras.assign(model.cameras.size(), true);
+  place_boards(model, views);
+  for (const LensFreedom lens :
+       {LensFreedom::kFocalLength, LensFreedom::kRadial,
+        settings.whole_lens_model ? LensFreedom::kWholeModel : LensFreedom::kRadial}) {
+    bundle.lens = lens;
+    adjust(model, bundle);
+    place_boards(model, views);  // a view that went astray with the first guess comes back
+    mark_outliers(model, std::max(settings.most_px, 3 * rms_of(model)));
+    adjust(model, bundle);
+  }
+  mark_outliers(model, settings.most_px);
+  adjust(model, bundle);
+}
+
+/// What was found of each camera, but for the verdict.
+std::vector<LensCalibration> described(const ArrayModel& model, const Views& views,
+                                       const BundleSettings& bundle) {
+  std::vector<LensCalibration> all(model.cameras.size());
+  const std::vector<CameraFit> fits = fits_of(model);
+  const auto uncertainty = uncertainty_of(model, bundle, {});
+  for (std::size_t c = 0; c < all.size(); ++c) {
+    all[c].lens = model.cameras[c].intrinsics;
+    all[c].rms_px = fits[c].rms_px;
+    all[c].covered = fits[c].covered;
+    if (uncertainty && uncertainty->cameras[c]) all[c].deviations = uncertainty->cameras[c]->lens;
+  }
+  for (const ArrayModel::Observation& o : model.observations) {
+    LensCalibration& found = all[static_cast<std::size_t>(o.camera)];
+    ++found.corners;
+    found.outliers += o.is_outlier ? 1 : 0;
+  }
+  for (std::size_t v = 0; v < model.bodies.size(); ++v) {
+    LensCalibration& found = all[views.camera[v]];
+    ++found.views;
+    if (!model.bodies[v].pose) continue;
+    const double cosine = std::abs(model.bodies[v].pose->world_from_camera_rotation(2, 2));
+    found.largest_tilt_deg =
+        std::max(found.largest_tilt_deg, std::acos(std::min(cosine, 1.0)) * 180 / std::numbers::pi);
+  }
+  return all;
+}
+
 }  // namespace
 
 std::optional<Pose> camera_from_board_of(const BoardView& view, const CameraModel& lens) {
@@ -121,52 +193,52 @@ std::optional<Pose> camera_from_board_of(const BoardView& view, const CameraMode
   return inverse(pose_from_opencv(turn, translation));
 }
 
-LensCalibration calibrate_lens(const std::vector<BoardView>& all, int width, int height,
-                               const std::string& id, const LensSettings& settings) {
-  std::vector<BoardView> views;
-  std::ranges::copy_if(all, std::back_inserter(views),
-                       [](const BoardView& view) { return view.pixels.size() >= kLeastCorners; });
-  if (views.size() < kLeastViews) {
-    throw Error::bad_input(
-        fmt::format("camera \"{}\" saw the board in {} frames; a lens needs {} at least", id,
-                    views.size(), kLeastViews),
-        "", "Check --board and --square-mm, and show the board closer and in more ways");
-  }
-  ArrayModel model = model_of_views(views, width, height, guessed_lens(views, width, height));
-  place_boards(model, views);
+LensCalibration calibrate_lens(const LensViews& camera, const LensSettings& settings) {
+  const std::span<const LensViews> cameras(&camera, 1);
+  const Views views(cameras);
+  const Intrinsics guess = guessed_lens(views, camera.width, camera.height);
+  ArrayModel model = model_of(views, cameras, {&guess, 1});
   BundleSettings bundle;
-  bundle.held_cameras = {true};
-  for (const LensFreedom lens :
-       {LensFreedom::kFocalLength, LensFreedom::kRadial,
-        settings.whole_lens_model ? LensFreedom::kWholeModel : LensFreedom::kRadial}) {
-    bundle.lens = lens;
-    adjust(model, bundle);
-    place_boards(model, views);  // a view that went astray with the first guess comes back
-    mark_outliers(model, std::max(settings.most_px, 3 * rms_of(model)));
-    adjust(model, bundle);
-  }
-  mark_outliers(model, settings.most_px);
-  adjust(model, bundle);
-
-  LensCalibration found;
-  found.lens = model.cameras.front().intrinsics;
-  found.rms_px = rms_of(model);
-  found.views = static_cast<int>(views.size());
-  found.corners = static_cast<int>(model.observations.size());
-  found.outliers = static_cast<int>(
-      std::ranges::count_if(model.observations, [](const auto& o) { return o.is_outlier; }));
-  found.covered = fits_of(model).front().covered;
-  for (const ArrayModel::Body& board : model.bodies) {
-    if (!board.pose) continue;
-    const double cosine = std::abs(board.pose->world_from_camera_rotation(2, 2));
-    found.largest_tilt_deg =
-        std::max(found.largest_tilt_deg, std::acos(std::min(cosine, 1.0)) * 180 / std::numbers::pi);
-  }
-  const auto uncertainty = uncertainty_of(model, bundle, {});
-  if (uncertainty && uncertainty->cameras.front()) {
-    found.deviations = uncertainty->cameras.front()->lens;
-  }
+  refine(model, views, settings, bundle);
+  LensCalibration found = described(model, views, bundle).front();
   judge(found);
+  return found;
+}
+
+std::vector<LensCalibration> calibrate_lenses_of_one_kind(std::span<const LensViews> cameras,
+                                                          const LensSettings& settings) {
+  const Views views(cameras);
+  std::vector<Intrinsics> lenses;
+  double focal_length = 0, weights = 0;
+  for (const LensViews& camera : cameras) {
+    const LensCalibration alone = calibrate_lens(camera, settings);
+    lenses.push_back(alone.lens);
+    const double weight = 1 / std::max(1e-12, alone.deviations[0] * alone.deviations[0]);
+    focal_length += weight * alone.lens.fx;
+    weights += weight;
+  }
+  for (Intrinsics& lens : lenses) lens.fx = lens.fy = focal_length / weights;
+  ArrayModel model = model_of(views, cameras, lenses);
+  BundleSettings bundle;
+  bundle.shared_lens = false;
+  bundle.one_kind = true;
+  refine(model, views, settings, bundle);
+  std::vector<LensCalibration> found = described(model, views, bundle);
+  // What each camera's own views leave open is left open by all of them together no more than this.
+  for (std::size_t k = 0; k < kLensValues; ++k) {
+    if (k == 2 || k == 3) continue;  // principal points
+    double information = 0;
+    for (const LensCalibration& one : found) {
+      if (one.deviations[k] > 0) information += 1 / (one.deviations[k] * one.deviations[k]);
+    }
+    for (LensCalibration& one : found) {
+      if (one.deviations[k] == 0) continue;
+      const double differs = k < 2 ? kDifferenceOfKind * one.lens.fx : 0;
+      one.deviations[k] =
+          std::min(one.deviations[k], std::hypot(1 / std::sqrt(information), differs));
+    }
+  }
+  for (LensCalibration& one : found) judge(one);
   return found;
 }
 

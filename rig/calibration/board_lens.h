@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -40,11 +41,22 @@ struct LensCalibration {
   std::vector<std::string> next_steps;  ///< what to record
 };
 
+/// What one camera saw of a board.
+struct LensViews {
+  std::string id;
+  int width = 0, height = 0;  ///< pixels
+  std::vector<BoardView> views;
+};
+
 /// Zhang's method (2000): a first guess of the focal length from the boards' vanishing points, then
 /// all views and the lens refined at once, by least squares over the corners. Vouched for where the
 /// focal length is known to 1 % (two standard deviations). Throws Error (bad input) with fewer than
-/// three views of six corners. `id` names the camera in errors.
-LensCalibration calibrate_lens(const std::vector<BoardView>& views, int width, int height,
-                               const std::string& id, const LensSettings& settings);
+/// three views of six corners.
+LensCalibration calibrate_lens(const LensViews& camera, const LensSettings& settings);
+
+/// Of cameras whose lenses are of one kind: all at once, so that what one shows of the lens counts
+/// for the others, too; each has a principal point of its own. Errors as calibrate_lens().
+std::vector<LensCalibration> calibrate_lenses_of_one_kind(std::span<const LensViews> cameras,
+                                                          const LensSettings& settings);
 
 }  // namespace raystage

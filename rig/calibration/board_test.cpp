@@ -72,7 +72,7 @@ Detections seen_by(const std::vector<Pose>& cameras, int instants, double tilt, 
 
 TEST(BoardLenses, AreFoundByZhangsMethod) {
   const auto views = views_of(seen_by({Pose{}}, 25, 40, 0.2), 0, board_corners());
-  const LensCalibration found = calibrate_lens(views, 640, 480, "c0", {});
+  const LensCalibration found = calibrate_lens({"c0", 640, 480, views}, {});
   EXPECT_THAT(found.reasons, testing::IsEmpty());
   EXPECT_NEAR(found.lens.fx, kLens.fx, 4 * found.deviations[0]);
   EXPECT_NEAR(found.lens.fx, kLens.fx, 0.005 * kLens.fx);
@@ -85,10 +85,37 @@ TEST(BoardLenses, AreFoundByZhangsMethod) {
 
 TEST(BoardLenses, OfBoardsHeldFlatAreNotVouchedFor) {
   const auto views = views_of(seen_by({Pose{}}, 25, 0.5, 0.2), 0, board_corners());
-  const LensCalibration found = calibrate_lens(views, 640, 480, "c0", {});
+  const LensCalibration found = calibrate_lens({"c0", 640, 480, views}, {});
   EXPECT_THAT(found.reasons, testing::Not(testing::IsEmpty()));
   EXPECT_THAT(found.next_steps, testing::Contains(testing::HasSubstr("tilted")));
-  EXPECT_THROW(calibrate_lens({views[0], views[1]}, 640, 480, "c0", {}), Error);
+  EXPECT_THROW(calibrate_lens({"c0", 640, 480, {views[0], views[1]}}, {}), Error);
+}
+
+TEST(BoardLenses, OfOneKindHelpEachOther) {
+  // The second camera sees the board held nearly flat: alone it knows little of its lens.
+  const LensViews tilted{"c0", 640, 480,
+                         views_of(seen_by({Pose{}}, 25, 40, 0.2), 0, board_corners())};
+  LensViews flat{"c1", 640, 480, views_of(seen_by({Pose{}}, 25, 3, 0.2), 0, board_corners())};
+  constexpr double kAside = 17;  // its sensor is glued on elsewhere
+  for (BoardView& view : flat.views) {
+    for (Vector2d& pixel : view.pixels) pixel.x() += kAside;
+  }
+  const LensCalibration alone = calibrate_lens(flat, {});
+  EXPECT_THAT(alone.reasons, testing::Not(testing::IsEmpty()));
+  const auto found = calibrate_lenses_of_one_kind(std::vector{tilted, flat}, {});
+  ASSERT_EQ(found.size(), 2U);
+  for (const LensCalibration& lens : found) {
+    EXPECT_THAT(lens.reasons, testing::IsEmpty());
+    EXPECT_NEAR(lens.lens.fx, kLens.fx, 0.005 * kLens.fx);
+    EXPECT_NEAR(lens.lens.distortion.k1, kLens.distortion.k1, 0.01);
+    EXPECT_LT(lens.deviations[0], 0.005 * kLens.fx);
+  }
+  EXPECT_GT(found[1].deviations[0], 0.002 * kLens.fx) << "the other's, and what lenses differ by";
+  EXPECT_NEAR(found[0].lens.cx, kLens.cx, 2.5);
+  EXPECT_NEAR(found[1].lens.cx, kLens.cx + kAside, 4 * found[1].deviations[2]);
+  EXPECT_GT(std::abs(found[1].lens.cx - found[0].lens.cx), 5);
+  EXPECT_EQ(found[1].views, 25);
+  EXPECT_THROW(calibrate_lenses_of_one_kind(std::vector{tilted, {"c2", 640, 480, {}}}, {}), Error);
 }
 
 TEST(BoardArrays, HaveMetresAndLenses) {

@@ -75,6 +75,23 @@ struct OrdinaryLens {
   }
 };
 
+/// Lenses of one kind differ little but for where their middles are.
+struct OneKind {
+  double focal_length;
+
+  template <class T>
+  bool operator()(const T* lens, const T* kind, T* residual) const {
+    constexpr std::array<double, 5> kDistortion{0.005, 0.01, 0.001, 0.001, 0.02};
+    for (std::size_t i = 0; i < 2; ++i) {
+      residual[i] = (lens[i] - kind[i]) / (kDifferenceOfKind * focal_length);
+    }
+    for (std::size_t i = 0; i < kDistortion.size(); ++i) {
+      residual[2 + i] = (lens[4 + i] - kind[4 + i]) / kDistortion[i];
+    }
+    return true;
+  }
+};
+
 /// The model as Ceres moves it.
 struct Values {
   std::vector<Eigen::Quaterniond> rotations;  // camera_from_world
@@ -287,6 +304,17 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
           nullptr, lens);
       if (values.lenses.size() == 1) break;
     }
+  }
+  LensValues kind = values.lenses.front();  // to begin with
+  const bool is_one_kind = settings.one_kind && !settings.shared_lens;
+  for (std::size_t i = 0; is_one_kind && i < model.cameras.size(); ++i) {
+    double* lens = values.lens(i).data();
+    if (settings.lens == LensFreedom::kNone || !problem.HasParameterBlock(lens)) continue;
+    problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<OneKind, 7, kLensValues, kLensValues>(new OneKind{kind[0]}),
+        nullptr, lens, kind.data());
+    ordering->AddElementToGroup(kind.data(), 1);
+    if (some_of_lens) problem.SetManifold(kind.data(), some_of_lens.get());
   }
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::DENSE_SCHUR;

@@ -16,9 +16,14 @@ enum class LensFreedom {
   kWholeModel    ///< k3, tangential distortion, a focal length each for x and y
 };
 
+/// Of focal lengths of one kind of lens, one standard deviation, by themselves.
+inline constexpr double kDifferenceOfKind = 0.003;
+
 struct BundleSettings {
   LensFreedom lens = LensFreedom::kNone;
-  bool shared_lens = true;              ///< one lens for all cameras
+  bool shared_lens = true;  ///< one lens for all cameras
+  /// Lenses of one kind: with a lens each, all but principal points differ by a few thousandths.
+  bool one_kind = false;
   std::vector<bool> held_cameras = {};  ///< whose poses rest; empty: none's
   /// Pixels at which Cauchy's loss begins to believe an observation less; 0: least squares.
   double loss_px = 1;

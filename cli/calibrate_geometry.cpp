@@ -81,8 +81,15 @@ ScaleSettings scale_of(const GeometryOptions& options) {
   return scale;
 }
 
-CalibrationSettings settings_of(const GeometryOptions& options, const Detections& detections) {
+CalibrationSettings settings_of(const GeometryOptions& options, const Detections& detections,
+                                const std::stop_token& stop) {
   CalibrationSettings settings;
+  settings.solve.stop = stop;
+  if (!options.quiet) {
+    settings.solve.on_step = [lines = std::make_shared<Progress>()](const SolveStep& step) {
+      lines->say(fmt::format("Solved for {}: {:.3f} px RMS", step.what, step.rms_px));
+    };
+  }
   settings.scale = scale_of(options);
   settings.limits.most_rms_px = options.most_rms_px;
   settings.solve.lens_per_camera = options.lens_per_camera;
@@ -148,7 +155,7 @@ Found found_in_take(const GeometryOptions& options, const std::stop_token& stop)
   const LightRecording light = light_in(options, stop);
   LightCalibrationSettings settings;
   settings.points.most_points = options.most_points.value_or(settings.points.most_points);
-  settings.calibration = settings_of(options, {light.cameras, {}});
+  settings.calibration = settings_of(options, {light.cameras, {}}, stop);
   return found_from(light, settings, options);
 }
 
@@ -167,7 +174,7 @@ Found found_by_board(const GeometryOptions& options, const std::stop_token& stop
   settings.points.prefers_rest = true;
   settings.points.least_step_px = 0;
   settings.points.most_bend_px = 20;  // frames lie near to the instants
-  settings.calibration = settings_of(options, {board.cameras, {}});
+  settings.calibration = settings_of(options, {board.cameras, {}}, stop);
   settings.calibration.board = finder.board().all_corners();
   return found_from(board, settings, options);
 }
@@ -182,13 +189,13 @@ Found found_by_features(const GeometryOptions& options, const std::stop_token& s
       take, at, tolerance_of_stamps(take.document().nominal_fps), features,
       [&](double done) { progress.report(done); }, stop);
   if (!options.detections.empty()) write_tracked(detections, options.detections);
-  const CalibrationSettings settings = settings_of(options, detections);
+  const CalibrationSettings settings = settings_of(options, detections, stop);
   return {settings, calibrate(detections, settings)};
 }
 
-Found found_in_table(const GeometryOptions& options) {
+Found found_in_table(const GeometryOptions& options, const std::stop_token& stop) {
   const Detections detections = table_of(options);
-  const CalibrationSettings settings = settings_of(options, detections);
+  const CalibrationSettings settings = settings_of(options, detections, stop);
   return {settings, calibrate(detections, settings)};
 }
 
@@ -207,7 +214,7 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
   const auto [settings, calibration] = options.features ? found_by_features(options, stop)
                                        : has_board      ? found_by_board(options, stop)
                                        : is_take        ? found_in_take(options, stop)
-                                                        : found_in_table(options);
+                                                        : found_in_table(options, stop);
   fmt::print("{}", options.json ? report_json(calibration) : report_text(calibration));
   if (!options.report.empty()) {
     write_file_atomically(options.report, report_html(calibration, options.output.string()));

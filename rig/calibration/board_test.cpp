@@ -139,6 +139,21 @@ TEST(BoardArrays, HaveMetresAndLenses) {
       (found.model.cameras[1].pose->position - found.model.cameras[0].pose->position).norm();
   EXPECT_NEAR(spacing, 0.12, 5e-4);
   EXPECT_NEAR(found.model.cameras[2].intrinsics.fx, kLens.fx, 0.005 * kLens.fx);
+
+  // From a rig on: its world, but the board's metres.
+  settings.start = rig_of(found, {}, "elsewhere, and too large");
+  Vector3d middle = Vector3d::Zero();
+  for (RigDocument::Camera& camera : settings.start->cameras) {
+    Pose pose = pose_from_matrix(camera.geometry.world_from_camera);
+    pose.position = 1.03 * pose.position + Vector3d(5, 0, -2);
+    middle += pose.position / 4;
+    camera.geometry.world_from_camera = matrix_from_pose(pose);
+  }
+  const Calibration refined = calibrate(seen_by(cameras, 30, 35, 0.2), settings);
+  EXPECT_EQ(refined.scale_from, "board");
+  const auto place = [&](std::size_t c) { return refined.model.cameras[c].pose->position; };
+  EXPECT_NEAR((place(1) - place(0)).norm(), 0.12, 5e-4);
+  EXPECT_LE(((place(0) + place(1) + place(2) + place(3)) / 4 - middle).norm(), 1e-6);
 }
 
 TEST(BoardArrays, WithoutASharedBoardAreRefused) {

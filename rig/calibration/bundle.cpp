@@ -2,6 +2,7 @@
 #include "rig/calibration/bundle.h"
 
 #include <ceres/autodiff_cost_function.h>
+#include <ceres/iteration_callback.h>
 #include <ceres/loss_function.h>
 #include <ceres/manifold.h>
 #include <ceres/ordered_groups.h>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "rig/calibration/lens_projection.h"
+#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -203,6 +205,18 @@ std::vector<PlaceInBody> places_in_bodies(const ArrayModel& model) {
   return places;
 }
 
+/// Ends a solve between two of its steps.
+class StopsWhenAsked : public ceres::IterationCallback {
+ public:
+  explicit StopsWhenAsked(const std::stop_token& stop) : stop_(stop) {}
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*step*/) override {
+    return stop_.stop_requested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+
+ private:
+  const std::stop_token& stop_;
+};
+
 /// Ceres tells which trial steps it repeats; what counts is in the report.
 void keep_ceres_quiet() { FLAGS_minloglevel = google::FATAL; }
 
@@ -323,8 +337,13 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
   options.num_threads = 1;  // trials run at once instead (solve.cpp)
   options.function_tolerance = 1e-10;
   options.logging_type = ceres::SILENT;
+  StopsWhenAsked stops(settings.stop);
+  options.callbacks.push_back(&stops);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);
+  if (settings.stop.stop_requested()) {
+    throw Error::failed("the calibration was stopped", "", "Start it again");
+  }
   report.converged = summary.termination_type == ceres::CONVERGENCE;
   report.iterations = static_cast<int>(summary.iterations.size());
   if (summary.IsSolutionUsable()) values.store(model, one_focal_length);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <stop_token>
 #include <vector>
 
 #include "rig/calibration/array_model.h"
@@ -28,6 +29,7 @@ struct BundleSettings {
   /// Pixels at which Cauchy's loss begins to believe an observation less; 0: least squares.
   double loss_px = 1;
   int most_iterations = 50;
+  std::stop_token stop = {};  ///< asks to end it
 };
 
 struct BundleReport {
@@ -42,7 +44,8 @@ struct BundleReport {
 /// found stays so; observations of points behind their cameras become
 /// outliers. Where fewer than two cameras are held, the world may drift, turn and grow as a whole.
 /// What the observations leave open of a lens stays near an ordinary one: its middle in the
-/// picture's (deviation a tenth of the width), its distortion small.
+/// picture's (deviation a tenth of the width), its distortion small. Throws Error (failed) when a
+/// stop is asked for.
 BundleReport adjust(ArrayModel& model, const BundleSettings& settings);
 
 /// Marks as outliers observations farther from where they should be than `most_px`, and lets those

@@ -95,7 +95,9 @@ void settle_world(Calibration& calibration, const CalibrationSettings& settings,
   }
   const bool is_start = settings.start && is_calibrated(*settings.start);
   if (!settings.board.empty()) {  // metres already
-    align_to_array(calibration.model);
+    if (!is_start || !align_to_poses(calibration.model, known, false)) {
+      align_to_array(calibration.model);
+    }
     calibration.scale_from = "board";
     calibration.scale_is_known = true;
     return;

@@ -154,6 +154,7 @@ void refine(ArrayModel& model, const FirstPosesSettings& settings) {
   bundle.most_iterations = 30;
   bundle.loss_px = settings.most_px / 4;
   bundle.held_cameras = settings.held_cameras;
+  bundle.stop = settings.stop;
   adjust(model, bundle);
   sort_outliers(model, settings.most_px);
   triangulate(model, settings.most_px);

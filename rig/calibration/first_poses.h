@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <stop_token>
 #include <vector>
 
 #include "rig/calibration/array_model.h"
@@ -13,6 +14,7 @@ struct FirstPosesSettings {
   /// of what was guessed.
   bool lenses_differ = false;
   std::vector<bool> held_cameras = {};  ///< whose poses rest; empty: none's
+  std::stop_token stop = {};            ///< asks to end it
 };
 
 /// Structure from motion: from two cameras that share many points in directions that differ

@@ -31,8 +31,10 @@ ArrayModel begun_once(const ArrayModel& empty, double most_px, const SolveSettin
   ArrayModel model = empty;
   BundleSettings bundle;
   bundle.held_cameras = settings.held_cameras;
+  bundle.stop = settings.stop;
   bundle.loss_px = 2;
   FirstPosesSettings first{most_px, false, settings.held_cameras};
+  first.stop = settings.stop;
   first.lenses_differ = settings.lens_per_camera && settings.lenses.empty();
   const auto is_known = [](const std::optional<Pose>& pose) { return pose.has_value(); };
   if (std::ranges::count_if(settings.poses, is_known) >= 2) {

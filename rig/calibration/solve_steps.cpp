@@ -58,11 +58,13 @@ SolveReport::Step step_of(const ArrayModel& model, std::string what) {
 void run_steps(ArrayModel& model, const SolveSettings& settings, SolveReport& report) {
   BundleSettings bundle;
   bundle.held_cameras = settings.held_cameras;
+  bundle.stop = settings.stop;
   const auto release = [&](LensFreedom lens, bool shared, double least_px, const char* what) {
     bundle.lens = lens;
     bundle.shared_lens = shared;
     settle(model, bundle, least_px);
     report.steps.push_back(step_of(model, what));
+    if (settings.on_step) settings.on_step(report.steps.back());
   };
   const bool frees = !settings.lens_is_known, each = settings.lens_per_camera;
   release(LensFreedom::kNone, false, frees ? 8 : kLeastThreshold, "poses and points");

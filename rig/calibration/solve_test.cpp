@@ -43,6 +43,21 @@ TEST(SolvedArrays, WhatSeesNothingHasNoPose) {
   EXPECT_THROW(solve_array(truth.detections, {}, report), Error);
 }
 
+TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
+  const SimulatedArray truth = simulated_array({.rows = 2, .columns = 3});
+  SolveReport report;
+  std::stop_source source;
+  SolveSettings settings{.horizontal_fov = 60 * kTestDegree};
+  settings.stop = source.get_token();
+  std::vector<std::string> steps;
+  settings.on_step = [&](const SolveStep& step) {
+    steps.push_back(step.what);
+    source.request_stop();
+  };
+  EXPECT_THROW(solve_array(truth.detections, settings, report), Error);
+  EXPECT_EQ(steps, std::vector<std::string>{"poses and points"});
+}
+
 /// A captured light, with a lens for each camera.
 ArrayModel solved_light(const std::filesystem::path& folder, SolveReport& report) {
   const Detections detections =

@@ -276,7 +276,7 @@ bool scale_world(ArrayModel& model, const ScaleSettings& settings) {
   return true;
 }
 
-bool align_to_poses(ArrayModel& model, std::span<const std::optional<Pose>> known) {
+bool align_to_poses(ArrayModel& model, std::span<const std::optional<Pose>> known, bool scales) {
   std::vector<Pose> from, to;
   for (std::size_t i = 0; i < model.cameras.size() && i < known.size(); ++i) {
     if (!model.cameras[i].pose || !known[i]) continue;
@@ -284,7 +284,17 @@ bool align_to_poses(ArrayModel& model, std::span<const std::optional<Pose>> know
     to.push_back(*known[i]);
   }
   if (from.size() < 2) return false;
-  apply(similarity_between(from, to), model);
+  Similarity similarity = similarity_between(from, to);
+  if (!scales) {
+    similarity.scale = 1;
+    similarity.shift.setZero();
+    Eigen::Vector3d shift = Eigen::Vector3d::Zero();
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      shift += to[i].position - similarity(from[i].position);
+    }
+    similarity.shift = shift / static_cast<double>(from.size());
+  }
+  apply(similarity, model);
   return true;
 }
 

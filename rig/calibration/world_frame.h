@@ -45,8 +45,9 @@ struct ScaleSettings {
 /// or two at the same place. Returns whether anything told the scale.
 bool scale_world(ArrayModel& model, const ScaleSettings& settings);
 
-/// Brings the world over known poses (one for each camera, none where unknown), scale and all;
-/// where two cameras at least are known. Returns whether there were.
-bool align_to_poses(ArrayModel& model, std::span<const std::optional<Pose>> known);
+/// Brings the world over known poses (one for each camera, none where unknown), where two cameras
+/// at least are known. Returns whether there were. `scales`: its scale, too.
+bool align_to_poses(ArrayModel& model, std::span<const std::optional<Pose>> known,
+                    bool scales = true);
 
 }  // namespace raystage

@@ -2,35 +2,11 @@
 #include "calibrate/light_spot.h"
 
 #include <algorithm>
-#include <array>
-
-#include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {
 
 constexpr std::uint8_t kFull = 250;  // codes: JPEG leaves clipped areas a little below 255
-
-/// Linear luminance of a pixel's codes (Rec.709 weights).
-class Luminance {
- public:
-  Luminance() {
-    for (std::size_t i = 0; i < linear_.size(); ++i) {
-      linear_[i] = static_cast<float>(linear_from_srgb(static_cast<double>(i) / 255));
-    }
-  }
-  float operator()(const std::uint8_t* rgb) const {
-    return 0.2126F * linear_[rgb[0]] + 0.7152F * linear_[rgb[1]] + 0.0722F * linear_[rgb[2]];
-  }
-
- private:
-  std::array<float, 256> linear_{};
-};
-
-const Luminance& luminance() {
-  static const Luminance table;
-  return table;
-}
 
 /// A group of touching pixels.
 struct Group {
@@ -105,15 +81,18 @@ std::string_view name_of(LightResult result) {
   return kNames[static_cast<std::size_t>(result)];
 }
 
-LightBackground::LightBackground(std::span<const RgbImage> pictures)
-    : width_(pictures.front().width), height_(pictures.front().height) {
+LightBackground::LightBackground(std::span<const RgbImage> pictures,
+                                 const std::array<float, 256>& light_of_code)
+    : width_(pictures.front().width),
+      height_(pictures.front().height),
+      light_of_code_(light_of_code) {
   const std::size_t count = pictures.front().pixels.size() / 3;
   std::vector<float> of_pixel(pictures.size());
   light_.resize(count);
   const auto middle = of_pixel.begin() + static_cast<std::ptrdiff_t>(of_pixel.size() / 2);
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t k = 0; k < pictures.size(); ++k) {
-      of_pixel[k] = luminance()(&pictures[k].pixels[3 * i]);
+      of_pixel[k] = luminance(&pictures[k].pixels[3 * i]);
     }
     std::nth_element(of_pixel.begin(), middle, of_pixel.end());
     light_[i] = *middle;
@@ -126,7 +105,7 @@ LightSpot find_light(const RgbImage& picture, const LightBackground& background,
   std::vector<float> light(behind.size());
   float brightest = 0;
   for (std::size_t i = 0; i < light.size(); ++i) {
-    light[i] = luminance()(&picture.pixels[3 * i]) - behind[i];
+    light[i] = background.luminance(&picture.pixels[3 * i]) - behind[i];
     brightest = std::max(brightest, light[i]);
   }
   LightSpot spot;

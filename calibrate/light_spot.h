@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -44,15 +45,21 @@ struct LightSpot {
 /// several pictures, in which the light is at different places.
 class LightBackground {
  public:
-  /// Pictures of the same size, at least one.
-  explicit LightBackground(std::span<const RgbImage> pictures);
+  /// Pictures of the same size, at least one. `light_of_code`: linear, full scale 1, rising.
+  LightBackground(std::span<const RgbImage> pictures, const std::array<float, 256>& light_of_code);
 
   int width() const { return width_; }
   int height() const { return height_; }
   std::span<const float> light() const { return light_; }
+  /// Luminance of a pixel's codes R, G, B (Rec.709's weights), linear, full scale 1.
+  float luminance(const std::uint8_t* rgb) const {
+    return 0.2126F * light_of_code_[rgb[0]] + 0.7152F * light_of_code_[rgb[1]] +
+           0.0722F * light_of_code_[rgb[2]];
+  }
 
  private:
   int width_ = 0, height_ = 0;
+  std::array<float, 256> light_of_code_;
   std::vector<float> light_;
 };
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -41,9 +42,18 @@ RgbImage dark_room(const std::vector<Disc>& discs, double room = 0.002) {
   return image;
 }
 
+std::array<float, 256> light_of_code(bool is_srgb = true) {
+  std::array<float, 256> light{};
+  for (std::size_t i = 0; i < light.size(); ++i) {
+    const double code = static_cast<double>(i) / 255;
+    light[i] = static_cast<float>(is_srgb ? linear_from_srgb(code) : code);
+  }
+  return light;
+}
+
 LightSpot found_in(const std::vector<Disc>& discs, double room = 0.002) {
   const std::vector<RgbImage> empty{dark_room({}, room)};
-  return find_light(dark_room(discs, room), LightBackground(empty), {});
+  return find_light(dark_room(discs, room), LightBackground(empty, light_of_code()), {});
 }
 
 TEST(LightSpots, AreFoundToATwentiethOfAPixel) {
@@ -55,6 +65,24 @@ TEST(LightSpots, AreFoundToATwentiethOfAPixel) {
     ASSERT_EQ(spot.result, LightResult::kFound);
     EXPECT_LE((spot.centre - disc.centre).norm(), 0.05) << disc.radius;
   }
+}
+
+TEST(LightSpots, AreAsBrightAsTheTakesCodesSay) {
+  // A code of 99 is an eighth of full scale as sRGB, and two fifths as linear light.
+  std::vector<RgbImage> empty{dark_room({})};
+  RgbImage picture = empty.front();
+  for (const int y : {60, 61, 62}) {
+    for (const int x : {80, 81, 82}) {
+      std::fill_n(picture.pixels.begin() + 3 * (160 * y + x), 3, std::uint8_t{99});
+    }
+  }
+  LightSettings settings;
+  settings.least_light = 0.25;
+  const auto result_by = [&](bool is_srgb) {
+    return find_light(picture, LightBackground(empty, light_of_code(is_srgb)), settings).result;
+  };
+  EXPECT_EQ(result_by(true), LightResult::kDark);
+  EXPECT_EQ(result_by(false), LightResult::kFound);
 }
 
 TEST(LightSpots, AreFoundBeforeABrightRoom) {
@@ -79,7 +107,7 @@ TEST(LightSpots, AreLeftOutWhereTheyCannotBeTrusted) {
 TEST(LightBackgrounds, KnowNothingOfAMovingLight) {
   std::vector<RgbImage> pictures;
   for (int i = 0; i < 9; ++i) pictures.push_back(dark_room({{{20.0 + 12 * i, 50}, 3, 0.8}}));
-  const LightBackground background(pictures);
+  const LightBackground background(pictures, light_of_code());
   EXPECT_LE(*std::ranges::max_element(background.light()), 0.02F);
 }
 

@@ -4,11 +4,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 
 #include "rig/calibration/verdict.h"
 #include "schemas/error.h"
 #include "schemas/parallel.h"
+#include "store/code_light.h"
 #include "store/jpeg/decode.h"
 #include "store/sync/resync.h"
 #include "store/timeline.h"
@@ -17,7 +19,8 @@ namespace raystage {
 namespace {
 
 /// A few pictures from all over the recording.
-LightBackground background_of(const ArchiveReader& archive, JpegDecoder& decoder) {
+LightBackground background_of(const Take& take, const ArchiveReader& archive,
+                              JpegDecoder& decoder) {
   constexpr std::size_t kPictures = 15;
   const std::size_t frames = archive.frames().size();
   const std::size_t count = std::min(frames, kPictures);
@@ -26,7 +29,12 @@ LightBackground background_of(const ArchiveReader& archive, JpegDecoder& decoder
     const auto frame = static_cast<int>((2 * k + 1) * frames / (2 * count));
     pictures.push_back(decoder.decode(archive.jpeg(frame), "frame"));
   }
-  return LightBackground(pictures);
+  std::array<float, 256> light_of_code{};
+  for (std::size_t code = 0; code < light_of_code.size(); ++code) {
+    light_of_code[code] =
+        static_cast<float>(linear_of_code(take.document(), static_cast<double>(code)));
+  }
+  return {pictures, light_of_code};
 }
 
 void mark_unsteady(LightTrack& track) {
@@ -52,7 +60,7 @@ LightTrack track_of(const Take& take, int camera, const std::vector<Nanoseconds>
   LightTrack track;
   if (archive.frames().empty()) return track;
   JpegDecoder decoder;
-  const LightBackground background = background_of(archive, decoder);
+  const LightBackground background = background_of(take, archive, decoder);
   for (std::size_t i = 0; i < times.size(); ++i) {
     if (stop.stop_requested()) {
       throw Error::failed("the search for the light was stopped", take.folder().string(),

@@ -50,6 +50,105 @@ TEST(Deviations, AreAsLargeAsErrors) {
   EXPECT_LE(focal_lengths.ratio(), 1.5);
 }
 
+/// The slow reference: all unknowns (poses but the first two, one lens, points) moved one by one.
+class Moved {
+ public:
+  explicit Moved(ArrayModel model) : model_(std::move(model)) {
+    for (std::size_t p = 0; p < model_.points.size(); ++p) {
+      if (model_.points[p]) points_.push_back(p);
+    }
+  }
+  /// By 6 per camera from the third on (turn in the camera, place), the lens' focal length, middle,
+  /// k1 and k2, 3 per point.
+  Eigen::Index size() const {
+    return first_point() + 3 * static_cast<Eigen::Index>(points_.size());
+  }
+  Eigen::Index pose(std::size_t camera) const {
+    return 6 * (static_cast<Eigen::Index>(camera) - 2);
+  }
+  Eigen::Index lens() const { return pose(model_.cameras.size()); }
+
+  Eigen::MatrixXd jacobian() const {
+    Eigen::MatrixXd result;
+    for (Eigen::Index k = 0; k < size(); ++k) {
+      const double step = k >= lens() && k < lens() + 3 ? 1e-3 : 1e-6;
+      const Eigen::VectorXd change = (residuals(k, step) - residuals(k, -step)) / (2 * step);
+      if (k == 0) result.resize(change.size(), size());
+      result.col(k) = change;
+    }
+    return result;
+  }
+
+ private:
+  Eigen::Index first_point() const { return lens() + 5; }
+
+  Eigen::VectorXd residuals(Eigen::Index unknown, double by) const {
+    ArrayModel model = model_;
+    if (unknown < lens()) {
+      Pose& pose = *model.cameras[static_cast<std::size_t>(unknown / 6) + 2].pose;
+      const Eigen::Index value = unknown % 6;
+      if (value < 3) {
+        pose.world_from_camera_rotation *=
+            Eigen::AngleAxisd(by, Eigen::Vector3d::Unit(value)).toRotationMatrix();
+      } else {
+        pose.position[value - 3] += by;
+      }
+    } else if (unknown < first_point()) {
+      for (ArrayModel::Camera& camera : model.cameras) {
+        Intrinsics& k = camera.intrinsics;
+        double* const values[] = {&k.fx, &k.cx, &k.cy, &k.distortion.k1, &k.distortion.k2};
+        *values[unknown - lens()] += by;
+        k.fy = k.fx;
+      }
+    } else {
+      const Eigen::Index at = unknown - first_point();
+      (*model.points[points_[static_cast<std::size_t>(at / 3)]])[at % 3] += by;
+    }
+    const std::vector<CameraModel> lenses = lenses_of(model);
+    std::vector<double> all;
+    for (const ArrayModel::Observation& o : model.observations) {
+      if (!model.counts(o)) continue;
+      const Eigen::Vector2d off = *residual_of(model, lenses, o);
+      all.insert(all.end(), {off.x(), off.y()});
+    }
+    return Eigen::Map<Eigen::VectorXd>(all.data(), static_cast<Eigen::Index>(all.size()));
+  }
+
+  ArrayModel model_;
+  std::vector<std::size_t> points_;
+};
+
+TEST(Deviations, AreThoseOfTheWholeCovariance) {
+  const SimulatedArray truth = simulated_array(
+      {.rows = 2, .columns = 2, .mounting_deg = 8, .points = 40, .outliers = 0, .missing = 0.1});
+  CalibrationSettings settings;
+  settings.solve.horizontal_fov = 60 * kTestDegree;
+  const Calibration found = calibrate(truth.detections, settings);
+  BundleSettings free = found.solve.last;
+  ASSERT_EQ(free.lens, LensFreedom::kRadial);
+  free.held_cameras = {true, true, false, false};
+  const auto said = uncertainty_of(found.model, free, {});
+  ASSERT_TRUE(said);
+  const Moved moved(found.model);
+  const Eigen::MatrixXd jacobian = moved.jacobian();
+  const double variance =
+      said->noise_px * said->noise_px * (1 + said->correlation) / (1 - said->correlation);
+  const Eigen::VectorXd deviations =
+      (variance * (jacobian.transpose() * jacobian).inverse()).diagonal().cwiseSqrt();
+  const auto expect = [](double said_is, double is) { EXPECT_NEAR(said_is, is, 0.01 * is); };
+  for (const std::size_t camera : {2U, 3U}) {
+    const Eigen::Index at = moved.pose(camera);
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      expect(said->cameras[camera]->turn_deg[k], deviations[at + k] / kTestDegree);
+      expect(said->cameras[camera]->place[k], deviations[at + 3 + k]);
+    }
+  }
+  constexpr std::size_t kFreed[] = {0, 2, 3, 4, 5};
+  for (Eigen::Index k = 0; k < 5; ++k) {
+    expect(said->cameras[0]->lens[kFreed[k]], deviations[moved.lens() + k]);
+  }
+}
+
 TEST(Lenses, ThatRestStayEachAsItIs) {
   const SimulatedArray truth = simulated_array({.rows = 2, .columns = 2});
   CalibrationSettings settings;

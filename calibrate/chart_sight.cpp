@@ -9,7 +9,6 @@
 #include "calibrate/corrected_picture.h"
 #include "schemas/error.h"
 #include "schemas/parallel.h"
-#include "store/frames/photometric_correction.h"
 
 namespace raystage {
 namespace {
@@ -46,11 +45,12 @@ std::optional<ChartFromPixel> found_in(const CorrectedPicture& picture) {
 
 struct Sums {
   std::array<Rgb, kChartPatches> light{};
-  std::array<double, kChartPatches> x{}, y{}, count{}, clipped{};
+  std::array<double, kChartPatches> x{}, y{}, count{}, unexposed{};
 };
 
 /// The middle of every patch, half as wide and high.
 Sums sums_over(const CorrectedPicture& picture, const ChartFromPixel& chart_from_pixel,
+               const std::array<std::uint16_t, 3>& black,
                const std::array<std::uint16_t, 3>& full) {
   Sums sums;
   for (int y = 0; y < picture.size.height; ++y) {
@@ -68,12 +68,12 @@ Sums sums_over(const CorrectedPicture& picture, const ChartFromPixel& chart_from
           &picture.rgba[4 * (static_cast<std::size_t>(y) *
                                  static_cast<std::size_t>(picture.size.width) +
                              static_cast<std::size_t>(x))];
-      bool is_clipped = false;
+      bool is_exposed = true;
       for (std::size_t c = 0; c < 3; ++c) {
         sums.light[patch][c] += rgb[c] / 65535.0;
-        is_clipped = is_clipped || rgb[c] >= full[c];
+        is_exposed = is_exposed && rgb[c] >= black[c] && rgb[c] < full[c];
       }
-      sums.clipped[patch] += is_clipped ? 1 : 0;
+      sums.unexposed[patch] += is_exposed ? 0 : 1;
       sums.x[patch] += x + 0.5;
       sums.y[patch] += y + 0.5;
       sums.count[patch] += 1;
@@ -107,24 +107,22 @@ bool looks_like_a_chart(const std::array<Rgb, kChartPatches>& light) {
 
 ChartSight chart_sight(const Take& take, int camera, const PhotometricResponse& of,
                        int most_frames) {
-  PhotometricResponse response;
-  response.curve = of.curve;
-  response.dark_pixels = of.dark_pixels;
+  const PhotometricResponse response = as_shown(of);
+  const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
+  const PictureSize size{model.width(), model.height()};
   const auto frames = static_cast<int>(take.archive(camera).frames().size());
   const CodeScale linear{BlendSpace::kLinear, 1};
-  constexpr std::uint8_t kFull = 250;
-  constexpr double kLeastPixels = 4, kMostClipped = 0.02;
+  const auto black = level_of_code(take, response, linear, 1);  // above those that are cut off
+  const auto full = level_of_code(take, response, linear, kBrightestCode);
+  constexpr double kLeastPixels = 4, kMostUnexposed = 0.02;
   ChartSight sight;
   const int looked_at = std::min(frames, most_frames);
   for (int k = 0; k < looked_at; ++k) {
     const int frame = (2 * k + 1) * frames / (2 * looked_at);
-    const auto found = found_in(corrected_picture(take, camera, frame, response, {}));
+    const auto found = found_in(corrected_picture(take, camera, frame, size, response, {}));
     if (!found) continue;
-    const CorrectedPicture picture = corrected_picture(take, camera, frame, response, linear);
-    const Sums sums =
-        sums_over(picture, *found,
-                  PhotometricCorrection::reference(response, picture.size, take.document(), linear,
-                                                   0, 0, {kFull, kFull, kFull}));
+    const CorrectedPicture picture = corrected_picture(take, camera, frame, size, response, linear);
+    const Sums sums = sums_over(picture, *found, black, full);
     if (std::ranges::min(sums.count) < kLeastPixels) continue;
     std::array<Rgb, kChartPatches> light = sums.light;
     for (std::size_t p = 0; p < light.size(); ++p) {
@@ -138,7 +136,7 @@ ChartSight chart_sight(const Take& take, int camera, const PhotometricResponse& 
       for (std::size_t c = 0; c < 3; ++c) patch.shown[c] += light[p][c];
       patch.x += sums.x[p] / sums.count[p];
       patch.y += sums.y[p] / sums.count[p];
-      patch.is_exposed = patch.is_exposed && sums.clipped[p] <= kMostClipped * sums.count[p];
+      patch.is_exposed = patch.is_exposed && sums.unexposed[p] <= kMostUnexposed * sums.count[p];
     }
   }
   for (ChartSight::Patch& patch : sight.patches) {

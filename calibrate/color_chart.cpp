@@ -85,14 +85,47 @@ void fit(const ChartSight& sight, const std::vector<bool>& used, const ChartLigh
   }
 }
 
+/// How far one camera's patches are from what they should be.
+ColorFit fit_of(const ChartSight& sight, const PhotometricResponse& response,
+                const std::vector<bool>& used, const ChartLight& expected) {
+  ColorFit fit;
+  if (sight.frames == 0) return fit;
+  fit.seen = kChartPatches;
+  for (std::size_t p = 0; p < expected.size(); ++p) {
+    if (!used[p]) continue;
+    const double off = color_difference(lab_from_linear(expected[p]),
+                                        lab_from_linear(light_of(sight, p, response)));
+    fit.mean_difference += off;
+    fit.most_difference = std::max(fit.most_difference, off);
+    ++fit.kept;
+  }
+  fit.mean_difference /= std::max(1, fit.kept);
+  return fit;
+}
+
+std::vector<ColorFit> fits_of(const std::vector<ChartSight>& sights,
+                              const std::vector<PhotometricResponse>& responses,
+                              const std::vector<std::vector<bool>>& used,
+                              const ChartLight& expected) {
+  std::vector<ColorFit> fits;
+  for (std::size_t i = 0; i < sights.size(); ++i) {
+    fits.push_back(fit_of(sights[i], responses[i], used[i], expected));
+  }
+  return fits;
+}
+
 ColorSpread spread_of(const std::vector<ChartSight>& sights,
                       const std::vector<PhotometricResponse>& responses,
                       const std::vector<std::vector<bool>>& used, const ChartLight& expected) {
   ColorSpread spread;
   std::vector<Rgb> ratios;
+  const std::vector<ColorFit> fits = fits_of(sights, responses, used, expected);
   int count = 0;
   for (std::size_t i = 0; i < sights.size(); ++i) {
-    if (sights[i].frames == 0) continue;
+    spread.mean_difference += fits[i].kept * fits[i].mean_difference;
+    spread.most_difference = std::max(spread.most_difference, fits[i].most_difference);
+    count += fits[i].kept;
+    if (fits[i].kept == 0) continue;
     Rgb shown{}, known{};
     for (std::size_t p = 0; p < expected.size(); ++p) {
       if (!used[i][p]) continue;
@@ -101,10 +134,6 @@ ColorSpread spread_of(const std::vector<ChartSight>& sights,
         shown[c] += light[c];
         known[c] += expected[p][c];
       }
-      const double off = color_difference(lab_from_linear(expected[p]), lab_from_linear(light));
-      spread.mean_difference += off;
-      spread.most_difference = std::max(spread.most_difference, off);
-      ++count;
     }
     ratios.push_back({shown[0] / known[0], shown[1] / known[1], shown[2] / known[2]});
   }
@@ -135,6 +164,7 @@ ColorMatch match_charts(const std::vector<ChartSight>& sights,
   }
   if (sights[reference].frames == 0) {
     match.responses = responses;
+    match.fits.resize(sights.size());
     return match;
   }
   ChartLight expected{};
@@ -146,25 +176,26 @@ ColorMatch match_charts(const std::vector<ChartSight>& sights,
     }
   }
   std::vector<std::vector<bool>> used(sights.size());
+  constexpr std::ptrdiff_t kLeastUsed = 18;  // patches
+  std::vector<bool> is_usable;
   std::vector<std::string> overexposed;
   for (std::size_t i = 0; i < sights.size(); ++i) {
     for (std::size_t p = 0; p < expected.size(); ++p) {
       used[i].push_back(counts(sights[i], p) &&
                         (settings.published || counts(sights[reference], p)));
     }
-    constexpr auto kLeastUsed = 18;  // patches
-    if (sights[i].frames > 0 && std::ranges::count(used[i], true) < kLeastUsed) {
-      overexposed.push_back(cameras[i]);
-    }
+    const bool is_exposed = std::ranges::count(used[i], true) >= kLeastUsed;
+    is_usable.push_back(sights[i].frames > 0 && is_exposed);
+    if (sights[i].frames > 0 && !is_exposed) overexposed.push_back(cameras[i]);
   }
   if (!overexposed.empty()) {
-    match.reasons.push_back("The chart is overexposed in " + few_of(overexposed) +
-                            ": expose less, so that white stays below full scale.");
+    match.reasons.push_back("The chart is overexposed or too dark in " + few_of(overexposed) +
+                            ": expose so that white stays below full scale, and black above 0.");
   }
   match.before = spread_of(sights, responses, used, expected);
   for (std::size_t i = 0; i < sights.size(); ++i) {
     PhotometricResponse& response = match.responses[i];
-    if (sights[i].frames == 0) {
+    if (!is_usable[i]) {
       response = responses[i];
       continue;
     }
@@ -174,12 +205,22 @@ ColorMatch match_charts(const std::vector<ChartSight>& sights,
     fit(sights[i], used[i], expected, finds_brightness, response);
   }
   match.after = spread_of(sights, match.responses, used, expected);
+  match.fits = fits_of(sights, match.responses, used, expected);
   constexpr double kMostOff = 4;  // CIEDE2000; sensors that see other colours than an eye reach 2
-  if (match.after.mean_difference > kMostOff) {
-    match.reasons.emplace_back(
-        "The chart's colours do not come out right even so: is it a ColorChecker Classic, evenly "
-        "lit, and are the cameras' curves known?");
+  std::vector<std::string> wrong;
+  for (std::size_t i = 0; i < sights.size(); ++i) {
+    if (is_usable[i] && !(match.fits[i].mean_difference <= kMostOff)) wrong.push_back(cameras[i]);
   }
+  if (!wrong.empty()) {
+    match.reasons.push_back(
+        "The chart's colours do not come out right even so in " + few_of(wrong) +
+        ": is it a ColorChecker Classic, evenly lit, and are the cameras' curves known?");
+  }
+  const auto worst = std::ranges::max_element(match.fits, {}, &ColorFit::mean_difference);
+  match.findings.push_back(
+      fmt::format("Worst      {}: CIEDE2000 {:.2f} in the mean over {} patches, {:.2f} at most",
+                  cameras[static_cast<std::size_t>(worst - match.fits.begin())],
+                  worst->mean_difference, worst->kept, worst->most_difference));
   return match;
 }
 

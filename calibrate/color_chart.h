@@ -18,7 +18,7 @@ struct ChartSight {
   struct Patch {
     Rgb shown{};             ///< linear light by the camera's curve and dark pixels, full scale 1
     double x = 0, y = 0;     ///< its middle, pixels from the picture's top-left corner
-    bool is_exposed = true;  ///< neither black nor at full scale
+    bool is_exposed = true;  ///< no channel cut off at black or at full scale
   };
   int frames = 0;  ///< in which the chart was found; 0: what follows says nothing
   PictureSize size;
@@ -44,7 +44,8 @@ struct ChartColorSettings {
 /// A matrix for each camera's colours (thesis 4.3: a colour target), by robust least squares over
 /// the patches, on top of `responses`, whose matrices are replaced. Of cameras whose response has
 /// neither contrast nor brightness, the brightness (black) too. A camera that did not find the
-/// chart stays as it is, which nobody can vouch for.
+/// chart stays as it is, which nobody can vouch for; nor for one whose patches do not come out
+/// right.
 ColorMatch match_charts(const std::vector<ChartSight>& sights,
                         const std::vector<PhotometricResponse>& responses,
                         const std::vector<std::string>& cameras,

@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace raystage {
@@ -111,7 +112,29 @@ TEST(ColorChart, DoesWithoutPatchesThatAreOverexposed) {
   expect_matrix(found.responses[1].matrix, other.matrix);
   for (ChartSight::Patch& patch : sights[1].patches) patch.is_exposed = false;
   EXPECT_THAT(match_charts(sights, {{}, unmixed(other)}, {"a", "b"}, {}).reasons,
-              ElementsAre(HasSubstr("overexposed in b")));
+              ElementsAre(HasSubstr("overexposed or too dark in b")));
+}
+
+TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
+  const PhotometricResponse right = mixing(0.1);
+  std::vector<ChartSight> sights(16, sight_of(right));
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < sights.size(); ++i) names.push_back("c" + std::to_string(i));
+  std::ranges::reverse(sights[11].patches);  // upside down
+  const ColorMatch found = match_charts(sights, std::vector(16, unmixed(right)), names, {0, false});
+  EXPECT_THAT(found.reasons, ElementsAre(HasSubstr("even so in c11:")));
+  ASSERT_EQ(found.fits.size(), 16U);
+  EXPECT_LT(found.fits[3].mean_difference, 0.1);
+  EXPECT_GT(found.fits[11].mean_difference, 4);
+  EXPECT_EQ(found.fits[11].kept, kChartPatches);
+  // Nothing can be used of it, and its contrast is known.
+  for (ChartSight::Patch& patch : sights[11].patches) patch.is_exposed = false;
+  std::vector<PhotometricResponse> known(16, unmixed(right));
+  for (PhotometricResponse& response : known) response.contrast = {1.01, 1, 1};
+  const ColorMatch unexposed = match_charts(sights, known, names, {0, true});
+  EXPECT_THAT(unexposed.reasons, ElementsAre(HasSubstr("too dark in c11:")));
+  EXPECT_EQ(unexposed.responses[11], known[11]);
+  EXPECT_TRUE(std::isfinite(unexposed.after.mean_difference));
 }
 
 TEST(ColorChart, LeavesCamerasThatDidNotFindItAsTheyAre) {

@@ -25,6 +25,16 @@ nlohmann::ordered_json spread_json(const ColorSpread& spread) {
           {"most_ciede2000", spread.most_difference}};
 }
 
+nlohmann::ordered_json fit_json(const ColorFit& fit, const std::string& id) {
+  nlohmann::ordered_json json{{"id", id},
+                              {"seen", fit.seen},
+                              {"kept", fit.kept},
+                              {"mean_ciede2000", fit.mean_difference},
+                              {"most_ciede2000", fit.most_difference}};
+  if (fit.uncertainty > 0) json["uncertainty"] = fit.uncertainty;
+  return json;
+}
+
 }  // namespace
 
 double relative_deviation(const std::vector<Rgb>& of_cameras, std::size_t channel) {
@@ -57,9 +67,13 @@ std::string color_json(const std::vector<ColorMatch>& steps, const std::string& 
       std::ranges::all_of(steps, [](const ColorMatch& step) { return step.reasons.empty(); });
   json["reference"] = reference;
   for (const ColorMatch& step : steps) {
+    nlohmann::ordered_json fits = nlohmann::ordered_json::array();
+    for (std::size_t i = 0; i < step.fits.size(); ++i)
+      fits.push_back(fit_json(step.fits[i], cameras[i]));
     json["steps"].push_back({{"by", step.what},
                              {"before", spread_json(step.before)},
                              {"after", spread_json(step.after)},
+                             {"cameras", fits},
                              {"findings", step.findings},
                              {"warnings", step.warnings},
                              {"reasons", step.reasons}});

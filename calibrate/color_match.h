@@ -15,11 +15,21 @@ struct ColorSpread {
   double most_difference = 0;
 };
 
+/// What one camera contributed, and how well it fits in the end.
+struct ColorFit {
+  int seen = 0, kept = 0;  ///< targets, patches or places; those that count
+  double mean_difference = 0, most_difference = 0;  ///< CIEDE2000, afterwards
+  /// Two standard deviations of the light that the camera is said to see, by it, at a tenth of full
+  /// scale or at half, whichever is worse; 0: not told.
+  double uncertainty = 0;
+};
+
 /// What makes an array's cameras alike, and whether it can be vouched for. Sentences for people.
 struct ColorMatch {
   std::string what;                            ///< they all showed: "targets", "chart" or "scene"
   std::vector<PhotometricResponse> responses;  ///< of each camera
   ColorSpread before, after;
+  std::vector<ColorFit> fits;         ///< of each camera
   std::vector<std::string> findings;  ///< what else was found, a line each: a word, then what
   std::vector<std::string> reasons, warnings;  ///< why it cannot be vouched for; what is weak
 };

@@ -38,8 +38,8 @@ struct Pair {
   cv::Mat before, after;
 };
 
-Pair pictures_of(const Take& take, int camera, const PhotometricResponse& response,
-                 const cv::Size& tile) {
+Pair pictures_of(const Take& take, int camera, PictureSize size,
+                 const PhotometricResponse& response, const cv::Size& tile) {
   const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
   const int frames = static_cast<int>(take.archive(camera).frames().size());
   if (frames == 0) {
@@ -47,7 +47,7 @@ Pair pictures_of(const Take& take, int camera, const PhotometricResponse& respon
                            "Name a take in which every camera recorded");
   }
   const auto shown_by = [&](const PhotometricResponse& by) {
-    CorrectedPicture picture = corrected_picture(take, camera, frames / 2, by, {});
+    CorrectedPicture picture = corrected_picture(take, camera, frames / 2, size, by, {});
     const cv::Mat whole(picture.size.height, picture.size.width, CV_16UC4, picture.rgba.data());
     cv::Mat codes, small;
     whole.convertTo(codes, CV_8UC4, 1 / 257.0);
@@ -61,10 +61,6 @@ Pair pictures_of(const Take& take, int camera, const PhotometricResponse& respon
 }  // namespace
 
 RgbImage color_sheet(const Take& take, const RigDocument& rig) {
-  if (static_cast<std::size_t>(take.camera_count()) != rig.cameras.size()) {
-    throw Error::bad_input("the rig has other cameras than the take", take.folder().string(),
-                           "Name a take of the same cameras");
-  }
   const std::vector<Place> places = places_of(rig);
   const int rows = std::ranges::max(places, {}, &Place::row).row + 1;
   const int columns = std::ranges::max(places, {}, &Place::column).column + 1;
@@ -75,11 +71,14 @@ RgbImage color_sheet(const Take& take, const RigDocument& rig) {
   cv::Mat sheet(rows * (tile.height + kGap) + kGap, 2 * half + kBetween + 2 * kGap, CV_8UC3,
                 cv::Scalar::all(kPaper));
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
-    if (take.document().cameras[i].id != rig.cameras[i].geometry.id) {
-      throw Error::bad_input("the rig has other cameras than the take", take.folder().string(),
-                             "Name a take of the same cameras");
+    const CameraGeometry& geometry = rig.cameras[i].geometry;
+    const int camera = take.camera_index(geometry.id);
+    if (camera < 0) {
+      throw Error::bad_input("the take has no camera \"" + geometry.id + "\" of the rig",
+                             take.folder().string(), "Name a take of the same cameras");
     }
-    const Pair pictures = pictures_of(take, static_cast<int>(i), rig.cameras[i].photometric, tile);
+    const Pair pictures = pictures_of(take, camera, {geometry.width, geometry.height},
+                                      rig.cameras[i].photometric, tile);
     const int x = kGap + places[i].column * (tile.width + kGap);
     const int y = kGap + places[i].row * (tile.height + kGap);
     pictures.before.copyTo(sheet(cv::Rect(cv::Point(x, y), tile)));

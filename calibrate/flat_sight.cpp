@@ -147,6 +147,7 @@ FlatSight flat_sight(const Take& take, int camera, const PhotometricResponse& re
           linear_of_code(take.document(), 255 * straightened(response.curve[c], code / 255.0));
     }
   }
+  const CameraModel& expected = take.rig().cameras[static_cast<std::size_t>(camera)].model;
   JpegDecoder decoder;
   FlatSight sight;
   MeanPicture picture;
@@ -154,12 +155,13 @@ FlatSight flat_sight(const Take& take, int camera, const PhotometricResponse& re
   const int looked_at = std::min(frames, most_frames);
   for (int k = 0; k < looked_at; ++k) {
     const RgbImage image = decoder.decode(archive.jpeg((2 * k + 1) * frames / (2 * looked_at)), id);
+    if (image.width != expected.width() || image.height != expected.height()) {
+      throw Error::bad_input("frames of camera \"" + id + "\" have another size than its rig says",
+                             take.folder().string(), "Record the target again");
+    }
     if (k == 0) {
       picture.size = sight.size = {image.width, image.height};
       picture.light.resize(image.pixels.size() / 3);
-    } else if (image.width != picture.size.width || image.height != picture.size.height) {
-      throw Error::bad_input("frames of camera \"" + id + "\" differ in size",
-                             take.folder().string(), "Record the target again");
     }
     add_frame(image, light, sight, squares, picture);
   }

@@ -112,7 +112,8 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
   }
 }
 
-constexpr double kCutOff = 0.02;  // share of pixels at code 0 that makes a mean say too much
+constexpr double kDarker = 0.002;  // of full scale: no noise
+constexpr double kCutOff = 0.02;   // share of pixels at code 0 that makes a mean say too much
 
 /// What light the reference camera makes of the codes that it shows, per channel.
 struct Scale {
@@ -190,7 +191,7 @@ FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
   const auto reference = static_cast<std::size_t>(settings.reference);
   const auto light_of = [&](const FlatSights& target) { return target[reference].mean[1]; };
   const FlatSights& brightest = *std::ranges::max_element(targets, {}, light_of);
-  const FlatSights& darkest = *std::ranges::min_element(targets, {}, light_of);
+  const FlatSights& darkest = targets.back();  // where settings.dark
   FlatColors colors;
   colors.what = "targets";
   colors.responses = settings.curves;
@@ -224,10 +225,15 @@ FlatColors match_flat_targets(const std::vector<FlatSights>& targets,
     for (std::size_t c = 0; settings.flat_field && c < cameras.size(); ++c) {
       colors.responses[c].gain_map.reset();
       colors.responses[c].gain_map =
-          find_gain_map(brightest[c].cells, brightest[c].size, colors.responses[c]);
+          find_gain_map(brightest[c].cells, brightest[c].size, colors.responses[c], cameras[c]);
     }
   }
   if (settings.dark) take_over_darkness(darkest, reference, cameras, colors);
+  if (settings.dark &&
+      light_of(*std::ranges::min_element(targets, {}, light_of)) < light_of(darkest) - kDarker) {
+    colors.reasons.emplace_back(
+        "A target is darker than the dark: were all lenses capped, the reference camera's too?");
+  }
   colors.before = spread_of(targets, std::vector<PhotometricResponse>(cameras.size()), reference);
   colors.after = spread_of(targets, colors.responses, reference);
   judge(colors, targets, cameras);

@@ -15,7 +15,7 @@ struct FlatColorSettings {
   bool vignetting = false;  ///< the brightest target fills every picture, and is as bright there
   bool flat_field = false;  ///< likewise, and whatever is not the lens' (or all) becomes a gain map
   std::vector<PhotometricResponse> curves{};  ///< of each camera, whose curves the sights went by
-  bool dark = false;  ///< the darkest target has no light: lenses are capped
+  bool dark = false;                          ///< the last target has no light: lenses are capped
 };
 
 struct FlatColors : ColorMatch {

@@ -51,7 +51,7 @@ Eigen::MatrixXd smoothness() {
 }  // namespace
 
 GainMap find_gain_map(std::span<const FlatCell> cells, PictureSize size,
-                      const PhotometricResponse& response) {
+                      const PhotometricResponse& response, const std::string& camera) {
   Eigen::MatrixXd normal = smoothness();
   Eigen::MatrixXd right = Eigen::MatrixXd::Zero(kNodes, 3);
   Rgb level{};
@@ -75,7 +75,8 @@ GainMap find_gain_map(std::span<const FlatCell> cells, PictureSize size,
     const Around at = around(cells[i].x, cells[i].y, size);
     for (std::size_t c = 0; c < 3; ++c) {
       if (!(lights[i][c] > kLeast * level[c])) {
-        throw Error::bad_input("part of the picture shows no light", "--flat-field",
+        throw Error::bad_input("part of camera \"" + camera + "\"'s picture shows no light",
+                               "--flat-field",
                                "Let the brightest target fill the picture of every camera");
       }
     }

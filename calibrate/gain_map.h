@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <string>
 
 #include "calibrate/flat_sight.h"
 
@@ -9,8 +10,8 @@ namespace raystage {
 
 /// What makes a target that is everywhere as bright as even as it is: per channel, on top of
 /// `response`, by least squares with nodes that follow each other smoothly; about 1 in the middle.
-/// Throws Error (bad input) where part of the picture shows no light.
+/// Throws Error (bad input), naming the camera, where part of its picture shows no light.
 GainMap find_gain_map(std::span<const FlatCell> cells, PictureSize size,
-                      const PhotometricResponse& response);
+                      const PhotometricResponse& response, const std::string& camera);
 
 }  // namespace raystage

@@ -1,29 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <functional>
 #include <span>
 #include <stop_token>
-#include <string>
-#include <vector>
 
 #include "calibrate/color_match.h"
 #include "calibrate/surface_points.h"
 
 namespace raystage {
 
-/// What one camera contributed.
-struct SceneColorFit {
-  int seen = 0, kept = 0;  ///< sights of points; those that count
-};
-
 struct SceneColors : ColorMatch {
-  int points = 0;
-  std::vector<SceneColorFit> fits;  ///< of each camera
-  double uncertainty = 0;           ///< see kMostUncertain: the worst camera's
-  /// A tenth of full scale and a half, as either half of the points alone would show them: by how
-  /// much they may differ from what all points say, by their light.
-  static constexpr double kMostUncertain = 0.03;
+  static constexpr double kMostUncertain = 0.03;  ///< that is vouched for; see ColorFit
 };
 
 /// Contrast and brightness of each camera and channel against a reference camera (thesis 4.3, eq.

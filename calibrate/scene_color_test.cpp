@@ -113,7 +113,7 @@ TEST(SceneColor, GhostsAndNoiseAreLeftOut) {
       match_scene_colors(points_before(truth, 0.1, 0.02), unmatched(truth, 2), 2, {});
   EXPECT_THAT(found.reasons, IsEmpty());
   int seen = 0, kept = 0;
-  for (const SceneColorFit& fit : found.fits) {
+  for (const ColorFit& fit : found.fits) {
     seen += fit.seen;
     kept += fit.kept;
   }
@@ -150,10 +150,28 @@ TEST(SceneColor, RefusesAnEmptySceneAndOneWithoutSense) {
 }
 
 TEST(SceneColor, ASceneOfOneBrightnessIsNotBelievedAboutOthers) {
+  RigDocument truth = row_of(4);
+  // (A lens that darkens would show the one brightness as several.)
+  for (RigDocument::Camera& camera : truth.cameras) camera.photometric.vignetting.reset();
+  for (const double noise : {0.0003, 0.001, 0.003, 0.01, 0.05}) {
+    const SceneColors found =
+        match_scene_colors(points_before(truth, 0.02, noise, 0.3, 0.302), unmatched(truth), 0, {});
+    EXPECT_THAT(found.reasons, Contains(HasSubstr("light is uncertain"))) << noise;
+  }
+}
+
+TEST(SceneColor, SaysHowSureItIs) {
   const RigDocument truth = row_of(4);
-  const SceneColors found =
-      match_scene_colors(points_before(truth, 0.02, 0.05, 0.3, 0.302), unmatched(truth), 0, {});
-  EXPECT_THAT(found.reasons, Contains(HasSubstr("Half of the places")));
+  for (const double noise : {0.003, 0.01, 0.05}) {
+    for (const double brightest : {0.35, 0.45, 0.6}) {
+      const SceneColors found = match_scene_colors(
+          points_before(truth, 0.02, noise, 0.25, brightest), unmatched(truth), 0, {});
+      double told = 0;
+      for (const ColorFit& fit : found.fits) told = std::max(told, fit.uncertainty);
+      EXPECT_LE(worst_light_error(found, truth), 1.5 * told) << noise << " " << brightest;
+      EXPECT_LE(told, 40 * noise) << "or it would tell nothing";
+    }
+  }
 }
 
 }  // namespace

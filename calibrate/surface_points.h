@@ -32,7 +32,7 @@ struct SurfacePoint {
 };
 
 /// Patches that several cameras show: for each camera and patch of its picture the depth at which
-/// most of the cameras next to it show the same pattern, whatever their contrast and brightness.
+/// most of the cameras next to it show the same pattern, whatever their contrast.
 /// Left out is what has no pattern, looks alike at several depths, is hidden from most cameras,
 /// lies nearer or farther than `depths`, or is black or at full scale. Cameras in the order of the
 /// rig, which is the take's. Progress and errors as track_light().

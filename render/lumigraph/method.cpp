@@ -6,8 +6,8 @@
 #include "render/depth/depth_surface.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/lumigraph/proxy.h"
-#include "store/scene_depths.h"
 #include "schemas/error.h"
+#include "store/scene_depths.h"
 
 namespace raystage {
 namespace {

@@ -92,9 +92,11 @@ ExitCode calibrate_lens_of(const LensOptions& options, const std::stop_token& st
         .push_back({camera.id, camera.model.width(), camera.model.height(), std::move(views)});
   }
   std::map<std::string, LensCalibration> found;
-  for (const LensViews& camera : others) found[camera.id] = calibrate_lens(camera, options.lens);
+  LensSettings settings = options.lens;
+  settings.stop = stop;
+  for (const LensViews& camera : others) found[camera.id] = calibrate_lens(camera, settings);
   if (!alike.empty()) {
-    auto lenses = calibrate_lenses_of_one_kind(alike, options.lens);
+    auto lenses = calibrate_lenses_of_one_kind(alike, settings);
     for (std::size_t k = 0; k < alike.size(); ++k) found[alike[k].id] = std::move(lenses[k]);
   }
   RigDocument lenses;

@@ -122,6 +122,12 @@ void judge(LensCalibration& found) {
         "Check the board's squares and that it is flat, hold it still, or let --whole-lens-model "
         "find more of the lens.");
   }
+  constexpr double kOdd = 0.1;
+  if (found.outliers > kOdd * found.corners) {
+    found.reasons.push_back(fmt::format("{} of {} corners do not fit (a tenth is tolerated).",
+                                        found.outliers, found.corners));
+    found.next_steps.emplace_back("Check the board's squares, and that it is flat and sharp.");
+  }
   constexpr double kCovered = 0.5;
   if (found.covered < kCovered) {
     found.next_steps.emplace_back("Show the board in the corners of the picture, too.");
@@ -132,6 +138,7 @@ void judge(LensCalibration& found) {
 void refine(ArrayModel& model, const Views& views, const LensSettings& settings,
             BundleSettings& bundle) {
   bundle.held_cameras.assign(model.cameras.size(), true);
+  bundle.stop = settings.stop;
   place_boards(model, views);
   for (const LensFreedom lens :
        {LensFreedom::kFocalLength, LensFreedom::kRadial,
@@ -174,6 +181,49 @@ std::vector<LensCalibration> described(const ArrayModel& model, const Views& vie
   return all;
 }
 
+/// What cameras of one kind know of each other's lenses, beyond what each knows of its own: what
+/// all of them do, and by how much lenses of a kind differ.
+void share_deviations(std::vector<LensCalibration>& cameras) {
+  for (std::size_t k = 0; k < kLensValues; ++k) {
+    if (k == 2 || k == 3) continue;  // principal points
+    double information = 0;
+    for (const LensCalibration& one : cameras) {
+      if (one.deviations[k] > 0) information += std::pow(one.deviations[k], -2);
+    }
+    for (LensCalibration& one : cameras) {
+      if (one.deviations[k] == 0) continue;
+      const double differs = kKindDeviations[k] * (k < 2 ? one.lens.fx : 1);
+      one.deviations[k] =
+          std::min(one.deviations[k], std::hypot(1 / std::sqrt(information), differs));
+    }
+  }
+}
+
+/// Cameras whose own focal length is not what the others' own ones tell.
+void tell_apart(const std::vector<LensCalibration>& alone, std::vector<LensCalibration>& found) {
+  for (std::size_t c = 0; c < alone.size(); ++c) {
+    const LensCalibration& own = alone[c];
+    double others = 0, information = 0;
+    for (std::size_t i = 0; i < alone.size(); ++i) {
+      if (i == c || !(alone[i].deviations[0] > 0)) continue;
+      const double differs = kKindDeviations[0] * alone[i].lens.fx;
+      const double weight = 1 / (std::pow(alone[i].deviations[0], 2) + differs * differs);
+      others += weight * alone[i].lens.fx;
+      information += weight;
+    }
+    if (!(information > 0) || !(own.deviations[0] > 0)) continue;
+    others /= information;
+    constexpr double kSigmas = 3;
+    const double deviation =
+        std::hypot(own.deviations[0], kKindDeviations[0] * own.lens.fx, 1 / std::sqrt(information));
+    if (std::abs(own.lens.fx - others) <= kSigmas * deviation) continue;
+    found[c].reasons.push_back(fmt::format(
+        "By itself its focal length is {:.1f} +- {:.1f}, the others' {:.1f}: not of one kind.",
+        own.lens.fx, own.deviations[0], others));
+    found[c].next_steps.emplace_back("Leave it out of --one-kind.");
+  }
+}
+
 }  // namespace
 
 std::optional<Pose> camera_from_board_of(const BoardView& view, const CameraModel& lens) {
@@ -208,37 +258,35 @@ LensCalibration calibrate_lens(const LensViews& camera, const LensSettings& sett
 std::vector<LensCalibration> calibrate_lenses_of_one_kind(std::span<const LensViews> cameras,
                                                           const LensSettings& settings) {
   const Views views(cameras);
+  std::vector<LensCalibration> alone;
   std::vector<Intrinsics> lenses;
-  double focal_length = 0, weights = 0;
+  double focal_length = 0, weights = 0, noise_px = 0;
   for (const LensViews& camera : cameras) {
-    const LensCalibration alone = calibrate_lens(camera, settings);
-    lenses.push_back(alone.lens);
-    const double weight = 1 / std::max(1e-12, alone.deviations[0] * alone.deviations[0]);
-    focal_length += weight * alone.lens.fx;
+    if (camera.width != cameras.front().width || camera.height != cameras.front().height) {
+      throw Error::bad_input("camera \"" + camera.id + "\" has pictures of another size than \"" +
+                                 cameras.front().id + "\"",
+                             "--one-kind", "Name cameras of one make, recorded alike");
+    }
+    const LensCalibration& own = alone.emplace_back(calibrate_lens(camera, settings));
+    lenses.push_back(own.lens);
+    const double weight = own.deviations[0] > 0 ? std::pow(own.deviations[0], -2) : 0;
+    focal_length += weight * own.lens.fx;
     weights += weight;
+    noise_px += own.rms_px / std::numbers::sqrt2 / static_cast<double>(cameras.size());
   }
-  for (Intrinsics& lens : lenses) lens.fx = lens.fy = focal_length / weights;
+  for (Intrinsics& lens : lenses) {
+    if (weights > 0) lens.fx = lens.fy = focal_length / weights;
+  }
   ArrayModel model = model_of(views, cameras, lenses);
   BundleSettings bundle;
   bundle.shared_lens = false;
-  bundle.one_kind = true;
+  constexpr double kLeastNoise = 0.02;
+  bundle.kind_noise_px = std::max(noise_px, kLeastNoise);
   refine(model, views, settings, bundle);
   std::vector<LensCalibration> found = described(model, views, bundle);
-  // What each camera's own views leave open is left open by all of them together no more than this.
-  for (std::size_t k = 0; k < kLensValues; ++k) {
-    if (k == 2 || k == 3) continue;  // principal points
-    double information = 0;
-    for (const LensCalibration& one : found) {
-      if (one.deviations[k] > 0) information += 1 / (one.deviations[k] * one.deviations[k]);
-    }
-    for (LensCalibration& one : found) {
-      if (one.deviations[k] == 0) continue;
-      const double differs = k < 2 ? kDifferenceOfKind * one.lens.fx : 0;
-      one.deviations[k] =
-          std::min(one.deviations[k], std::hypot(1 / std::sqrt(information), differs));
-    }
-  }
+  share_deviations(found);
   for (LensCalibration& one : found) judge(one);
+  tell_apart(alone, found);
   return found;
 }
 

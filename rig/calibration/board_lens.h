@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,7 @@ std::optional<Pose> camera_from_board_of(const BoardView& view, const CameraMode
 struct LensSettings {
   bool whole_lens_model = false;  ///< k3 and tangential distortion, too
   double most_px = 3;             ///< a corner farther from where it should be does not count
+  std::stop_token stop = {};      ///< asks to end it
 };
 
 /// A lens as a board shows it.
@@ -50,12 +52,14 @@ struct LensViews {
 
 /// Zhang's method (2000): a first guess of the focal length from the boards' vanishing points, then
 /// all views and the lens refined at once, by least squares over the corners. Vouched for where the
-/// focal length is known to 1 % (two standard deviations). Throws Error (bad input) with fewer than
-/// three views of six corners.
+/// focal length is known to 1 % (two standard deviations) and nine of ten corners fit. Throws Error
+/// (bad input) with fewer than three views of six corners.
 LensCalibration calibrate_lens(const LensViews& camera, const LensSettings& settings);
 
 /// Of cameras whose lenses are of one kind: all at once, so that what one shows of the lens counts
-/// for the others, too; each has a principal point of its own. Errors as calibrate_lens().
+/// for the others, too; each has a principal point of its own. Not vouched for where one differs
+/// from its own calibration by more than lenses of a make do (kKindDeviations). Errors as
+/// calibrate_lens(); (bad input) also for pictures of different sizes.
 std::vector<LensCalibration> calibrate_lenses_of_one_kind(std::span<const LensViews> cameras,
                                                           const LensSettings& settings);
 

@@ -108,7 +108,7 @@ TEST(BoardLenses, OfOneKindHelpEachOther) {
     EXPECT_THAT(lens.reasons, testing::IsEmpty());
     EXPECT_NEAR(lens.lens.fx, kLens.fx, 0.005 * kLens.fx);
     EXPECT_NEAR(lens.lens.distortion.k1, kLens.distortion.k1, 0.01);
-    EXPECT_LT(lens.deviations[0], 0.005 * kLens.fx);
+    EXPECT_LT(lens.deviations[0], 0.01 * kLens.fx);
   }
   EXPECT_GT(found[1].deviations[0], 0.002 * kLens.fx) << "the other's, and what lenses differ by";
   EXPECT_NEAR(found[0].lens.cx, kLens.cx, 2.5);
@@ -116,6 +116,33 @@ TEST(BoardLenses, OfOneKindHelpEachOther) {
   EXPECT_GT(std::abs(found[1].lens.cx - found[0].lens.cx), 5);
   EXPECT_EQ(found[1].views, 25);
   EXPECT_THROW(calibrate_lenses_of_one_kind(std::vector{tilted, {"c2", 640, 480, {}}}, {}), Error);
+}
+
+TEST(BoardLenses, OfAnotherKindAreToldApart) {
+  const auto seen = [](double zoom) {
+    LensViews camera{"c", 640, 480, views_of(seen_by({Pose{}}, 25, 40, 0.2), 0, board_corners())};
+    for (BoardView& view : camera.views) {
+      for (Vector2d& pixel : view.pixels) {
+        pixel = Vector2d(kLens.cx, kLens.cy) + zoom * (pixel - Vector2d(kLens.cx, kLens.cy));
+      }
+    }
+    return camera;
+  };
+  const auto found = calibrate_lenses_of_one_kind(std::vector{seen(1), seen(1.04)}, {});
+  EXPECT_THAT(found[0].reasons, testing::Contains(testing::HasSubstr("not of one kind")));
+  EXPECT_THAT(found[1].reasons, testing::Contains(testing::HasSubstr("not of one kind")));
+  std::vector other_size{seen(1), seen(1)};
+  other_size[1].width = 1280;
+  EXPECT_THROW(calibrate_lenses_of_one_kind(other_size, {}), Error);
+}
+
+TEST(BoardLenses, WithManyCornersThatDoNotFitAreNotVouchedFor) {
+  LensViews camera{"c", 640, 480, views_of(seen_by({Pose{}}, 25, 40, 0.2), 0, board_corners())};
+  for (BoardView& view : camera.views) {
+    for (std::size_t i = 0; i < view.pixels.size(); i += 5) view.pixels[i].x() += 9;
+  }
+  const LensCalibration found = calibrate_lens(camera, {});
+  EXPECT_THAT(found.reasons, testing::Contains(testing::HasSubstr("corners do not fit")));
 }
 
 TEST(BoardArrays, HaveMetresAndLenses) {

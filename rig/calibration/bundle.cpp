@@ -79,16 +79,14 @@ struct OrdinaryLens {
 
 /// Lenses of one kind differ little but for where their middles are.
 struct OneKind {
-  double focal_length;
+  double focal_length, noise_px;
 
   template <class T>
   bool operator()(const T* lens, const T* kind, T* residual) const {
-    constexpr std::array<double, 5> kDistortion{0.005, 0.01, 0.001, 0.001, 0.02};
-    for (std::size_t i = 0; i < 2; ++i) {
-      residual[i] = (lens[i] - kind[i]) / (kDifferenceOfKind * focal_length);
-    }
-    for (std::size_t i = 0; i < kDistortion.size(); ++i) {
-      residual[2 + i] = (lens[4 + i] - kind[4 + i]) / kDistortion[i];
+    for (std::size_t i = 0; i < kLensValues; ++i) {
+      const bool is_middle = i == 2 || i == 3;
+      const double deviation = kKindDeviations[i] * (i < 2 ? focal_length : 1);
+      residual[i] = is_middle ? T(0) : noise_px * (lens[i] - kind[i]) / deviation;
     }
     return true;
   }
@@ -320,12 +318,13 @@ BundleReport adjust(ArrayModel& model, const BundleSettings& settings) {
     }
   }
   LensValues kind = values.lenses.front();  // to begin with
-  const bool is_one_kind = settings.one_kind && !settings.shared_lens;
+  const bool is_one_kind = settings.kind_noise_px > 0 && !settings.shared_lens;
   for (std::size_t i = 0; is_one_kind && i < model.cameras.size(); ++i) {
     double* lens = values.lens(i).data();
     if (settings.lens == LensFreedom::kNone || !problem.HasParameterBlock(lens)) continue;
     problem.AddResidualBlock(
-        new ceres::AutoDiffCostFunction<OneKind, 7, kLensValues, kLensValues>(new OneKind{kind[0]}),
+        new ceres::AutoDiffCostFunction<OneKind, kLensValues, kLensValues, kLensValues>(
+            new OneKind{kind[0], settings.kind_noise_px}),
         nullptr, lens, kind.data());
     ordering->AddElementToGroup(kind.data(), 1);
     if (some_of_lens) problem.SetManifold(kind.data(), some_of_lens.get());

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "rig/calibration/array_model.h"
+#include "rig/calibration/lens_projection.h"
 
 namespace raystage {
 
@@ -17,14 +18,16 @@ enum class LensFreedom {
   kWholeModel    ///< k3, tangential distortion, a focal length each for x and y
 };
 
-/// Of focal lengths of one kind of lens, one standard deviation, by themselves.
-inline constexpr double kDifferenceOfKind = 0.003;
+/// By what lenses of one make differ, one standard deviation: fx and fy by themselves, cx and cy
+/// (not looked at), k1, k2, p1, p2, k3.
+inline constexpr LensValues kKindDeviations{0.004, 0.004, 0, 0, 0.01, 0.02, 0.001, 0.001, 0.04};
 
 struct BundleSettings {
   LensFreedom lens = LensFreedom::kNone;
   bool shared_lens = true;  ///< one lens for all cameras
-  /// Lenses of one kind: with a lens each, all but principal points differ by a few thousandths.
-  bool one_kind = false;
+  /// Above 0: lenses are of one kind, so that with a lens each they differ by kKindDeviations but
+  /// for their principal points, where detections are as noisy as this, pixels.
+  double kind_noise_px = 0;
   std::vector<bool> held_cameras = {};  ///< whose poses rest; empty: none's
   /// Pixels at which Cauchy's loss begins to believe an observation less; 0: least squares.
   double loss_px = 1;

@@ -90,8 +90,12 @@ GainMap find_gain_map(std::span<const FlatCell> cells, PictureSize size,
   }
   const Eigen::MatrixXd nodes = normal.ldlt().solve(right);
   GainMap map{kColumns, kRows, {}};
+  constexpr int kMiddle = kRows / 2 * kColumns + kColumns / 2;
   for (int node = 0; node < kNodes; ++node) {
-    map.gain.push_back({nodes(node, 0), nodes(node, 1), nodes(node, 2)});
+    Rgb& gain = map.gain.emplace_back();
+    for (int c = 0; c < 3; ++c) {
+      gain[static_cast<std::size_t>(c)] = nodes(node, c) / nodes(kMiddle, c);
+    }
   }
   return map;
 }

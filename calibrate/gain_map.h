@@ -9,7 +9,8 @@
 namespace raystage {
 
 /// What makes a target that is everywhere as bright as even as it is: per channel, on top of
-/// `response`, by least squares with nodes that follow each other smoothly; about 1 in the middle.
+/// `response`, by least squares with nodes that follow each other smoothly; 1 in the middle, as a
+/// lens' is.
 /// Throws Error (bad input), naming the camera, where part of its picture shows no light.
 GainMap find_gain_map(std::span<const FlatCell> cells, PictureSize size,
                       const PhotometricResponse& response, const std::string& camera);

@@ -325,8 +325,8 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
   auto o = std::make_shared<ColorOptions>();
   CLI::App* app = calibrate.add_subcommand(
       "color",
-      "Contrast and brightness of every camera and channel, from targets without features or "
-      "from a scene");
+      "Contrast and brightness of every camera and channel, and more of its colours: from targets "
+      "without features, a colour chart, or a scene");
   CLI::Option* const takes = app->add_option(
       "TAKE", o->takes,
       "Takes of a target that fills the middle of every picture and is everywhere as "

@@ -52,6 +52,20 @@ TEST(CalibrateColor, TargetsMakeColoursAlike) {
   EXPECT_EQ(
       run("raystage calibrate color " + take("white") + " --reference nobody -o " + rig).exit_code,
       2);
+
+  // White balance: the target, which is a little warm, becomes grey.
+  ASSERT_EQ(run("raystage calibrate color " + take("white") + " " + take("grey") + " " +
+                take("black") + " --neutral -o " + rig)
+                .exit_code,
+            0);
+  const RigDocument neutral = read_rig(rig);
+  for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+    const Rgb shown = shown_of_light(truth.cameras[i].photometric, {160, 120}, 80, 60,
+                                     {0.6, 0.96 * 0.6, 0.9 * 0.6});
+    const Rgb light = light_of_shown(neutral.cameras[i].photometric, {160, 120}, 80, 60, shown);
+    EXPECT_NEAR(light[0], light[1], 0.01 * light[1]) << i;
+    EXPECT_NEAR(light[2], light[1], 0.01 * light[1]) << i;
+  }
 }
 
 TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
@@ -108,17 +122,29 @@ TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
   EXPECT_LT(most[1] - least[1], 12);
   const RigDocument measured = read_rig(rig);
   const Rgb& scale = truth.cameras[reference].photometric.contrast;
+  const PictureSize size{160, 120};
+  const auto expect_light = [&](const RigDocument& by, double within) {
+    for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
+      for (const auto& [x, y] : {std::pair{0, 0}, {159, 0}, {80, 60}, {20, 100}, {159, 119}}) {
+        const Rgb shown = shown_of_light(truth.cameras[i].photometric, size, x, y, {0.5, 0.5, 0.5});
+        const Rgb light = light_of_shown(by.cameras[i].photometric, size, x, y, shown);
+        for (std::size_t k = 0; k < 3; ++k) {
+          EXPECT_NEAR(light[k] * scale[k], 0.5, within * 0.5) << i << " at " << x << ", " << y;
+        }
+      }
+    }
+  };
+  expect_light(measured, 0.01);
+  const CommandResult mapped =
+      run("raystage calibrate color " + take("white") + " " + take("grey") + " --dark " +
+          take("black") + " --flat-field --reference " + truth.cameras[reference].geometry.id +
+          " -o " + rig);
+  ASSERT_EQ(mapped.exit_code, 0) << mapped.out << mapped.err;
+  EXPECT_TRUE(read_rig(rig).cameras[1].photometric.gain_map);
+  expect_light(read_rig(rig), 0.02);
   for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
     const PhotometricResponse &expected = truth.cameras[i].photometric,
                               &response = measured.cameras[i].photometric;
-    const PictureSize size{160, 120};
-    for (const auto& [x, y] : {std::pair{0, 0}, {159, 0}, {80, 60}, {20, 100}, {159, 119}}) {
-      const Rgb shown = shown_of_light(expected, size, x, y, {0.5, 0.5, 0.5});
-      const Rgb light = light_of_shown(response, size, x, y, shown);
-      for (std::size_t k = 0; k < 3; ++k) {
-        EXPECT_NEAR(light[k] * scale[k], 0.5, 0.01 * 0.5) << i << " at " << x << ", " << y;
-      }
-    }
     // Every pixel that is clearly hot is known, by what it shows in the dark.
     for (const DarkPixel& hot : expected.dark_pixels) {
       const auto same = std::ranges::find_if(response.dark_pixels, [&](const DarkPixel& pixel) {

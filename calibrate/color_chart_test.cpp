@@ -115,6 +115,14 @@ TEST(ColorChart, DoesWithoutPatchesThatAreOverexposed) {
               ElementsAre(HasSubstr("overexposed or too dark in b")));
 }
 
+TEST(ColorChart, OneCameraHasItsPublishedColours) {
+  const PhotometricResponse only = mixing(0.1);
+  const ColorMatch found = match_charts({sight_of(only)}, {unmixed(only)}, {"a"}, {0, true});
+  EXPECT_THAT(found.reasons, IsEmpty());
+  EXPECT_LT(found.after.mean_difference, 0.1);
+  EXPECT_EQ(found.after.deviation, Rgb{});
+}
+
 TEST(ColorChart, OneCameraOfManyThatIsWrongIsNamed) {
   const PhotometricResponse right = mixing(0.1);
   std::vector<ChartSight> sights(16, sight_of(right));

@@ -79,6 +79,15 @@ TEST(FlatTarget, FindsContrastBlackAndVignettingTogether) {
   EXPECT_LT(found.after.mean_difference, 0.1);
 }
 
+TEST(FlatTarget, OneCameraIsItsOwnMeasure) {
+  const FlatColors found = match_flat_targets(targets_of({dim_lens()}), {"a"}, {});
+  EXPECT_TRUE(found.reasons.empty());
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(found.responses[0].contrast[c], 1, 1e-9);
+    EXPECT_NEAR(found.responses[0].brightness[c], 0, 1e-9);
+  }
+}
+
 TEST(FlatTarget, ADustSpotOnTheTargetDoesNotMoveTheLens) {
   const PhotometricResponse truth = dim_lens();
   const FlatSight sight = sight_of(

@@ -149,6 +149,26 @@ TEST(SceneColor, RefusesAnEmptySceneAndOneWithoutSense) {
   EXPECT_THAT(senseless.reasons, Contains(HasSubstr("do not agree")));
 }
 
+TEST(SceneColor, OneCameraHasNobodyToAgreeWith) {
+  const SceneColors found = match_scene_colors({}, unmatched(row_of(1)), 0, {});
+  EXPECT_THAT(found.reasons, Contains(HasSubstr("seen together with other cameras by c0")));
+  EXPECT_EQ(found.responses[0], row_of(1).cameras[0].photometric);
+}
+
+TEST(SceneColor, TheSamePlaceTwiceIsNoNews) {
+  // Duplicated points make nothing surer than it is by more than their number says.
+  const RigDocument truth = row_of(3);
+  const std::vector<SurfacePoint> once = points_before(truth, 0.05, 0.02);
+  std::vector<SurfacePoint> twice;
+  for (const SurfacePoint& point : once) twice.insert(twice.end(), {point, point});
+  const SceneColors one = match_scene_colors(once, unmatched(truth), 0, {});
+  const SceneColors two = match_scene_colors(twice, unmatched(truth), 0, {});
+  EXPECT_LT(worst_light_error(two, truth), 0.01);
+  for (std::size_t c = 1; c < 3; ++c) {
+    EXPECT_GE(two.fits[c].uncertainty, 0.6 * one.fits[c].uncertainty);
+  }
+}
+
 TEST(SceneColor, ASceneOfOneBrightnessIsNotBelievedAboutOthers) {
   RigDocument truth = row_of(4);
   // (A lens that darkens would show the one brightness as several.)

@@ -1,0 +1,128 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# What calibration finds of simulated arrays whose truth is known, and how long it takes: the thesis'
+# 8x8 array from a moving light, from its frames and from its detections; colours of 16 cameras by
+# targets, by a chart and by the scene itself, and what they are worth in rendered views.
+# Usage: tests/bench/calibrate.sh [FOLDER]     (default: a temporary folder)
+#   `raystage` must be on the PATH, e.g. PATH=$PWD/build/check/bin:$PATH. Takes some fifteen minutes.
+set -euo pipefail
+folder="${1:-$(mktemp -d)}"
+mkdir -p "$folder"
+cd "$folder"
+
+seconds() {  # COMMAND...
+  local start end
+  start=$(date +%s.%N)
+  "$@" >out.txt 2>err.txt || { cat out.txt err.txt >&2; exit 1; }
+  end=$(date +%s.%N)
+  awk "BEGIN {printf \"%.1f s\", $end - $start}"
+}
+worst_of() {  # COMPARISON.json
+  python3 - "$1" <<'PYTHON'
+import json, sys
+cameras = json.load(open(sys.argv[1]))["cameras"]
+print(f'places within {1000 * max(c["place_m"] for c in cameras):.3f} mm, '
+      f'directions within {max(c["turn_deg"] for c in cameras):.4f} degrees, '
+      f'pixels within {max(c["rms_px"] for c in cameras):.3f}')
+PYTHON
+}
+true_rig() {  # TAKE FILE [KEEP...]: of each camera's colours only what is named
+  python3 - "$@" <<'PYTHON'
+import json, sys
+take, file, *keep = sys.argv[1:]
+rig = json.load(open(take + "/truth.json"))["rig"]
+for camera in rig["cameras"]:
+    colours = camera.get("photometric", {})
+    if keep == ["all"]: continue
+    camera["photometric"] = {"contrast": [1, 1, 1], "brightness": [0, 0, 0],
+                             **{k: colours[k] for k in keep if k in colours}}
+json.dump(rig, open(file, "w"))
+PYTHON
+}
+
+echo "## The thesis' 8x8 array, 640x480, 62 degrees, 5 % distortion, from a moving light"
+if [ ! -e light/truth.json ]; then
+  raystage simulate moving_light -o light --rows 8 --columns 8 --width 640 --height 480 --seconds 14 \
+    --fps 10 --mounting-deg 4 --mounting-mm 8 --lens-deviation 0 --k1 -0.089 --k2 0 \
+    --calibration nominal -q
+fi
+true_rig light light_truth.json all
+echo "from $(ls light/archive/*.mkv | wc -l) archives: $(seconds raystage calibrate geometry light \
+  --spacing-mm 60 -o light.json --detections light.csv -q)"
+grep -h "RMS\|Points\|Clocks" out.txt || true
+raystage calibrate compare --json light_truth.json light.json >compared.json
+worst_of compared.json
+echo "from its detections: $(seconds raystage calibrate geometry light.csv \
+  --cameras light.cameras.json --spacing-mm 60 -o again.json -q)"
+
+colours() {  # what rigs find, in views whose truth is known: SCENE REFERENCE RIG...
+  local scene="$1" reference="$2"
+  shift 2
+  for rig in "$@"; do
+    # At the truth's scale, by a grey of the reference camera: no target tells it.
+    python3 - "$scene" "$reference" "$rig" <<'PYTHON'
+import json, sys
+scene, reference, name = sys.argv[1:]
+truth = json.load(open(scene + "/truth.json"))["rig"]
+rig = json.load(open(name + ".json"))
+def colours(of): return [c for c in of["cameras"] if c["id"] == reference][0].get("photometric", {})
+def green(p):
+    light = [b + c * 0.3 for b, c in zip(p.get("brightness", [0] * 3), p.get("contrast", [1] * 3))]
+    return sum(m * x for m, x in zip(p.get("matrix", [0, [0, 1, 0]])[1], light))
+scale = green(colours(truth)) / green(colours(rig))
+for camera in rig["cameras"]:
+    p = camera.setdefault("photometric", {"contrast": [1, 1, 1], "brightness": [0, 0, 0]})
+    matrix = p.get("matrix", [[1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    p["matrix"] = [[scale * x for x in row] for row in matrix]
+json.dump(rig if name not in ("none", "true") else json.load(open(name + ".json")),
+          open(scene + "/rig.json", "w"))
+PYTHON
+    for method in plane_sweep focal_plane; do
+      echo "$rig $method: $(raystage evaluate "$scene" "$scene/views.json" --method "$method" \
+        2>/dev/null | awk '/^mean/ {print $2, "dB"}')"
+    done
+  done
+}
+brightest_black() {  # TAKE: the camera whose black can be seen best
+  python3 - "$1" <<'PYTHON'
+import json, sys
+cameras = json.load(open(sys.argv[1] + "/truth.json"))["rig"]["cameras"]
+def black(c): return min(-b / g for b, g in zip(c["photometric"]["brightness"], c["photometric"]["contrast"]))
+print(max(cameras, key=black)["id"])
+PYTHON
+}
+array="--rows 4 --columns 4 --startup-loss-seconds 0 --drop 0 --gain 0.2 --white-balance 0.1 --offset 0.031 --vignetting 0.3"
+
+echo "## Colours of 16 cameras, 320x240, 30 hot pixels each"
+small="$array --width 320 --height 240 --hot-pixels 30 --mounting-mm 0 --mounting-deg 0 --lens-deviation 0 --noise 0.01 --quality 97"
+for target in white grey black; do
+  [ -e $target ] || raystage simulate $target -o $target $small --seconds 1 --fps 12 --truth-views 0 -q
+done
+[ -e scene ] || raystage simulate still -o scene $small --seconds 0.5 --fps 10 --truth-views 6 -q
+true_rig scene true.json all
+true_rig scene none.json
+true_rig scene lenses.json vignetting dark_pixels
+raystage calibrate color white grey --dark black --vignetting --start none.json -o targets.json
+raystage calibrate color white grey --dark black --flat-field --start none.json -o map.json
+echo "by the scene, lenses not known: $(seconds raystage calibrate color --scene scene \
+  --start none.json -o scene.json -q)"
+cat out.txt
+raystage calibrate color --scene scene --start lenses.json -o scene_lenses.json -q
+colours scene r0c0 none targets map scene scene_lenses true
+
+echo "## Colours of 16 cameras, 640x480, whose channels see up to 15 % of each other"
+mixed="$array --width 640 --height 480 --color-mix 0.15"
+for target in white grey black color_chart; do
+  [ -e mixed_$target ] || raystage simulate $target -o mixed_$target $mixed --seconds 1 --fps 12 \
+    --noise 0.02 --quality 95 --truth-views 0 -q
+done
+[ -e mixed ] || raystage simulate stage -o mixed $mixed --seconds 0.6 --fps 10 --truth-views 6 -q
+raystage sync mixed -q >/dev/null
+true_rig mixed true.json all
+true_rig mixed none.json
+reference=$(brightest_black mixed)
+by_targets="mixed_white mixed_grey --dark mixed_black --vignetting --reference $reference --start none.json"
+raystage calibrate color $by_targets -o targets.json
+raystage calibrate color $by_targets --chart mixed_color_chart --published -o chart.json \
+  --sheet chart.jpg --sheet-of mixed
+colours mixed "$reference" none targets chart true

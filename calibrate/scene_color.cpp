@@ -9,7 +9,6 @@
 #include "calibrate/color_difference.h"
 #include "calibrate/scene_fit.h"
 #include "rig/calibration/verdict.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -164,21 +163,14 @@ void judge(SceneColors& colors, const Rig& rig, const std::vector<bool>& joined)
 
 SceneColors match_scene_colors(std::span<const SurfacePoint> points, const Rig& rig, int reference,
                                const std::stop_token& stop) {
-  const auto check_stop = [&] {
-    if (stop.stop_requested()) {
-      throw Error::failed("the matching of colours was stopped", "", "Start it again");
-    }
-  };
   SceneFit fit(points, rig, static_cast<std::size_t>(reference));
   const auto all = [](std::size_t) { return true; };
   constexpr double kCoarse = 10, kFine = 2;
   for (const double scale : {kCoarse, kFine, kFine}) {
-    check_stop();
-    fit.solve(scale, all);
+    fit.solve(scale, all, stop);
     leave_out_odd(fit);
   }
-  check_stop();
-  fit.solve(kFine, all);
+  fit.solve(kFine, all, stop);
   const Comparison before = compared(fit, fit.start()), after = compared(fit, fit.cameras());
   SceneColors colors;
   colors.what = "scene";
@@ -191,10 +183,10 @@ SceneColors match_scene_colors(std::span<const SurfacePoint> points, const Rig& 
   }
   // What errs alike in neighbouring places (shading, reflections) is no noise: halves tell.
   for (const std::size_t half : {0, 1}) {
-    check_stop();
     SceneFit part = fit;
     constexpr std::size_t kTogether = 32;  // neighbours
-    part.solve(kFine, [&](std::size_t point) { return point / kTogether % 2 == half; });
+    part.solve(
+        kFine, [&](std::size_t point) { return point / kTogether % 2 == half; }, stop);
     for (std::size_t c = 0; c < uncertainty.size(); ++c) {
       colors.fits[c].uncertainty =
           std::max(colors.fits[c].uncertainty, difference_of(fit.cameras()[c], part.cameras()[c]));

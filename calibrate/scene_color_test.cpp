@@ -8,6 +8,7 @@
 #include <random>
 
 #include "rig/photometric.h"
+#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -147,6 +148,15 @@ TEST(SceneColor, RefusesAnEmptySceneAndOneWithoutSense) {
   const SceneColors senseless =
       match_scene_colors(points_before(truth, 0.9, 0), unmatched(truth), 0, {});
   EXPECT_THAT(senseless.reasons, Contains(HasSubstr("do not agree")));
+}
+
+TEST(SceneColor, IsGivenUpWhenAskedTo) {
+  const RigDocument truth = row_of(3);
+  std::stop_source source;
+  source.request_stop();
+  EXPECT_THROW(
+      match_scene_colors(points_before(truth, 0, 0), unmatched(truth), 0, source.get_token()),
+      Error);
 }
 
 TEST(SceneColor, OneCameraHasNobodyToAgreeWith) {

@@ -8,6 +8,9 @@
 #include <cmath>
 #include <memory>
 
+#include "rig/calibration/stops_when_asked.h"
+#include "schemas/error.h"
+
 namespace raystage {
 namespace {
 
@@ -134,7 +137,8 @@ double SceneFit::misfit(const Sight& sight) const {
   return std::max({std::abs(off[0]), std::abs(off[1]), std::abs(off[2])});
 }
 
-void SceneFit::solve(double scale, const std::function<bool(std::size_t)>& counts) {
+void SceneFit::solve(double scale, const std::function<bool(std::size_t)>& counts,
+                     const std::stop_token& stop) {
   ceres::Problem problem;
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (const Sight& sight : sights_) {
@@ -165,8 +169,13 @@ void SceneFit::solve(double scale, const std::function<bool(std::size_t)>& count
   options.linear_solver_ordering = ordering;
   options.max_num_iterations = 60;
   options.function_tolerance = 1e-6;
+  StopsWhenAsked stops(stop);
+  options.callbacks.push_back(&stops);
   ceres::Solver::Summary summary;
   ceres::Solve(options, &problem, &summary);  // where it fails, what is uncertain tells
+  if (stop.stop_requested()) {
+    throw Error::failed("the matching of colours was stopped", "", "Start it again");
+  }
 }
 
 std::vector<double> SceneFit::uncertainty(double scale) const {

@@ -5,6 +5,7 @@
 #include <array>
 #include <functional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "calibrate/surface_points.h"
@@ -37,8 +38,10 @@ class SceneFit {
   double misfit(const Sight& sight) const;
 
   /// By the points of which `counts(point)`, and the sights that count. `scale`: in standard
-  /// deviations, beyond which a sight is told to be odd.
-  void solve(double scale, const std::function<bool(std::size_t)>& counts);
+  /// deviations, beyond which a sight is told to be odd. Throws Error (failed) when a stop is asked
+  /// for.
+  void solve(double scale, const std::function<bool(std::size_t)>& counts,
+             const std::stop_token& stop);
 
   /// Two standard deviations of the light that each camera is said to see, by it, the worst of its
   /// channels and of a tenth and half of full scale: by the covariance of the solution, as noisy as

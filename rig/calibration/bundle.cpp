@@ -2,7 +2,6 @@
 #include "rig/calibration/bundle.h"
 
 #include <ceres/autodiff_cost_function.h>
-#include <ceres/iteration_callback.h>
 #include <ceres/loss_function.h>
 #include <ceres/manifold.h>
 #include <ceres/ordered_groups.h>
@@ -19,6 +18,7 @@
 #include <vector>
 
 #include "rig/calibration/lens_projection.h"
+#include "rig/calibration/stops_when_asked.h"
 #include "schemas/error.h"
 
 namespace raystage {
@@ -202,18 +202,6 @@ std::vector<PlaceInBody> places_in_bodies(const ArrayModel& model) {
   }
   return places;
 }
-
-/// Ends a solve between two of its steps.
-class StopsWhenAsked : public ceres::IterationCallback {
- public:
-  explicit StopsWhenAsked(const std::stop_token& stop) : stop_(stop) {}
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*step*/) override {
-    return stop_.stop_requested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
-
- private:
-  const std::stop_token& stop_;
-};
 
 /// Ceres tells which trial steps it repeats; what counts is in the report.
 void keep_ceres_quiet() { FLAGS_minloglevel = google::FATAL; }

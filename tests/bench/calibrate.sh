@@ -26,7 +26,7 @@ print(f'places within {1000 * max(c["place_m"] for c in cameras):.3f} mm, '
       f'pixels within {max(c["rms_px"] for c in cameras):.3f}')
 PYTHON
 }
-true_rig() {  # TAKE FILE [KEEP...]: of each camera's colours only what is named
+true_rig() {  # TAKE FILE [KEEP...]: of each camera's colours only what is named; of =CAMERA also contrast and brightness
   python3 - "$@" <<'PYTHON'
 import json, sys
 take, file, *keep = sys.argv[1:]
@@ -34,8 +34,9 @@ rig = json.load(open(take + "/truth.json"))["rig"]
 for camera in rig["cameras"]:
     colours = camera.get("photometric", {})
     if keep == ["all"]: continue
+    known = keep + (["contrast", "brightness"] if "=" + camera["id"] in keep else [])
     camera["photometric"] = {"contrast": [1, 1, 1], "brightness": [0, 0, 0],
-                             **{k: colours[k] for k in keep if k in colours}}
+                             **{k: colours[k] for k in known if k in colours}}
 json.dump(rig, open(file, "w"))
 PYTHON
 }
@@ -49,7 +50,7 @@ fi
 true_rig light light_truth.json all
 echo "from $(ls light/archive/*.mkv | wc -l) archives: $(seconds raystage calibrate geometry light \
   --spacing-mm 60 -o light.json --detections light.csv -q)"
-grep -h "RMS\|Points\|Clocks" out.txt || true
+grep -h "^Fit\|^Clocks" out.txt
 raystage calibrate compare --json light_truth.json light.json >compared.json
 worst_of compared.json
 echo "from its detections: $(seconds raystage calibrate geometry light.csv \
@@ -59,23 +60,25 @@ colours() {  # what rigs find, in views whose truth is known: SCENE REFERENCE RI
   local scene="$1" reference="$2"
   shift 2
   for rig in "$@"; do
-    # At the truth's scale, by a grey of the reference camera: no target tells it.
+    # At the truth's scale, by the reference camera (each channel by itself, unless channels mix): no
+    # target tells it.
     python3 - "$scene" "$reference" "$rig" <<'PYTHON'
 import json, sys
 scene, reference, name = sys.argv[1:]
 truth = json.load(open(scene + "/truth.json"))["rig"]
 rig = json.load(open(name + ".json"))
-def colours(of): return [c for c in of["cameras"] if c["id"] == reference][0].get("photometric", {})
-def green(p):
-    light = [b + c * 0.3 for b, c in zip(p.get("brightness", [0] * 3), p.get("contrast", [1] * 3))]
-    return sum(m * x for m, x in zip(p.get("matrix", [0, [0, 1, 0]])[1], light))
-scale = green(colours(truth)) / green(colours(rig))
+same = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+def slopes(of):
+    p = [c for c in of["cameras"] if c["id"] == reference][0].get("photometric", {})
+    return [sum(m * c for m, c in zip(row, p.get("contrast", [1] * 3))) for row in p.get("matrix", same)]
+scale = [a / b for a, b in zip(slopes(truth), slopes(rig))]
+mixes = any("matrix" in c["photometric"] for c in truth["cameras"])
+if mixes: scale = [scale[1]] * 3
 for camera in rig["cameras"]:
+    if name in ("none", "true"): break
     p = camera.setdefault("photometric", {"contrast": [1, 1, 1], "brightness": [0, 0, 0]})
-    matrix = p.get("matrix", [[1, 0, 0], [0, 1, 0], [0, 0, 1]])
-    p["matrix"] = [[scale * x for x in row] for row in matrix]
-json.dump(rig if name not in ("none", "true") else json.load(open(name + ".json")),
-          open(scene + "/rig.json", "w"))
+    p["matrix"] = [[k * x for x in row] for k, row in zip(scale, p.get("matrix", same))]
+json.dump(rig, open(scene + "/rig.json", "w"))
 PYTHON
     for method in plane_sweep focal_plane; do
       echo "$rig $method: $(raystage evaluate "$scene" "$scene/views.json" --method "$method" \
@@ -101,11 +104,12 @@ done
 [ -e scene ] || raystage simulate still -o scene $small --seconds 0.5 --fps 10 --truth-views 6 -q
 true_rig scene true.json all
 true_rig scene none.json
-true_rig scene lenses.json vignetting dark_pixels
+true_rig scene known.json =r0c0
+true_rig scene lenses.json vignetting dark_pixels =r0c0
 raystage calibrate color white grey --dark black --vignetting --start none.json -o targets.json
 raystage calibrate color white grey --dark black --flat-field --start none.json -o map.json
 echo "by the scene, lenses not known: $(seconds raystage calibrate color --scene scene \
-  --start none.json -o scene.json -q)"
+  --start known.json -o scene.json -q)"
 cat out.txt
 raystage calibrate color --scene scene --start lenses.json -o scene_lenses.json -q
 colours scene r0c0 none targets map scene scene_lenses true

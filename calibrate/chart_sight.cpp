@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "calibrate/color_chart.h"
-#include "calibrate/corrected_picture.h"
+#include "store/frames/corrected_picture.h"
 #include "schemas/error.h"
 #include "schemas/parallel.h"
 

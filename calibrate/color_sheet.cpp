@@ -5,7 +5,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "calibrate/corrected_picture.h"
+#include "store/frames/corrected_picture.h"
 #include "schemas/error.h"
 
 namespace raystage {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "calibrate/corrected_picture.h"
+#include "store/frames/corrected_picture.h"
 #include "schemas/error.h"
 
 namespace raystage {

@@ -3,7 +3,7 @@
 
 #include "images/image_file.h"
 #include "schemas/error.h"
-#include "store/jpeg/decode.h"
+#include "store/frames/corrected_picture.h"
 
 namespace raystage {
 namespace {
@@ -40,6 +40,20 @@ std::vector<std::pair<std::size_t, FrameSelection>> instants_of(int camera, cons
   return instants;
 }
 
+/// A camera's frame in the colours that the others are brought to: what a rendering should show.
+RgbImage codes_of(const Take& take, const Rig::Camera& of, int camera, int frame) {
+  const CorrectedPicture picture = corrected_picture(
+      take, camera, frame, {of.model.width(), of.model.height()}, of.photometric, {});
+  RgbImage image{picture.size.width, picture.size.height, {}};
+  image.pixels.reserve(picture.rgba.size() / 4 * 3);
+  for (std::size_t i = 0; i < picture.rgba.size(); ++i) {
+    constexpr unsigned kPerCode = 257;
+    if (i % 4 == 3) continue;
+    image.pixels.push_back(static_cast<std::uint8_t>((picture.rgba[i] + kPerCode / 2) / kPerCode));
+  }
+  return image;
+}
+
 void add_camera(int camera, const Take& take, const Timeline* timeline,
                 std::vector<EvaluationSubject>& subjects) {
   const Rig::Camera& left_out = take.rig().cameras[static_cast<std::size_t>(camera)];
@@ -51,10 +65,10 @@ void add_camera(int camera, const Take& take, const Timeline* timeline,
     const std::string name =
         instants == 1 ? left_out.id : left_out.id + "_" + std::to_string(number);
     const int frame = frames.frame[static_cast<std::size_t>(camera)];
-    const auto truth = [&take, &model = left_out.model, camera, frame, name, pinhole] {
-      RgbImage image = JpegDecoder().decode(take.archive(camera).jpeg(frame), name);
-      if (!model.has_distortion()) return Truth{std::move(image), {}};
-      return undistorted_truth(image, model, pinhole);
+    const auto truth = [&take, &left_out, camera, frame, pinhole] {
+      RgbImage image = codes_of(take, left_out, camera, frame);
+      if (!left_out.model.has_distortion()) return Truth{std::move(image), {}};
+      return undistorted_truth(image, left_out.model, pinhole);
     };
     subjects.push_back({name, pinhole, std::move(frames), truth});
   }

@@ -12,7 +12,9 @@
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
+#include "schemas/rig_document.h"
 #include "schemas/test_folder.h"
+#include "schemas/transfer_function.h"
 #include "store/jpeg/encode.h"
 #include "store/take.h"
 
@@ -121,6 +123,20 @@ TEST_F(Subjects, ACameraLeftOutHasAViewPerTickThatTakesItsFrame) {
               ElementsAre(fourth + "_0", fourth + "_1", fourth + "_4"));
   timeline_.ticks.resize(1);
   EXPECT_THAT(ids_of(leave_out(fourth, &timeline_)), ElementsAre(fourth));
+}
+
+TEST_F(Subjects, ACameraLeftOutIsShownInTheColoursOfTheOthers) {
+  const std::filesystem::path file = folder_.path() / "take" / "rig.json";
+  RigDocument rig = read_rig(file);
+  rig.cameras[3].photometric.contrast = {0.5, 0.5, 0.5};
+  rig.cameras[3].photometric.matrix = {{{0, 1, 0}, {1, 0, 0}, {0, 0, 1.5}}};
+  write_rig(rig, file);
+  take_.emplace(folder_.path() / "take");
+  const auto views = leave_out(take_->document().cameras[3].id, &timeline_);
+  const double light = linear_from_srgb(grey_at(3) / 255.0) / 2;
+  const RgbImage image = views[2].truth().image;
+  EXPECT_NEAR(image.pixels[0], 255 * srgb_from_linear(light), 2);
+  EXPECT_NEAR(image.pixels[2], 255 * srgb_from_linear(1.5 * light), 2);
 }
 
 TEST_F(Subjects, WithoutATimelineStampsChoose) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "calibrate/corrected_picture.h"
+#include "store/frames/corrected_picture.h"
 
 #include <fmt/format.h>
 

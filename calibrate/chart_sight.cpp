@@ -6,9 +6,9 @@
 #include <optional>
 
 #include "calibrate/color_chart.h"
-#include "store/frames/corrected_picture.h"
 #include "schemas/error.h"
 #include "schemas/parallel.h"
+#include "store/frames/corrected_picture.h"
 
 namespace raystage {
 namespace {

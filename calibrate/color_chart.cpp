@@ -43,16 +43,23 @@ Rgb light_of(const ChartSight& sight, std::size_t patch, const PhotometricRespon
 
 bool counts(const ChartSight& sight, std::size_t patch) { return sight.patches[patch].is_exposed; }
 
+/// As bright as the camera shows the greys: the slope of a line, as its black may not be known.
 ChartLight published_by(const ChartSight& reference, const PhotometricResponse& response) {
   ChartLight light = color_checker_light();
-  double shown = 0, known = 0;
+  double count = 0, x = 0, y = 0, xx = 0, xy = 0;
   for (std::size_t p = kFirstGrey; p < light.size(); ++p) {
     if (!counts(reference, p)) continue;
-    shown += light_of(reference, p, response)[1];
-    known += light[p][1];
+    const double known = light[p][1], shown = light_of(reference, p, response)[1];
+    count += 1;
+    x += known;
+    y += shown;
+    xx += known * known;
+    xy += known * shown;
   }
+  const double spread = count * xx - x * x;
+  const double scale = spread > 0 ? (count * xy - x * y) / spread : 0;
   for (Rgb& patch : light) {
-    for (double& channel : patch) channel *= known > 0 ? shown / known : 0;
+    for (double& channel : patch) channel *= scale;
   }
   return light;
 }
@@ -201,7 +208,7 @@ ColorMatch match_charts(const std::vector<ChartSight>& sights,
     }
     if (i == reference && !settings.published) continue;
     const bool finds_brightness =
-        i != reference && response.contrast == Rgb{1, 1, 1} && response.brightness == Rgb{0, 0, 0};
+        response.contrast == Rgb{1, 1, 1} && response.brightness == Rgb{0, 0, 0};
     fit(sights[i], used[i], expected, finds_brightness, response);
   }
   match.after = spread_of(sights, match.responses, used, expected);

@@ -100,6 +100,17 @@ TEST(ColorChart, FindsBlackOnlyWhereNothingIsKnownOfIt) {
   EXPECT_EQ(found.responses[2].brightness, Rgb{});
 }
 
+TEST(ColorChart, FindsTheReferenceCamerasBlackTooWherePublishedColoursTellIt) {
+  PhotometricResponse foggy = mixing(0.1);
+  foggy.vignetting.reset();
+  foggy.brightness = {-0.02, -0.03, -0.01};
+  const ColorMatch found = match_charts({sight_of(foggy)}, {{}}, {"a"}, {0, true});
+  EXPECT_THAT(found.reasons, IsEmpty());
+  for (std::size_t c = 0; c < 3; ++c) {
+    EXPECT_NEAR(found.responses[0].brightness[c], foggy.brightness[c], 2e-3);
+  }
+}
+
 TEST(ColorChart, DoesWithoutPatchesThatAreOverexposed) {
   const PhotometricResponse other = mixing(0.1);
   std::vector<ChartSight> sights{sight_of({}), sight_of(other)};

@@ -63,7 +63,7 @@ std::string color_text(const std::vector<ColorMatch>& steps, const std::string& 
 std::string color_json(const std::vector<ColorMatch>& steps, const std::string& reference,
                        const std::vector<std::string>& cameras) {
   nlohmann::ordered_json json;
-  json["is_vouched_for"] =
+  json["vouched_for"] =
       std::ranges::all_of(steps, [](const ColorMatch& step) { return step.reasons.empty(); });
   json["reference"] = reference;
   for (const ColorMatch& step : steps) {

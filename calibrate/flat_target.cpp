@@ -76,8 +76,8 @@ ColorSpread spread_of(const std::vector<FlatSights>& targets,
 
 void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
            const std::vector<std::string>& cameras) {
-  constexpr double kClipped = 0.02, kUneven = 0.15, kBright = 0.02;
-  std::vector<std::string> clipped, uneven;
+  constexpr double kClipped = 0.02, kUneven = 0.15, kPatterned = 0.35, kBright = 0.02;
+  std::vector<std::string> clipped, uneven, patterned, dark;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     bool is_clipped = false, is_uneven = false;
     for (const FlatSights& target : targets) {
@@ -87,6 +87,13 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
       is_uneven =
           is_uneven || (!is_evened && mean > kBright && target[c].deviation[1] > kUneven * mean);
     }
+    const FlatSight& brightest = std::ranges::max_element(targets, {}, [&](const auto& target) {
+                                   return target[c].mean[1];
+                                 })->at(c);
+    const bool is_bright = brightest.mean[1] > kBright;
+    const bool is_patterned = is_bright && brightest.deviation[1] > kPatterned * brightest.mean[1];
+    if (!is_bright) dark.push_back(cameras[c]);
+    if (is_patterned) patterned.push_back(cameras[c]);
     if (is_clipped) clipped.push_back(cameras[c]);
     if (is_uneven) uneven.push_back(cameras[c]);
   }
@@ -94,9 +101,28 @@ void judge(FlatColors& colors, const std::vector<FlatSights>& targets,
     colors.reasons.push_back("A target is overexposed in " + few_of(clipped) +
                              ": expose less, so that white stays below full scale.");
   }
+  if (!dark.empty()) {
+    colors.reasons.push_back("No target is bright in " + few_of(dark) +
+                             ": light the white one, and expose for it.");
+  }
+  if (!patterned.empty()) {
+    colors.reasons.push_back("What fills the middle of the picture is no flat target in " +
+                             few_of(patterned) + ": name takes of white, grey and lens caps.");
+  }
+  constexpr double kDisagree = 0.05, kMore = 0.01;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double after = colors.after.deviation[k];
+    if (after <= std::min(kDisagree, colors.before.deviation[k] + kMore)) continue;
+    colors.reasons.push_back(fmt::format(
+        "Cameras' means still differ by {:.1f} %: contrast and brightness are not all that they "
+        "differ by. Codes that follow light by a curve of their own need --exposures.",
+        100 * after));
+    break;
+  }
   if (!uneven.empty()) {
     colors.warnings.push_back("A target is not everywhere as bright in " + few_of(uneven) +
-                              ": let it fill the middle of every picture, without shadows.");
+                              ": let it fill the middle of every picture, without shadows, or "
+                              "give --vignetting where it is the lens.");
   }
   constexpr double kUnevenCells = 0.02;  // that a gain map is not there to even out
   const bool is_lens_alone = !colors.responses.front().gain_map;
@@ -176,9 +202,10 @@ std::vector<std::string> findings_of(const FlatColors& colors) {
   std::size_t dark = 0;
   for (const PhotometricResponse& response : colors.responses) dark += response.dark_pixels.size();
   if (dark > 0) {
-    findings.push_back(
-        fmt::format("Dark       {} pixels show light in the dark, {:.1f} of a camera", dark,
-                    static_cast<double>(dark) / static_cast<double>(colors.responses.size())));
+    findings.push_back(fmt::format(
+        "Dark       {} pixels show light in the dark, those included that JPEG lets show "
+        "their neighbours': {:.1f} of a camera",
+        dark, static_cast<double>(dark) / static_cast<double>(colors.responses.size())));
   }
   return findings;
 }

@@ -96,6 +96,11 @@ GainMap find_gain_map(std::span<const FlatCell> cells, PictureSize size,
     for (int c = 0; c < 3; ++c) {
       gain[static_cast<std::size_t>(c)] = nodes(node, c) / nodes(kMiddle, c);
     }
+    constexpr double kMost = 20;
+    if (!(std::ranges::min(gain) > 1 / kMost && std::ranges::max(gain) < kMost)) {
+      throw Error::bad_input("camera \"" + camera + "\" shows no evenly lit target", "--flat-field",
+                             "Let the brightest target fill the picture of every camera");
+    }
   }
   return map;
 }

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "store/frames/corrected_picture.h"
 #include "schemas/error.h"
+#include "store/frames/corrected_picture.h"
 
 namespace raystage {
 namespace {

@@ -98,7 +98,7 @@ std::vector<double> find_response_curve(std::span<const ExposedCode> codes,
   }
   if (exposures.size() < 2) {
     throw Error::bad_input("fewer than two exposures show the target", "--exposures",
-                           "Expose so that it is neither black nor at full scale");
+                           "Give two that differ at least, neither black nor at full scale");
   }
   std::vector<double> curve;
   for (int knot = 0; knot < kKnots; ++knot) curve.push_back(knot * kStep);

@@ -13,6 +13,7 @@
 #include "calibrate/response_curve.h"
 #include "calibrate/scene_color.h"
 #include "cli/calibrate.h"
+#include "cli/color_options.h"
 #include "cli/threads.h"
 #include "rig/rig.h"
 #include "schemas/atomic_file.h"
@@ -22,17 +23,6 @@
 
 namespace raystage {
 namespace {
-
-struct ColorOptions {
-  std::vector<std::filesystem::path> takes;
-  std::filesystem::path chart, scene, output, start, dark, sheet, sheet_of;
-  std::string reference;
-  std::vector<double> exposures;
-  double focal_depth = 0, near = 0, far = 0;  // metres; 0: not given
-  bool neutral = false, vignetting = false, flat_field = false, force = false, json = false,
-       quiet = false, published = false;
-  int threads = 0;
-};
 
 std::vector<std::string> ids_of(const Take& take) {
   std::vector<std::string> ids;
@@ -78,6 +68,20 @@ std::vector<PhotometricResponse> curves_of(const ColorOptions& options, const Ta
                                        options.exposures.size(), options.takes.size()),
                            "--exposures", "Give each take's, in their order");
   }
+  // A longer exposure is brighter, or they are in another order.
+  for (std::size_t a = 0; a < options.exposures.size(); ++a) {
+    for (std::size_t b = 0; b < options.exposures.size(); ++b) {
+      if (!(options.exposures[a] < options.exposures[b])) continue;
+      for (std::size_t c = 0; c < targets.cameras.size(); ++c) {
+        if (sights[a][c].mean[1] < sights[b][c].mean[1] || sights[a][c].clipped > 0) continue;
+        throw Error::bad_input(
+            fmt::format("camera \"{}\" shows {} darker than {}, which is said to be exposed for "
+                        "less long",
+                        targets.cameras[c], options.takes[b].string(), options.takes[a].string()),
+            "--exposures", "Give each take's exposure, in the order of the takes");
+      }
+    }
+  }
   return find_response_curves(sights, options.exposures,
                               options.dark.empty() ? nullptr : &sights.back(),
                               targets.takes.front()->document().color_space);
@@ -111,8 +115,25 @@ int reference_of(const ColorOptions& options, const std::vector<std::string>& ca
   return static_cast<int>(found - cameras.begin());
 }
 
-void match_targets(const ColorOptions& options, FoundColors& found, const std::stop_token& stop) {
+/// Throws Error (bad input) where the rig is of other pictures than a take's.
+void check_sizes(const Take& take, const RigDocument& rig) {
+  for (const RigDocument::Camera& camera : rig.cameras) {
+    const CameraGeometry& in_rig = camera.geometry;
+    const int index = take.camera_index(in_rig.id);
+    if (index < 0) continue;  // said elsewhere
+    const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(index)].model;
+    if (model.width() == in_rig.width && model.height() == in_rig.height) continue;
+    throw Error::bad_input(
+        fmt::format("camera \"{}\" has pictures of {}x{} pixels here, and of {}x{} in the rig",
+                    in_rig.id, model.width(), model.height(), in_rig.width, in_rig.height),
+        take.folder().string(), "Record with the frame size of the scene, or give its rig");
+  }
+}
+
+void match_targets(const ColorOptions& options, const RigDocument& document, FoundColors& found,
+                   const std::stop_token& stop) {
   const Targets targets = open_targets(options);
+  for (const auto& take : targets.takes) check_sizes(*take, document);
   found.cameras = targets.cameras;
   found.reference = reference_of(options, targets.cameras);
   FlatColorSettings settings;
@@ -153,6 +174,7 @@ RigDocument in_order_of(const std::vector<std::string>& cameras, const RigDocume
 void match_chart(const ColorOptions& options, const RigDocument& document, FoundColors& found,
                  const std::stop_token& stop) {
   const Take take(options.chart);
+  check_sizes(take, document);
   std::vector<PhotometricResponse> responses;
   if (found.steps.empty()) {
     found.cameras = ids_of(take);
@@ -184,6 +206,12 @@ DepthRange depths_of(const ColorOptions& options, const Take& take) {
 void match_scene(const ColorOptions& options, const RigDocument& document, FoundColors& found,
                  const std::stop_token& stop) {
   const Take take(options.scene);
+  check_sizes(take, document);
+  if (!is_calibrated(document)) {
+    throw Error::bad_input("the rig does not know where the cameras stand",
+                           options.start.empty() ? "rig.json" : options.start.string(),
+                           "Calibrate its geometry first (raystage calibrate geometry)");
+  }
   found.cameras = ids_of(take);
   found.reference = reference_of(options, found.cameras);
   const Rig rig = rig_from_document(in_order_of(found.cameras, document, options));
@@ -209,9 +237,11 @@ const std::filesystem::path& first_take(const ColorOptions& options) {
 ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
   const std::filesystem::path& take = first_take(options);
+  check_can_write(options.output);
+  if (!options.sheet.empty()) check_can_write(options.sheet);
   RigDocument rig = read_rig(options.start.empty() ? take / "rig.json" : options.start);
   FoundColors found;
-  if (!options.takes.empty()) match_targets(options, found, stop);
+  if (!options.takes.empty()) match_targets(options, rig, found, stop);
   if (!options.chart.empty()) match_chart(options, rig, found, stop);
   if (!options.scene.empty()) match_scene(options, rig, found, stop);
   const std::vector<std::string>& cameras = found.cameras;
@@ -239,84 +269,9 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
     const Take shown(options.sheet_of.empty() ? take : options.sheet_of);
     sheet = encode_jpeg(color_sheet(shown, rig), {});
   }
-  write_rig(rig, options.output);
   if (!sheet.empty()) write_file_atomically(options.sheet, sheet);
+  write_rig(rig, options.output);
   return ExitCode::kSuccess;
-}
-
-void add_scene(CLI::App& app, ColorOptions& o, CLI::Option* takes, CLI::Option* chart) {
-  const char* group = "Without a target";
-  CLI::Option* const scene =
-      app.add_option(
-             "--scene", o.scene,
-             "A take of any scene with patterned surfaces: contrast and brightness by which "
-             "the cameras agree about the same places of it. Needs a rig that is "
-             "calibrated; all else that it knows of colours stays")
-          ->type_name("TAKE")
-          ->excludes(takes)
-          ->excludes(chart)
-          ->group(group);
-  const auto depth = [&](const char* name, double& value, const char* what) {
-    return app.add_option(name, value, what)
-        ->needs(scene)
-        ->check(CLI::Range(1e-3, 1e7).description(""))
-        ->type_name("METRES")
-        ->group(group);
-  };
-  depth("--near", o.near, "Nothing is nearer, metres in front of the array (default: the take's)");
-  depth("--far", o.far, "Nothing is farther (default: the take's)");
-  depth("--focal-depth", o.focal_depth,
-        "Only surfaces at this depth count, metres in front of the array, to a tenth of it")
-      ->excludes("--near")
-      ->excludes("--far");
-}
-
-CLI::Option* add_chart(CLI::App& app, ColorOptions& o) {
-  const char* group = "With a colour chart";
-  CLI::Option* const chart =
-      app.add_option(
-             "--chart", o.chart,
-             "A take of a ColorChecker Classic that every camera sees, held still: a matrix "
-             "for each camera's colours, on top of what targets or else --start tell")
-          ->type_name("TAKE")
-          ->group(group);
-  app.add_flag("--published", o.published,
-               "Colours become what the chart is known to reflect in Rec.709 (default: what the "
-               "reference camera shows), as bright as the reference camera shows the greys")
-      ->needs(chart)
-      ->group(group);
-  return chart;
-}
-
-void add_target_options(CLI::App& app, ColorOptions& o, CLI::Option* takes) {
-  const char* group = "With targets";
-  app.add_option("--dark", o.dark,
-                 "Take with capped lenses: light counts from there, and pixels that stand out of "
-                 "it are corrected")
-      ->type_name("TAKE")
-      ->needs(takes)
-      ->group(group);
-  app.add_option("--exposures", o.exposures,
-                 "The takes show one target that does not move, exposed for as long (any unit, one "
-                 "number a take): also how each camera's codes follow light, whatever curve it has")
-      ->delimiter(',')
-      ->check(CLI::Range(1e-9, 1e9))
-      ->type_name("T1,T2,...")
-      ->needs(takes)
-      ->group(group);
-  app.add_flag("--vignetting", o.vignetting,
-               "Also the fall of light towards the corners: the brightest target fills every "
-               "picture, and is as bright everywhere")
-      ->needs(takes)
-      ->group(group);
-  app.add_flag("--flat-field", o.flat_field,
-               "Likewise, as a map of what each part of a picture gains in each channel: also what "
-               "no lens explains (filters, shading of a sensor), and any unevenness of the target")
-      ->needs(takes)
-      ->group(group);
-  app.add_flag("--neutral", o.neutral, "White balance: the brightest target becomes grey")
-      ->needs(takes)
-      ->group(group);
 }
 
 }  // namespace
@@ -327,36 +282,7 @@ CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
       "color",
       "Contrast and brightness of every camera and channel, and more of its colours: from targets "
       "without features, a colour chart, or a scene");
-  CLI::Option* const takes = app->add_option(
-      "TAKE", o->takes,
-      "Takes of a target that fills the middle of every picture and is everywhere as "
-      "bright, each of another brightness: lens caps, grey, white (one alone tells the "
-      "contrast only)");
-  app->add_option("-o,--output", o->output,
-                  "The rig that is written: --start, with colours found here in place of its own")
-      ->required()
-      ->type_name("RIG.json");
-  app->add_option("--start", o->start, "The rig that gets colours (default: the first take's)")
-      ->type_name("RIG.json");
-  app->add_option("--reference", o->reference,
-                  "Camera that the others are made alike to (default: the first)")
-      ->type_name("ID");
-  CLI::Option* const chart = add_chart(*app, *o);
-  add_scene(*app, *o, takes, chart);
-  add_target_options(*app, *o, takes);
-  CLI::Option* const sheet =
-      app->add_option(
-             "--sheet", o->sheet,
-             "Contact sheet: what cameras show, as recorded on the left, corrected on the right")
-          ->type_name("FILE.jpg");
-  app->add_option("--sheet-of", o->sheet_of,
-                  "The take that the sheet shows (default: the first that is given)")
-      ->type_name("TAKE")
-      ->needs(sheet);
-  app->add_flag("--force", o->force, "Write the rig even if it cannot be vouched for");
-  add_threads_option(*app, o->threads);
-  app->add_flag("--json", o->json, "Print everything found as JSON");
-  app->add_flag("-q,--quiet", o->quiet, "No progress on stderr");
+  add_color_options(*app, *o);
   return {app, [o](const std::stop_token& stop) { return calibrate_color(*o, stop); }};
 }
 

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <memory>
 #include <numbers>
+#include <numeric>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,7 +32,7 @@ struct GeometryOptions {
   std::optional<double> fov_deg, spacing_mm;
   double most_rms_px = 1;
   bool lens_per_camera = false, whole_lens_model = false;
-  double at_s = 0;
+  std::optional<double> at_s;
   bool features = false, trust_clocks = false, force = false, json = false, quiet = false;
   int threads = 0;
   std::optional<int> most_points;
@@ -106,6 +108,22 @@ CalibrationSettings settings_of(const GeometryOptions& options, const Detections
       settings.held_cameras.push_back(held);
     }
   }
+  if (settings.solve.lens_is_known && options.lens.empty() && options.start.empty()) {
+    throw Error::bad_input("the lens is to be held, and nothing says what it is", "--hold lens",
+                           "Give it with --lens (raystage calibrate lens), or a rig with --start");
+  }
+  std::vector<std::string> named = settings.held_cameras;
+  if (settings.scale.distance) {
+    named.insert(named.end(), {settings.scale.distance->from, settings.scale.distance->to});
+  }
+  for (const std::string& id : named) {
+    if (std::ranges::find(detections.cameras, id, &DetectionsDocument::Camera::id) !=
+        detections.cameras.end()) {
+      continue;
+    }
+    throw Error::bad_input("there is no camera \"" + id + "\"", "--hold or --distance",
+                           "Name cameras of what is calibrated; --hold also knows lens and poses");
+  }
   return settings;
 }
 
@@ -152,44 +170,46 @@ Found found_from(const LightRecording& recording, LightCalibrationSettings setti
 }
 
 Found found_in_take(const GeometryOptions& options, const std::stop_token& stop) {
-  const LightRecording light = light_in(options, stop);
   LightCalibrationSettings settings;
   settings.points.most_points = options.most_points.value_or(settings.points.most_points);
-  settings.calibration = settings_of(options, {light.cameras, {}}, stop);
+  settings.calibration = settings_of(options, {cameras_of(Take(options.input)), {}}, stop);
+  const LightRecording light = light_in(options, stop);
   return found_from(light, settings, options);
 }
 
 Found found_by_board(const GeometryOptions& options, const std::stop_token& stop) {
   const BoardFinder finder(board_of(options.board, true));
   const Take take(options.input);
+  LightCalibrationSettings settings;
+  settings.calibration = settings_of(options, {cameras_of(take), {}}, stop);
   const auto times = frame_times_of(take);
   Progress progress(!options.quiet);
   const LightRecording board{
       track_board(
           take, times, finder, [&](double done) { progress.report(done); }, stop),
       cameras_of(take), period_of(times)};
-  LightCalibrationSettings settings;
   constexpr int kInstants = 80;  // each has a board's corners
   settings.points.most_points = options.most_points.value_or(kInstants);
   settings.points.prefers_rest = true;
   settings.points.least_step_px = 0;
   settings.points.most_bend_px = 20;  // frames lie near to the instants
-  settings.calibration = settings_of(options, {board.cameras, {}}, stop);
   settings.calibration.board = finder.board().all_corners();
   return found_from(board, settings, options);
 }
 
 Found found_by_features(const GeometryOptions& options, const std::stop_token& stop) {
   const Take take(options.input);
+  const CalibrationSettings settings = settings_of(options, {cameras_of(take), {}}, stop);
   FeatureSettings features;
   features.most_points = options.most_points.value_or(features.most_points);
   Progress progress(!options.quiet);
-  const auto at = static_cast<Nanoseconds>(std::llround(options.at_s * 1e9));
+  const TimeRange all = running_range(frame_times_of(take));
+  const Nanoseconds at = options.at_s ? static_cast<Nanoseconds>(std::llround(*options.at_s * 1e9))
+                                      : std::midpoint(all.begin, all.end);
   const Detections detections = feature_points(
       take, at, tolerance_of_stamps(take.document().nominal_fps), features,
       [&](double done) { progress.report(done); }, stop);
   if (!options.detections.empty()) write_tracked(detections, options.detections);
-  const CalibrationSettings settings = settings_of(options, detections, stop);
   return {settings, calibrate(detections, settings)};
 }
 
@@ -201,6 +221,9 @@ Found found_in_table(const GeometryOptions& options, const std::stop_token& stop
 
 ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
+  check_can_write(options.output);
+  if (!options.report.empty()) check_can_write(options.report);
+  if (!options.detections.empty()) check_can_write(options.detections);
   const bool is_take = std::filesystem::is_directory(options.input);
   const bool has_board = !options.board.squares.empty();
   if (has_board && !is_take) {
@@ -318,8 +341,9 @@ void add_features(CLI::App& app, GeometryOptions& o) {
                                 "Find points of a scene that stands still instead of a light: to "
                                 "refine a rig (--start) that moved a little")
                        ->group(group);
-  app.add_option("--at", o.at_s, "Time of the frames that are looked at, s since the take's epoch")
-      ->capture_default_str()
+  app.add_option("--at", o.at_s,
+                 "Time of the frames that are looked at, s since the take's epoch (default: the "
+                 "middle of the take)")
       ->needs(features)
       ->check(CLI::Range(-1e7, 1e7).description(""))
       ->group(group);
@@ -327,8 +351,10 @@ void add_features(CLI::App& app, GeometryOptions& o) {
 
 void add_model(CLI::App& app, GeometryOptions& o) {
   const char* group = "What is found";
-  app.add_flag("--lens-per-camera", o.lens_per_camera,
-               "Each camera has a lens of its own (default: one for all)")
+  app.add_flag(
+         "--lens-per-camera", o.lens_per_camera,
+         "Each camera has a lens of its own (default: one for all, unless --lens or --start give "
+         "each its own)")
       ->group(group);
   app.add_flag("--whole-lens-model", o.whole_lens_model,
                "Also k3, tangential distortion and pixels that are not square (default: focal "

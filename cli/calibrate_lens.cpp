@@ -13,6 +13,7 @@
 #include "cli/calibrate.h"
 #include "cli/threads.h"
 #include "rig/calibration/board_lens.h"
+#include "schemas/atomic_file.h"
 #include "schemas/rig_document.h"
 
 namespace raystage {
@@ -73,6 +74,7 @@ void print_lens(const std::string& id, const LensCalibration& found) {
 
 ExitCode calibrate_lens_of(const LensOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
+  check_can_write(options.output);
   const BoardFinder finder(board_of(options.board, false));
   const Take take(options.take);
   const std::vector<int> cameras = cameras_chosen(take, options.cameras);

@@ -104,14 +104,31 @@ void TemporaryFile::commit() {
   if (folder.open()) fsync(folder.number());
 }
 
+namespace {
+
+/// The file that is to become `target`, empty: its descriptor.
+int created(const TemporaryFile& temporary, const std::filesystem::path& target) {
+  std::error_code unknown;
+  const auto there = std::filesystem::status(target, unknown);
+  if (std::filesystem::exists(there) && !std::filesystem::is_regular_file(there)) {
+    throw Error::failed("what is there is no file", target.string(), "Name a file to be written");
+  }
+  const int file = ::open(temporary.path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (file < 0) throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
+  return file;
+}
+
+}  // namespace
+
+void check_can_write(const std::filesystem::path& target) {
+  const TemporaryFile temporary(target);
+  const Descriptor file(created(temporary, target));
+}
+
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes) {
   TemporaryFile temporary(target);
   {
-    Descriptor file(
-        ::open(temporary.path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666));
-    if (!file.open()) {
-      throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
-    }
+    Descriptor file(created(temporary, target));
     write_all(file.number(), bytes, target);
     if (!file.close()) {
       throw Error::from_errno("cannot write the file", target.string(), kCheckDisk);

@@ -29,8 +29,13 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
+/// Throws Error (failed) where write_file_atomically() could not begin: to be asked before long work
+/// whose result goes there. Leaves nothing.
+void check_can_write(const std::filesystem::path& target);
+
 /// Writes a whole file under a temporary name and renames it. Throws Error (failed): full disk, no
-/// permission, missing folder; the old file, if any, is untouched then.
+/// permission, missing folder, a target that is no file (a device would become one); the old file,
+/// if any, is untouched then.
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes);
 void write_file_atomically(const std::filesystem::path& target, std::string_view text);
 

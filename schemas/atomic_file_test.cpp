@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -55,6 +56,21 @@ class FileSizeLimit {
   rlimit old_{};
   void (*handler_)(int);
 };
+
+TEST_F(AtomicFile, SaysBeforehandWhereNothingCanBeWritten) {
+  check_can_write(folder_.path() / "new");
+  EXPECT_TRUE(names().empty());
+  EXPECT_THROW(check_can_write(folder_.path() / "nowhere" / "new"), Error);
+  EXPECT_THROW(check_can_write(folder_.path()), Error);
+}
+
+TEST_F(AtomicFile, LeavesWhatIsNoFileAsItIs) {
+  const std::filesystem::path pipe = folder_.path() / "pipe";
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  EXPECT_THROW(write_file_atomically(pipe, "text"), Error);
+  EXPECT_TRUE(std::filesystem::is_fifo(pipe));
+  EXPECT_EQ(names().size(), 1U);
+}
 
 TEST_F(AtomicFile, WritesAndReadsBackEveryByte) {
   std::string text;

@@ -33,7 +33,8 @@ void guess_lenses(ArrayModel& model, const std::vector<std::vector<BoardView>>& 
   std::vector<BoardView> all;
   for (const auto& of_camera : views) all.insert(all.end(), of_camera.begin(), of_camera.end());
   const ArrayModel::Camera& first = model.cameras.front();
-  const Intrinsics shared = calibrate_lens({"all", first.width, first.height, all}, {}).lens;
+  const Intrinsics shared =
+      calibrate_lens({"all of them", first.width, first.height, all}, {}).lens;
   for (std::size_t c = 0; c < model.cameras.size(); ++c) {
     ArrayModel::Camera& camera = model.cameras[c];
     camera.intrinsics = shared;

@@ -196,6 +196,11 @@ Calibration calibrate(const Detections& all, const CalibrationSettings& settings
       uncertainty_of(calibration.model, calibration.solve.last, settings.limits.tolerances);
   calibration.verdict = verdict_on(calibration.model, calibration.uncertainty,
                                    calibration.scale_is_known, settings.limits);
+  if (solve.lens_is_known) {
+    calibration.verdict.warnings.emplace_back(
+        "Lenses are held: what these are off by puts everything off, and no deviation tells. Where "
+        "cameras are turned against each other, let the light refine them (without --hold lens).");
+  }
   return calibration;
 }
 

@@ -53,6 +53,18 @@ TEST(CalibrateColor, TargetsMakeColoursAlike) {
       run("raystage calibrate color " + take("white") + " --reference nobody -o " + rig).exit_code,
       2);
 
+  // Another frame size than the rig's; and what is no flat target.
+  RigDocument larger = read_rig(rig);
+  for (RigDocument::Camera& camera : larger.cameras) camera.geometry.width = 320;
+  const std::string other = (folder.path() / "larger.json").string();
+  write_rig(larger, other);
+  const CommandResult size =
+      run("raystage calibrate color " + take("white") + " --start " + other + " -o " + rig);
+  EXPECT_EQ(size.exit_code, 2);
+  EXPECT_THAT(size.err, HasSubstr("160x120"));
+  const CommandResult dark = run("raystage calibrate color " + take("black") + " -o " + rig);
+  EXPECT_NE(dark.exit_code, 0) << dark.out;
+
   // White balance: the target, which is a little warm, becomes grey.
   ASSERT_EQ(run("raystage calibrate color " + take("white") + " " + take("grey") + " " +
                 take("black") + " --neutral -o " + rig)
@@ -172,6 +184,9 @@ TEST(CalibrateColor, ExposuresStraightenEveryCamerasCurve) {
   const std::string command = "raystage calibrate color " + take("white") + " " + take("grey") +
                               " --dark " + take("black") + " --vignetting -o " + rig;
   EXPECT_EQ(run(command + " --exposures 4").exit_code, 2) << "one exposure for two takes";
+  const CommandResult swapped = run(command + " --exposures 1,4");
+  EXPECT_EQ(swapped.exit_code, 2);
+  EXPECT_THAT(swapped.err, HasSubstr("darker"));
   const CommandResult found = run(command + " --exposures 4,1");  // as their light is
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
   const RigDocument truth = read_rig(true_rig_of(take("white"))), measured = read_rig(rig);
@@ -227,7 +242,7 @@ TEST(CalibrateColor, ASceneMakesColoursAlikeWithoutATarget) {
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
   const auto report = nlohmann::json::parse(found.out);
   const auto& step = report.at("steps").at(0);
-  EXPECT_TRUE(report.at("is_vouched_for").get<bool>());
+  EXPECT_TRUE(report.at("vouched_for").get<bool>());
   EXPECT_EQ(report.at("cameras").size(), 6U);
   EXPECT_LT(step.at("after").at("mean_ciede2000"),
             step.at("before").at("mean_ciede2000").get<double>() / 4);

@@ -157,6 +157,14 @@ TEST(Calibrate, SaysWhatIsWrongWithWhatItIsGiven) {
       run("raystage calibrate geometry " + table + " -o " + rig + " --hold poses");
   EXPECT_EQ(held.exit_code, 2);
   EXPECT_THAT(held.err, HasSubstr("--start"));
+  const CommandResult unknown_lens =
+      run("raystage calibrate geometry " + table + " -o " + rig + " --hold lens");
+  EXPECT_EQ(unknown_lens.exit_code, 2);
+  EXPECT_THAT(unknown_lens.err, HasSubstr("nothing says what it is"));
+  EXPECT_EQ(run("raystage calibrate geometry " + table + " -o " + rig + " --hold lense").exit_code,
+            2);
+  EXPECT_EQ(run("raystage calibrate geometry " + table + " -o " + nowhere + "/rig.json").exit_code,
+            1);
   EXPECT_EQ(run("raystage calibrate geometry " + table + " -o " + rig + " --distance a b never")
                 .exit_code,
             2);

@@ -29,8 +29,8 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
-/// Throws Error (failed) where write_file_atomically() could not begin: to be asked before long work
-/// whose result goes there. Leaves nothing.
+/// Throws Error (failed) where write_file_atomically() could not begin: to be asked before long
+/// work whose result goes there. Leaves nothing.
 void check_can_write(const std::filesystem::path& target);
 
 /// Writes a whole file under a temporary name and renames it. Throws Error (failed): full disk, no

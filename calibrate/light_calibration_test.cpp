@@ -34,8 +34,7 @@ Recording recorded(double most_clock_ms, double noise_px) {
   std::uniform_real_distribution<double> share(-1, 1);
   std::normal_distribution<double> normal;
   Recording recording;
-  recording.poses =
-      simulated_array({.rows = 3, .columns = 3, .mounting_deg = 8, .points = 1}).poses;
+  recording.poses = known_array({.rows = 3, .columns = 3, .mounting_deg = 8, .points = 1}).poses;
   recording.light.period = kPeriod;
   for (std::size_t c = 0; c < recording.poses.size(); ++c) {
     const std::string id = fmt::format("c{}", c);

@@ -17,12 +17,12 @@ using testing::HasSubstr;
 
 struct Case {
   const char* name;
-  ArraySimulation simulation;
+  KnownArraySettings simulation;
   bool lens_is_known = false;
   bool is_vouched_for = true;
 };
 
-CalibrationSettings settings_for(const SimulatedArray& truth, bool lens_is_known) {
+CalibrationSettings settings_for(const KnownArray& truth, bool lens_is_known) {
   CalibrationSettings settings;
   settings.scale.spacing_m = 0.06;
   settings.solve.horizontal_fov = 60 * kTestDegree;
@@ -44,7 +44,7 @@ class CalibrationAtExtremes : public testing::TestWithParam<Case> {};
 
 TEST_P(CalibrationAtExtremes, IsRightOrRefused) {
   const Case& c = GetParam();
-  const SimulatedArray truth = simulated_array(c.simulation);
+  const KnownArray truth = known_array(c.simulation);
   Calibration calibration;
   try {
     calibration = calibrate(truth.detections, settings_for(truth, c.lens_is_known));
@@ -105,7 +105,7 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& tested) { return std::string(tested.param.name); });
 
 TEST(CalibrationAtItsLimits, ACameraThatSeesNothingIsNamed) {
-  SimulatedArray truth = simulated_array({.rows = 3, .columns = 3});
+  KnownArray truth = known_array({.rows = 3, .columns = 3});
   std::erase_if(truth.detections.detections, [](const auto& d) { return d.camera == 4; });
   const Calibration calibration = calibrate(truth.detections, settings_for(truth, true));
   EXPECT_THAT(calibration.verdict.reasons, Contains(HasSubstr("Nothing was seen by c04")));
@@ -115,7 +115,7 @@ TEST(CalibrationAtItsLimits, ACameraThatSeesNothingIsNamed) {
 }
 
 TEST(CalibrationAtItsLimits, CamerasThatShareNothingAreNamed) {
-  SimulatedArray truth = simulated_array({.rows = 2, .columns = 4, .points = 200});
+  KnownArray truth = known_array({.rows = 2, .columns = 4, .points = 200});
   // The left half sees the first hundred, the right half the others.
   std::erase_if(truth.detections.detections,
                 [](const auto& d) { return (d.camera % 4 < 2) != (d.point < 100); });
@@ -125,7 +125,7 @@ TEST(CalibrationAtItsLimits, CamerasThatShareNothingAreNamed) {
 }
 
 TEST(CalibrationAtItsLimits, WithoutScaleNothingIsVouchedFor) {
-  const SimulatedArray truth = simulated_array({.rows = 3, .columns = 3});
+  const KnownArray truth = known_array({.rows = 3, .columns = 3});
   CalibrationSettings settings = settings_for(truth, true);
   settings.scale = {};
   EXPECT_THAT(calibrate(truth.detections, settings).verdict.reasons, Contains(HasSubstr("scale")));
@@ -133,14 +133,14 @@ TEST(CalibrationAtItsLimits, WithoutScaleNothingIsVouchedFor) {
 
 /// Cases in which least squares finds wrong arrays that fit well.
 TEST(CalibrationAtItsLimits, WhatIsVouchedForIsRight) {
-  const std::vector<ArraySimulation> hard{
+  const std::vector<KnownArraySettings> hard{
       {.rows = 3, .columns = 3, .nearest = 10, .farthest = 20},
       {.rows = 3, .columns = 3, .nearest = 1000, .farthest = 2000},
       {.rows = 1, .columns = 2, .points = 200, .missing = 0, .points_on_a_plane = true},
       {.rows = 2, .columns = 2, .outliers = 0.3}};
-  for (ArraySimulation simulation : hard) {
+  for (KnownArraySettings simulation : hard) {
     for (simulation.seed = 1; simulation.seed <= 8; ++simulation.seed) {
-      const SimulatedArray truth = simulated_array(simulation);
+      const KnownArray truth = known_array(simulation);
       try {
         const Calibration found = calibrate(truth.detections, settings_for(truth, true));
         if (!found.verdict.is_vouched_for()) continue;
@@ -154,7 +154,7 @@ TEST(CalibrationAtItsLimits, WhatIsVouchedForIsRight) {
 }
 
 TEST(RestingLights, CountOnce) {
-  SimulatedArray truth = simulated_array({.rows = 3, .columns = 3, .points = 50, .times_seen = 3});
+  KnownArray truth = known_array({.rows = 3, .columns = 3, .points = 50, .times_seen = 3});
   const std::size_t all = truth.detections.detections.size();
   EXPECT_EQ(merge_resting_points(truth.detections), 100);
   EXPECT_EQ(truth.detections.detections.size(), all / 3);

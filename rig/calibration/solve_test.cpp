@@ -14,7 +14,7 @@ namespace raystage {
 namespace {
 
 TEST(SolvedArrays, TheThesisArrayIsFoundToAMillimetre) {
-  const SimulatedArray truth = simulated_array({});
+  const KnownArray truth = known_array({});
   SolveReport report;
   SolveSettings settings;
   settings.horizontal_fov = 60 * kTestDegree;
@@ -32,7 +32,7 @@ TEST(SolvedArrays, TheThesisArrayIsFoundToAMillimetre) {
 }
 
 TEST(SolvedArrays, WhatSeesNothingHasNoPose) {
-  SimulatedArray truth = simulated_array({.rows = 2, .columns = 3});
+  KnownArray truth = known_array({.rows = 2, .columns = 3});
   std::erase_if(truth.detections.detections, [](const auto& d) { return d.camera == 4; });
   SolveReport report;
   const ArrayModel model =
@@ -44,7 +44,7 @@ TEST(SolvedArrays, WhatSeesNothingHasNoPose) {
 }
 
 TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
-  const SimulatedArray truth = simulated_array({.rows = 2, .columns = 3});
+  const KnownArray truth = known_array({.rows = 2, .columns = 3});
   SolveReport report;
   std::stop_source source;
   SolveSettings settings{.horizontal_fov = 60 * kTestDegree};

@@ -18,13 +18,13 @@ namespace raystage {
 constexpr double kTestDegree = std::numbers::pi / 180;
 
 /// An array as it was mounted, and what it saw.
-struct SimulatedArray {
+struct KnownArray {
   std::vector<Pose> poses;
   Intrinsics lens;  // of all
   Detections detections;
 };
 
-struct ArraySimulation {
+struct KnownArraySettings {
   int rows = 8, columns = 8;
   double spacing = 0.06, mounting_m = 0.005, mounting_deg = 2;
   int points = 100;
@@ -35,7 +35,7 @@ struct ArraySimulation {
   unsigned seed = 11;
 };
 
-inline SimulatedArray simulated_array(const ArraySimulation& s) {
+inline KnownArray known_array(const KnownArraySettings& s) {
   std::mt19937 random(s.seed);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> share(0, 1);
@@ -51,7 +51,7 @@ inline SimulatedArray simulated_array(const ArraySimulation& s) {
     lights.emplace_back(depth * 0.5 * (2 * share(random) - 1),
                         depth * 0.4 * (2 * share(random) - 1), -depth);
   }
-  SimulatedArray result;
+  KnownArray result;
   for (int i = 0; i < s.rows * s.columns; ++i) {
     const Eigen::Vector3d off = s.mounting_m / std::sqrt(3.0) *
                                 Eigen::Vector3d(normal(random), normal(random), normal(random));

@@ -22,11 +22,11 @@ TEST(Deviations, AreAsLargeAsErrors) {
   Squares places, focal_lengths;
   constexpr int kRecordings = 14;
   for (int i = 0; i < kRecordings; ++i) {
-    const SimulatedArray truth = simulated_array({.rows = 2,
-                                                  .columns = 3,
-                                                  .mounting_deg = 12,
-                                                  .outliers = 0,
-                                                  .seed = static_cast<unsigned>(100 + i)});
+    const KnownArray truth = known_array({.rows = 2,
+                                          .columns = 3,
+                                          .mounting_deg = 12,
+                                          .outliers = 0,
+                                          .seed = static_cast<unsigned>(100 + i)});
     CalibrationSettings settings;
     settings.solve.horizontal_fov = 60 * kTestDegree;
     Calibration found = calibrate(truth.detections, settings);
@@ -119,7 +119,7 @@ class Moved {
 };
 
 TEST(Deviations, AreThoseOfTheWholeCovariance) {
-  const SimulatedArray truth = simulated_array(
+  const KnownArray truth = known_array(
       {.rows = 2, .columns = 2, .mounting_deg = 8, .points = 40, .outliers = 0, .missing = 0.1});
   CalibrationSettings settings;
   settings.solve.horizontal_fov = 60 * kTestDegree;
@@ -150,7 +150,7 @@ TEST(Deviations, AreThoseOfTheWholeCovariance) {
 }
 
 TEST(Lenses, ThatRestStayEachAsItIs) {
-  const SimulatedArray truth = simulated_array({.rows = 2, .columns = 2});
+  const KnownArray truth = known_array({.rows = 2, .columns = 2});
   CalibrationSettings settings;
   settings.solve.lenses.assign(4, truth.lens);
   settings.solve.lenses[1].fx = settings.solve.lenses[1].fy = 1.02 * truth.lens.fx;
@@ -162,7 +162,7 @@ TEST(Lenses, ThatRestStayEachAsItIs) {
 }
 
 TEST(Deviations, OfHeldPartsAreNone) {
-  const SimulatedArray truth = simulated_array({.rows = 2, .columns = 2});
+  const KnownArray truth = known_array({.rows = 2, .columns = 2});
   CalibrationSettings settings;
   settings.solve.lenses.assign(4, truth.lens);
   settings.solve.lens_is_known = true;
@@ -182,8 +182,8 @@ TEST(Deviations, OfHeldPartsAreNone) {
 
 TEST(Deviations, OfWhatNothingTellsAreHuge) {
   // Cameras that all look the same way cannot tell a longer lens from a deeper scene.
-  const SimulatedArray truth =
-      simulated_array({.rows = 2, .columns = 3, .mounting_m = 0, .mounting_deg = 0});
+  const KnownArray truth =
+      known_array({.rows = 2, .columns = 3, .mounting_m = 0, .mounting_deg = 0});
   CalibrationSettings settings;
   settings.solve.horizontal_fov = 60 * kTestDegree;
   const Calibration found = calibrate(truth.detections, settings);

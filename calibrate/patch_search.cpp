@@ -217,7 +217,7 @@ PatchSearch::PatchSearch(const Rig& rig, const SurfaceSettings& settings, const 
       others_(others),
       steps_(rig, settings.depths, base.camera, cameras_of(others)) {}
 
-std::optional<SurfacePoint> PatchSearch::find(const Vector2d& middle) const {
+std::optional<ScenePlace> PatchSearch::find(const Vector2d& middle) const {
   Pixels pixels = patch_offsets();
   for (Vector2d& pixel : pixels) pixel += middle;
   const auto patch = Patch::at(base_, pixels);
@@ -275,9 +275,9 @@ double PatchSearch::agreement(const Patch& patch, const Rays& rays, double step)
          static_cast<double>(half);
 }
 
-std::optional<SurfacePoint> PatchSearch::point_at(const Patch& patch, const Rays& rays,
-                                                  const Vector2d& middle, double step) const {
-  SurfacePoint point;
+std::optional<ScenePlace> PatchSearch::point_at(const Patch& patch, const Rays& rays,
+                                                const Vector2d& middle, double step) const {
+  ScenePlace point;
   point.sights.push_back({base_.camera, middle.x(), middle.y(), patch.mean});
   std::size_t visible = 0;
   for (const ShownPicture& other : others_) {

@@ -64,7 +64,7 @@ class PatchSearch {
               const std::vector<ShownPicture>& others);
 
   /// The patch about a pixel, in as many cameras as show it.
-  std::optional<SurfacePoint> find(const Eigen::Vector2d& middle) const;
+  std::optional<ScenePlace> find(const Eigen::Vector2d& middle) const;
 
  private:
   struct Patch;
@@ -76,8 +76,8 @@ class PatchSearch {
                                 Eigen::Vector2d& middle) const;
   double agreement(const Patch& patch, const Rays& rays, double step) const;
   std::optional<double> best_step(const Patch& patch, const Rays& rays) const;
-  std::optional<SurfacePoint> point_at(const Patch& patch, const Rays& rays,
-                                       const Eigen::Vector2d& middle, double step) const;
+  std::optional<ScenePlace> point_at(const Patch& patch, const Rays& rays,
+                                     const Eigen::Vector2d& middle, double step) const;
 
   const Rig& rig_;
   const SurfaceSettings& settings_;

@@ -161,7 +161,7 @@ void judge(SceneColors& colors, const Rig& rig, const std::vector<bool>& joined)
 
 }  // namespace
 
-SceneColors match_scene_colors(std::span<const SurfacePoint> points, const Rig& rig, int reference,
+SceneColors match_scene_colors(std::span<const ScenePlace> points, const Rig& rig, int reference,
                                const std::stop_token& stop) {
   SceneFit fit(points, rig, static_cast<std::size_t>(reference));
   const auto all = [](std::size_t) { return true; };

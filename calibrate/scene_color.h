@@ -18,7 +18,7 @@ struct SceneColors : ColorMatch {
 /// robust least squares over cameras and points together. Everything else stays as `rig` has it,
 /// the reference camera's contrast and brightness too. Sights that do not fit (ghosts, reflections,
 /// what moved) are left out and counted. Throws Error (failed) when a stop is asked for.
-SceneColors match_scene_colors(std::span<const SurfacePoint> points, const Rig& rig, int reference,
+SceneColors match_scene_colors(std::span<const ScenePlace> points, const Rig& rig, int reference,
                                const std::stop_token& stop);
 
 }  // namespace raystage

@@ -44,12 +44,12 @@ RigDocument row_of(int cameras) {
 
 /// What the cameras show of points that three neighbours see; a share of the sights is of another
 /// place.
-std::vector<SurfacePoint> points_before(const RigDocument& truth, double wrong, double noise,
-                                        double darkest = 0.02, double brightest = 0.6) {
+std::vector<ScenePlace> points_before(const RigDocument& truth, double wrong, double noise,
+                                      double darkest = 0.02, double brightest = 0.6) {
   std::mt19937_64 random(2);
   std::uniform_real_distribution<double> part(0, 1);
   std::normal_distribution<double> normal(0, noise);
-  std::vector<SurfacePoint> points;
+  std::vector<ScenePlace> points;
   const auto cameras = static_cast<int>(truth.cameras.size());
   for (int i = 0; i < 600 * cameras; ++i) {
     const auto some_light = [&] {
@@ -58,7 +58,7 @@ std::vector<SurfacePoint> points_before(const RigDocument& truth, double wrong, 
                  std::lerp(darkest, brightest, part(random))};
     };
     const Rgb light = some_light();
-    SurfacePoint point;
+    ScenePlace point;
     const int first = i % std::max(1, cameras - 2);
     for (int c = first; c < std::min(cameras, first + 3); ++c) {
       const int x = static_cast<int>(640 * part(random)), y = static_cast<int>(480 * part(random));
@@ -133,8 +133,8 @@ TEST(SceneColor, TwoCamerasAreEnough) {
 
 TEST(SceneColor, RefusesCamerasThatNothingJoins) {
   const RigDocument truth = row_of(6);
-  std::vector<SurfacePoint> points = points_before(truth, 0, 0.01);
-  std::erase_if(points, [](const SurfacePoint& point) {
+  std::vector<ScenePlace> points = points_before(truth, 0, 0.01);
+  std::erase_if(points, [](const ScenePlace& point) {
     return point.sights.front().camera < 3 && point.sights.back().camera >= 3;
   });
   const SceneColors found = match_scene_colors(points, unmatched(truth), 0, {});
@@ -168,9 +168,9 @@ TEST(SceneColor, OneCameraHasNobodyToAgreeWith) {
 TEST(SceneColor, TheSamePlaceTwiceIsNoNews) {
   // Duplicated points make nothing surer than it is by more than their number says.
   const RigDocument truth = row_of(3);
-  const std::vector<SurfacePoint> once = points_before(truth, 0.05, 0.02);
-  std::vector<SurfacePoint> twice;
-  for (const SurfacePoint& point : once) twice.insert(twice.end(), {point, point});
+  const std::vector<ScenePlace> once = points_before(truth, 0.05, 0.02);
+  std::vector<ScenePlace> twice;
+  for (const ScenePlace& point : once) twice.insert(twice.end(), {point, point});
   const SceneColors one = match_scene_colors(once, unmatched(truth), 0, {});
   const SceneColors two = match_scene_colors(twice, unmatched(truth), 0, {});
   EXPECT_LT(worst_light_error(two, truth), 0.01);

@@ -81,10 +81,10 @@ double worst_light(const SceneFit::Unknowns& camera,
 
 }  // namespace
 
-SceneFit::SceneFit(std::span<const SurfacePoint> points, const Rig& rig, std::size_t reference)
+SceneFit::SceneFit(std::span<const ScenePlace> points, const Rig& rig, std::size_t reference)
     : rig_(rig), reference_(reference) {
   for (std::size_t p = 0; p < points.size(); ++p) {
-    for (const SurfacePoint::Sight& seen : points[p].sights) {
+    for (const ScenePlace::Sight& seen : points[p].sights) {
       const auto camera = static_cast<std::size_t>(seen.camera);
       const Rig::Camera& of = rig.cameras[camera];
       const PictureSize size{of.model.width(), of.model.height()};

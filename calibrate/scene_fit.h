@@ -24,7 +24,7 @@ class SceneFit {
   };
 
   /// `rig` must outlive it.
-  SceneFit(std::span<const SurfacePoint> points, const Rig& rig, std::size_t reference);
+  SceneFit(std::span<const ScenePlace> points, const Rig& rig, std::size_t reference);
 
   std::vector<Sight>& sights() { return sights_; }
   const std::vector<Sight>& sights() const { return sights_; }

@@ -62,14 +62,14 @@ std::vector<FrameSelection> instants_of(const Take& take, int count) {
 
 }  // namespace
 
-std::vector<SurfacePoint> surface_points(const Take& take, const Rig& rig,
-                                         const SurfaceSettings& settings,
-                                         const std::function<void(double)>& progress,
-                                         const std::stop_token& stop) {
+std::vector<ScenePlace> surface_points(const Take& take, const Rig& rig,
+                                       const SurfaceSettings& settings,
+                                       const std::function<void(double)>& progress,
+                                       const std::stop_token& stop) {
   const std::vector<FrameSelection> instants = instants_of(take, settings.instants);
   const LevelTable levels = make_level_table(BlendSpace::kLinear);
   const std::size_t cameras = rig.cameras.size();
-  std::vector<std::vector<SurfacePoint>> found(instants.size() * cameras);
+  std::vector<std::vector<ScenePlace>> found(instants.size() * cameras);
   std::atomic<std::size_t> done = 0;
   const auto never = [] { return false; };
   for_each_in_flight(found.size(), searches_at_once(rig, settings), never, [&](std::size_t task) {
@@ -101,7 +101,7 @@ std::vector<SurfacePoint> surface_points(const Take& take, const Rig& rig,
     }
     progress(static_cast<double>(++done) / static_cast<double>(found.size()));
   });
-  std::vector<SurfacePoint> all, points;
+  std::vector<ScenePlace> all, points;
   for (auto& some : found) std::ranges::move(some, std::back_inserter(all));
   const auto most = static_cast<std::size_t>(settings.most_points);
   if (all.size() <= most) return all;

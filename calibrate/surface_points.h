@@ -22,7 +22,7 @@ struct SurfaceSettings {
 };
 
 /// A small patch of a surface and what several cameras show of it.
-struct SurfacePoint {
+struct ScenePlace {
   struct Sight {
     int camera = 0;
     double x = 0, y = 0;  ///< its middle, pixels from the picture's top-left corner
@@ -36,9 +36,9 @@ struct SurfacePoint {
 /// Left out is what has no pattern, looks alike at several depths, is hidden from most cameras,
 /// lies nearer or farther than `depths`, or is black or at full scale. Cameras in the order of the
 /// rig, which is the take's. Progress and errors as track_light().
-std::vector<SurfacePoint> surface_points(const Take& take, const Rig& rig,
-                                         const SurfaceSettings& settings,
-                                         const std::function<void(double)>& progress,
-                                         const std::stop_token& stop);
+std::vector<ScenePlace> surface_points(const Take& take, const Rig& rig,
+                                       const SurfaceSettings& settings,
+                                       const std::function<void(double)>& progress,
+                                       const std::stop_token& stop);
 
 }  // namespace raystage

@@ -35,16 +35,16 @@ Take simulated(const std::string& scene, const TestFolder& folder) {
   return Take(folder.path() / scene);
 }
 
-std::vector<SurfacePoint> found_in(const Take& take, const SurfaceSettings& settings) {
+std::vector<ScenePlace> found_in(const Take& take, const SurfaceSettings& settings) {
   return surface_points(take, take.rig(), settings, [](double) {}, {});
 }
 
 /// Metres in front of the array where the rays of the first two sights come nearest to each other.
-double depth_of(const SurfacePoint& point, const Rig& rig) {
+double depth_of(const ScenePlace& point, const Rig& rig) {
   Eigen::Matrix<double, 3, 2> directions;
   Vector3d places[2];
   for (std::size_t i = 0; i < 2; ++i) {
-    const SurfacePoint::Sight& sight = point.sights[i];
+    const ScenePlace::Sight& sight = point.sights[i];
     const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(sight.camera)];
     directions.col(static_cast<Eigen::Index>(i)) =
         camera.pose.world_from_camera_rotation * *camera.model.unproject({sight.x, sight.y});
@@ -62,14 +62,14 @@ TEST(SurfacePoints, AreTheSamePlacesInAllCameras) {
   SurfaceSettings settings;
   settings.instants = 1;
   settings.depths = *take.document().depth_range;
-  const std::vector<SurfacePoint> points = found_in(take, settings);
+  const std::vector<ScenePlace> points = found_in(take, settings);
   ASSERT_GT(points.size(), 500U);
   int sights = 0, wrong = 0, out_of_depth = 0;
-  for (const SurfacePoint& point : points) {
+  for (const ScenePlace& point : points) {
     ASSERT_GE(point.sights.size(), 2U);
     const double depth = depth_of(point, take.rig());
     out_of_depth += depth < settings.depths.near * 0.9 || depth > settings.depths.far * 1.2 ? 1 : 0;
-    for (const SurfacePoint::Sight& sight : point.sights) {
+    for (const ScenePlace::Sight& sight : point.sights) {
       bool is_alike = true;
       for (std::size_t c = 0; c < 3; ++c) {
         const double expected = point.sights[0].shown[c];
@@ -92,9 +92,9 @@ TEST(SurfacePoints, OnAFocalPlaneLieThere) {
   SurfaceSettings settings;
   settings.instants = 1;
   settings.depths = {3.9, 4.1};  // the chart; balls before it
-  const std::vector<SurfacePoint> points = found_in(take, settings);
+  const std::vector<ScenePlace> points = found_in(take, settings);
   ASSERT_GT(points.size(), 100U);
-  for (const SurfacePoint& point : points) EXPECT_NEAR(depth_of(point, take.rig()), 4, 0.8);
+  for (const ScenePlace& point : points) EXPECT_NEAR(depth_of(point, take.rig()), 4, 0.8);
   // One depth is as good as a narrow range, and infinity no end of it.
   settings.depths = {4, 4};
   EXPECT_GT(found_in(take, settings).size(), points.size() / 2);

@@ -218,7 +218,7 @@ void match_scene(const ColorOptions& options, const RigDocument& document, Found
   SurfaceSettings settings;
   settings.depths = depths_of(options, take);
   Progress progress(!options.quiet);
-  const std::vector<SurfacePoint> points = surface_points(
+  const std::vector<ScenePlace> points = surface_points(
       take, rig, settings, [&](double done) { progress.report(done); }, stop);
   found.steps.push_back(match_scene_colors(points, rig, found.reference, stop));
 }

@@ -14,12 +14,16 @@ endif()
 
 find_program(CCACHE ccache)
 if(CCACHE)
-  # Inside the checkout: a build touches nothing outside of it. A file that is new to the cache is found
-  # changed by the list of its headers, which spares preprocessing it a second time; the last line is
-  # what ccache asks of whoever precompiles headers.
-  set(CMAKE_CXX_COMPILER_LAUNCHER
-      "${CMAKE_COMMAND}" -E env "CCACHE_DIR=${PROJECT_SOURCE_DIR}/build/ccache" CCACHE_DEPEND=1
-      CCACHE_SLOPPINESS=pch_defines,time_macros "${CCACHE}")
+  # Inside the checkout, so that a build touches nothing outside of it, unless CCACHE_DIR names a cache that
+  # several checkouts share. There CCACHE_BASEDIR and CCACHE_NOHASHDIR make paths relative to the checkout
+  # (.ci/run sets all three); sources are preprocessed before they are looked up, because the unity files
+  # that CMake writes name theirs by absolute path. Sloppiness is what ccache asks of precompiled headers.
+  set(cache_settings CCACHE_SLOPPINESS=pch_defines,time_macros)
+  if(NOT DEFINED ENV{CCACHE_DIR})
+    # In depend mode a miss costs no preprocessing.
+    list(APPEND cache_settings "CCACHE_DIR=${PROJECT_SOURCE_DIR}/build/ccache" CCACHE_DEPEND=1)
+  endif()
+  set(CMAKE_CXX_COMPILER_LAUNCHER "${CMAKE_COMMAND}" -E env ${cache_settings} "${CCACHE}")
 endif()
 
 add_library(raystage_compiler INTERFACE)
@@ -38,6 +42,8 @@ endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # The compiler looks for garbage of its own only beyond half a gigabyte: a twelfth of its time.
   target_compile_options(raystage_compiler INTERFACE --param=ggc-min-heapsize=524288)
+  # ccache reads precompiled headers only where preprocessed text names them.
+  target_compile_options(raystage_compiler INTERFACE -fpch-preprocess)
 endif()
 if(CMAKE_UNITY_BUILD AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # A source read by another looks like a header that shows its anonymous namespace.

@@ -185,12 +185,29 @@ std::size_t raw_file_bytes(const ShotPlan& plan, bool deep) {
   return plan.eyes().size() * pixels_of(plan.shot()) * per_pixel;
 }
 
+namespace {
+
+/// What is shared by all frames in flight, and the files on their way to the disk.
+std::size_t held_bytes(const ShotPlan& plan, bool deep) {
+  return plan.geometry_bytes() + matte_bytes(plan) +
+         (1 + kFilesWaiting) * raw_file_bytes(plan, deep);
+}
+
+}  // namespace
+
+std::size_t memory_needed(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                          std::size_t in_flight, bool deep) {
+  MemoryRequest request;
+  request.deep = deep;
+  return held_bytes(plan, deep) + in_flight * frame_bytes(plan, frames, request) +
+         std::max(kMinCache, decoded_at_once(plan, frames, in_flight));
+}
+
 MemoryPlan plan_memory(const ShotPlan& plan, std::span<const PlannedFrame> frames,
                        const MemoryRequest& request) {
   const std::size_t per_frame = frame_bytes(plan, frames, request);
   const std::size_t granted = request.bytes > 0 ? request.bytes : available_memory() / 2;
-  const std::size_t held = plan.geometry_bytes() + matte_bytes(plan) +
-                           (1 + kFilesWaiting) * raw_file_bytes(plan, request.deep);
+  const std::size_t held = held_bytes(plan, request.deep);
   const std::size_t least = held + per_frame + kMinCache;
   if (granted < least) {
     throw Error::bad_input(

@@ -42,6 +42,11 @@ struct MemoryPlan : LightFieldMemory {  ///< of all light fields together
   std::string note;
 };
 
+/// What so many frames in flight take, with all decoded frames that they may look through at once,
+/// bytes; beside what methods keep and work in.
+std::size_t memory_needed(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                          std::size_t in_flight, bool deep);
+
 /// So many frames in flight as there is room for, with the decoded frames that a view may look
 /// through at once; what is left in equal parts for the light fields, each by share_memory().
 /// Throws Error (bad input) where not one frame fits.

@@ -306,34 +306,44 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
   return (shot_file.parent_path() / "renders" / (name + ".####.exr")).string();
 }
 
-SequenceReport render_sequence(const std::filesystem::path& shot_file,
-                               const SequenceOptions& options, std::stop_token stop) {
-  const ShotPlan plan(shot_file, {options.fill, options.target, options.layout,
-                                  options.color_config, options.aovs, options.frames});
+CheckedSequence check_sequence(const std::filesystem::path& shot_file,
+                               const SequenceOptions& options) {
+  auto opened = std::make_unique<const ShotPlan>(
+      shot_file, ShotPlanOptions{options.fill, options.target, options.layout, options.color_config,
+                                 options.aovs, options.frames});
+  const ShotPlan& plan = *opened;
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options);
-  const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
+  std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
   if (plan.measures_coverage()) check_measures(plan, shot_file);
-  const MemoryPlan memory =
+  MemoryPlan memory =
       plan_memory(plan, frames, {options.memory_bytes, options.frames_in_flight, options.deep});
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
-  const SequenceName name = checked_name(resolved, frames.size());
+  SequenceName name = checked_name(resolved, frames.size());
   if (options.deep) check_deep(plan, shot_file);
   check_plates(plan, name, shot_file);
   if (options.existing == ExistingFiles::kError) {
     check_existing(name, numbers);
     if (options.deep) check_existing(name.with("deep"), numbers);
   }
-  const FramePainter painter(plan, memory);
   check_folder(name.folder());
   check_room(name.folder(), plan, frames.size(), options);
+  return {std::move(opened), std::move(frames), std::move(name), std::move(memory)};
+}
 
-  say_what_is_missing(plan, frames, options);
-  std::string plan_text =
-      fmt::format("writing {} frames to {}, {} in flight, {} of cache", frames.size(),
-                  resolved.output, memory.in_flight, size_text(static_cast<double>(memory.cache)));
+SequenceReport render_sequence(const std::filesystem::path& shot_file,
+                               const SequenceOptions& options, std::stop_token stop) {
+  const CheckedSequence checked = check_sequence(shot_file, options);
+  const ShotPlan& plan = *checked.plan;
+  const MemoryPlan& memory = checked.memory;
+  const FramePainter painter(plan, memory);
+
+  say_what_is_missing(plan, checked.frames, options);
+  std::string plan_text = fmt::format(
+      "writing {} frames to {}, {} in flight, {} of cache", checked.frames.size(),
+      checked.name.pattern(), memory.in_flight, size_text(static_cast<double>(memory.cache)));
   if (memory.kept + memory.working > 0) {
     plan_text += fmt::format(", {} for what {} keep, {} for each frame to work with",
                              size_text(static_cast<double>(memory.kept)), methods_text(plan),
@@ -342,7 +352,8 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   options.say(plan_text);
   if (!memory.note.empty()) options.say(memory.note);
   options.progress(0);
-  return SequenceRun(plan, name, frames, painter, resolved, std::move(stop)).run(memory.in_flight);
+  return SequenceRun(plan, checked.name, checked.frames, painter, options, std::move(stop))
+      .run(memory.in_flight);
 }
 
 }  // namespace raystage

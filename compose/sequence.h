@@ -5,12 +5,15 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <stop_token>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "compose/memory_plan.h"
+#include "compose/sequence_name.h"
 #include "compose/shot_plan.h"
 #include "schemas/error.h"
 
@@ -80,6 +83,20 @@ struct SequenceReport {
   /// One line: what the stages took for a frame.
   std::string stages() const;
 };
+
+/// What render_sequence() would render.
+struct CheckedSequence {
+  std::unique_ptr<const ShotPlan> plan;
+  std::vector<PlannedFrame> frames;
+  SequenceName name;
+  MemoryPlan memory;
+};
+
+/// Checks everything that can be checked before the first frame, as render_sequence() does: shot,
+/// takes, files, memory, the output folder (which it makes) and the room in it. Throws Error as
+/// that does.
+CheckedSequence check_sequence(const std::filesystem::path& shot_file,
+                               const SequenceOptions& options);
 
 /// Renders a shot's frames to EXR files, several frames in flight. Everything that can be is
 /// checked before the first one; a frame that fails later is reported and the others go on. Files

@@ -19,6 +19,9 @@ std::size_t free_memory();
 /// Largest resident size of this process so far, bytes.
 std::size_t peak_memory();
 
+/// Processor time that this process has used so far, seconds.
+double cpu_seconds();
+
 /// Lets peak_memory() count from what the process holds now. Says whether the kernel allows it.
 bool reset_peak_memory();
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Any text is read or refused with an Error; what was read can be written and read again. The first
-// byte, a digit, selects the document.
+// byte, a digit or a letter after it, selects the document.
 #include <cstddef>
 #include <cstdint>
 #include <cstdlib>
@@ -10,6 +10,8 @@
 
 #include "schemas/bench_document.h"
 #include "schemas/error.h"
+#include "schemas/farm_job_document.h"
+#include "schemas/farm_records.h"
 #include "schemas/import_manifest.h"
 #include "schemas/planes_document.h"
 #include "schemas/record_config.h"
@@ -54,7 +56,7 @@ void read_offsets(std::string_view text) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size == 0) return 0;
   const std::string text(data + 1, data + size);
-  switch (static_cast<std::uint8_t>(data[0] - '0') % 11) {
+  switch (static_cast<std::uint8_t>(data[0] - '0') % 15) {
     case 0:
       round_trip(text, raystage::parse_rig, raystage::format_rig);
       break;
@@ -84,6 +86,18 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       break;
     case 10:
       round_trip(text, raystage::parse_planes, raystage::format_planes);
+      break;
+    case 11:
+      round_trip(text, raystage::parse_farm_job, raystage::format_farm_job);
+      break;
+    case 12:
+      round_trip(text, raystage::parse_farm_attempt, raystage::format_farm_attempt);
+      break;
+    case 13:
+      round_trip(text, raystage::parse_farm_round, raystage::format_farm_round);
+      break;
+    case 14:
+      round_trip(text, raystage::parse_farm_end, raystage::format_farm_end);
       break;
     default:
       round_trip(

@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/farm_job_document.h"
+
+#include "schemas/atomic_file.h"
+#include "schemas/document.h"
+
+namespace raystage {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Engine = FarmJobDocument::Engine;
+
+constexpr std::array<std::string_view, kFarmStages.size()> kStageNames{"prepare", "render",
+                                                                       "verify", "preview"};
+constexpr std::array<std::string_view, 3> kEngineNames{"slurm", "local", "openjd"};
+
+FarmResources resources_from(const Located& object) {
+  FarmResources resources;
+  resources.threads = object.at("threads").get<int>();
+  resources.memory_gb = object.at("memory_gb").get<double>();
+  resources.minutes = object.get_if<int>("minutes");
+  resources.options = object.get<std::vector<std::string>>("options", {});
+  return resources;
+}
+
+Json json_from(const FarmResources& resources) {
+  Json json{{"threads", resources.threads}, {"memory_gb", resources.memory_gb}};
+  add_optional(json, "minutes", resources.minutes);
+  if (!resources.options.empty()) json["options"] = resources.options;
+  return json;
+}
+
+FarmJobDocument::Picture picture_from(const Located& object) {
+  return {object.get<std::string>("fill", ""), object.get<std::string>("layout", ""),
+          object.get("chromaticities", false), object.get("coverage", false),
+          object.get("confidence", false),     object.get("deep", false)};
+}
+
+Json json_from(const FarmJobDocument::Picture& picture) {
+  Json json = Json::object();
+  if (!picture.fill.empty()) json["fill"] = picture.fill;
+  if (!picture.layout.empty()) json["layout"] = picture.layout;
+  if (picture.chromaticities) json["chromaticities"] = true;
+  if (picture.coverage) json["coverage"] = true;
+  if (picture.confidence) json["confidence"] = true;
+  if (picture.deep) json["deep"] = true;
+  return json;
+}
+
+/// Empty where the document has no such property.
+std::string path_if_any(const Located& document, std::string_view key) {
+  return document.has(key) ? path_text(document.at(key)) : std::string();
+}
+
+std::vector<FarmJobDocument::Instant> instants_from(const Located& document) {
+  std::vector<FarmJobDocument::Instant> instants;
+  if (!document.has("instants")) return instants;
+  const Located list = document.at("instants");
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    const Located object = list.at(i);
+    instants.push_back({object.at("layer").get<int>(), object.at("tick").get<int>(),
+                        path_text(object.at("file"))});
+  }
+  return instants;
+}
+
+std::vector<FarmJobDocument::Chunk> chunks_from(const Located& document, std::size_t instants) {
+  std::vector<FarmJobDocument::Chunk> chunks;
+  const Located list = document.at("chunks");
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    const Located object = list.at(i);
+    FarmJobDocument::Chunk chunk{path_text(object.at("frames")), {}};
+    if (object.has("instants")) {
+      const Located needed = object.at("instants");
+      for (std::size_t j = 0; j < needed.size(); ++j) {
+        chunk.instants.push_back(needed.at(j).get<int>());
+        if (static_cast<std::size_t>(chunk.instants.back()) >= instants) {
+          throw needed.at(j).refuse(
+              "found " + found(needed.at(j).value) + ", and the job has fewer instants",
+              "Submit the shot again");
+        }
+      }
+    }
+    chunks.push_back(std::move(chunk));
+  }
+  return chunks;
+}
+
+}  // namespace
+
+std::string_view farm_stage_name(FarmStage stage) {
+  return kStageNames[static_cast<std::size_t>(stage)];
+}
+
+FarmStage parse_farm_stage(std::string_view name) {
+  for (const FarmStage stage : kFarmStages) {
+    if (farm_stage_name(stage) == name) return stage;
+  }
+  throw Error::bad_input("there is no stage \"" + std::string(name) + "\"", "",
+                         "Use prepare, render, verify or preview");
+}
+
+std::string_view farm_engine_name(Engine engine) {
+  return kEngineNames[static_cast<std::size_t>(engine)];
+}
+
+FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
+  const nlohmann::json json = parse_document("farm_job", text, name);
+  const Located document{json, name, ""};
+  FarmJobDocument job;
+  job.id = document.at("id").get<std::string>();
+  const auto engine = document.at("engine").get<std::string>();
+  for (const Engine known : {Engine::kSlurm, Engine::kLocal, Engine::kOpenJd}) {
+    if (farm_engine_name(known) == engine) job.engine = known;
+  }
+  job.submitted_utc = utc_from(document.at("submitted_utc"));
+  job.submitted_by = document.get<std::string>("submitted_by", "");
+  job.submitted_on = document.get<std::string>("submitted_on", "");
+  job.program_version = document.at("program_version").get<std::string>();
+  job.build = document.get<std::string>("build", "");
+  job.simd = document.at("simd").get<std::string>();
+  job.umask = document.get_if<int>("umask");
+  job.program = path_text(document.at("program"));
+  job.wrap = path_if_any(document, "wrap");
+  job.folder = path_text(document.at("folder"));
+  job.shot = path_text(document.at("shot"));
+  job.shot_folder = path_text(document.at("shot_folder"));
+  job.output = path_text(document.at("output"));
+  job.cache = path_if_any(document, "cache");
+  job.color_config = path_if_any(document, "color_config");
+  job.existing = document.at("existing").get<std::string>();
+  job.missing = document.at("missing").get<std::string>();
+  if (document.has("picture")) job.picture = picture_from(document.at("picture"));
+  const Located resources = document.at("resources");
+  for (const FarmStage stage : kFarmStages) {
+    job.of(stage) = resources_from(resources.at(farm_stage_name(stage)));
+  }
+  job.attempts = document.at("attempts").get<int>();
+  job.preview = document.get("preview", true);
+  job.max_array = document.get("max_array", job.max_array);
+  job.seconds_per_frame = document.get_if<double>("seconds_per_frame");
+  job.frame_bytes = document.get("frame_bytes", 0.0);
+  job.instants = instants_from(document);
+  job.chunks = chunks_from(document, job.instants.size());
+  job.pinned = document.get<std::vector<std::string>>("pinned", {});
+  return job;
+}
+
+std::string format_farm_job(const FarmJobDocument& job) {
+  Json json = new_document("farm_job");
+  json["id"] = job.id;
+  json["engine"] = farm_engine_name(job.engine);
+  json["submitted_utc"] = format_utc(job.submitted_utc);
+  json["submitted_by"] = job.submitted_by;
+  json["submitted_on"] = job.submitted_on;
+  json["program_version"] = job.program_version;
+  json["build"] = job.build;
+  json["simd"] = job.simd;
+  add_optional(json, "umask", job.umask);
+  json["program"] = job.program;
+  if (!job.wrap.empty()) json["wrap"] = job.wrap;
+  json["folder"] = job.folder;
+  json["shot"] = job.shot;
+  json["shot_folder"] = job.shot_folder;
+  json["output"] = job.output;
+  if (!job.cache.empty()) json["cache"] = job.cache;
+  if (!job.color_config.empty()) json["color_config"] = job.color_config;
+  json["existing"] = job.existing;
+  json["missing"] = job.missing;
+  json["picture"] = json_from(job.picture);
+  for (const FarmStage stage : kFarmStages) {
+    json["resources"][std::string(farm_stage_name(stage))] = json_from(job.of(stage));
+  }
+  json["attempts"] = job.attempts;
+  json["preview"] = job.preview;
+  json["max_array"] = job.max_array;
+  add_optional(json, "seconds_per_frame", job.seconds_per_frame);
+  json["frame_bytes"] = job.frame_bytes;
+  Json& instants = json["instants"] = Json::array();
+  for (const FarmJobDocument::Instant& instant : job.instants) {
+    instants.push_back({{"layer", instant.layer}, {"tick", instant.tick}, {"file", instant.file}});
+  }
+  Json& chunks = json["chunks"] = Json::array();
+  for (const FarmJobDocument::Chunk& chunk : job.chunks) {
+    Json object{{"frames", chunk.frames}};
+    if (!chunk.instants.empty()) object["instants"] = chunk.instants;
+    chunks.push_back(std::move(object));
+  }
+  if (!job.pinned.empty()) json["pinned"] = job.pinned;
+  return format_json(json);
+}
+
+FarmJobDocument read_farm_job(const std::filesystem::path& file) {
+  return parse_farm_job(read_file(file), file.string());
+}
+
+}  // namespace raystage

@@ -1,0 +1,155 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "schemas/farm_records.h"
+
+#include <array>
+
+#include "schemas/document.h"
+
+namespace raystage {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::array<std::string_view, 6> kResultNames{"done",          "failed",  "bad_input",
+                                                       "out_of_memory", "stopped", "declined"};
+constexpr std::array<std::string_view, 4> kEndNames{"done", "failed", "cancelled", "stopped"};
+
+/// The schema allows only these words.
+template <class Enum, std::size_t n>
+Enum enum_from(const std::array<std::string_view, n>& names, const std::string& word) {
+  std::size_t i = 0;
+  while (i + 1 < n && names[i] != word) ++i;
+  return static_cast<Enum>(i);
+}
+
+FarmAttempt::End end_from(const Located& object) {
+  FarmAttempt::End end;
+  end.result = enum_from<AttemptResult>(kResultNames, object.at("result").get<std::string>());
+  end.exit_code = object.at("exit_code").get<int>();
+  end.reason = object.get<std::string>("reason", "");
+  end.node_fault = object.get("node_fault", false);
+  end.failed_frames = object.get<std::string>("failed_frames", "");
+  end.wall_seconds = object.get("wall_seconds", 0.0);
+  end.cpu_seconds = object.get("cpu_seconds", 0.0);
+  end.peak_memory_bytes = object.get("peak_memory_bytes", 0.0);
+  end.instants_solved = object.get("instants_solved", 0);
+  end.instants_read = object.get("instants_read", 0);
+  if (object.has("ended_utc")) end.ended_utc = utc_from(object.at("ended_utc"));
+  return end;
+}
+
+Json json_from(const FarmAttempt::End& end) {
+  Json json{{"result", attempt_result_name(end.result)}, {"exit_code", end.exit_code}};
+  if (!end.reason.empty()) json["reason"] = end.reason;
+  if (end.node_fault) json["node_fault"] = true;
+  if (!end.failed_frames.empty()) json["failed_frames"] = end.failed_frames;
+  json["wall_seconds"] = end.wall_seconds;
+  json["cpu_seconds"] = end.cpu_seconds;
+  json["peak_memory_bytes"] = end.peak_memory_bytes;
+  json["instants_solved"] = end.instants_solved;
+  json["instants_read"] = end.instants_read;
+  if (end.ended_utc) json["ended_utc"] = format_utc(*end.ended_utc);
+  return json;
+}
+
+}  // namespace
+
+std::string_view attempt_result_name(AttemptResult result) {
+  return kResultNames[static_cast<std::size_t>(result)];
+}
+
+FarmAttempt parse_farm_attempt(std::string_view text, std::string_view name) {
+  const nlohmann::json json = parse_document("farm_attempt", text, name);
+  const Located document{json, name, ""};
+  FarmAttempt attempt;
+  attempt.stage = document.at("stage").get<std::string>();
+  attempt.index = document.at("index").get<int>();
+  attempt.attempt = document.at("attempt").get<int>();
+  attempt.round = document.get("round", 0);
+  attempt.node = document.at("node").get<std::string>();
+  attempt.process = document.get<std::int64_t>("process", 0);
+  attempt.slurm_task = document.get<std::string>("slurm_task", "");
+  attempt.restart = document.get("restart", 0);
+  attempt.build = document.get<std::string>("build", "");
+  attempt.frames = document.get<std::string>("frames", "");
+  attempt.started_utc = utc_from(document.at("started_utc"));
+  if (document.has("end")) attempt.end = end_from(document.at("end"));
+  return attempt;
+}
+
+std::string format_farm_attempt(const FarmAttempt& attempt) {
+  Json json = new_document("farm_attempt");
+  json["stage"] = attempt.stage;
+  json["index"] = attempt.index;
+  json["attempt"] = attempt.attempt;
+  json["round"] = attempt.round;
+  json["node"] = attempt.node;
+  json["process"] = attempt.process;
+  if (!attempt.slurm_task.empty()) {
+    json["slurm_task"] = attempt.slurm_task;
+    json["restart"] = attempt.restart;
+  }
+  if (!attempt.build.empty()) json["build"] = attempt.build;
+  if (!attempt.frames.empty()) json["frames"] = attempt.frames;
+  json["started_utc"] = format_utc(attempt.started_utc);
+  if (attempt.end) json["end"] = json_from(*attempt.end);
+  return format_json(json);
+}
+
+FarmRound parse_farm_round(std::string_view text, std::string_view name) {
+  const nlohmann::json json = parse_document("farm_round", text, name);
+  const Located document{json, name, ""};
+  FarmRound round;
+  round.round = document.at("round").get<int>();
+  round.prepare = document.at("prepare").get<std::vector<int>>();
+  round.render = document.at("render").get<std::vector<int>>();
+  round.memory_factor = document.get("memory_factor", 1.0);
+  round.time_factor = document.get("time_factor", 1.0);
+  round.exclude = document.get<std::vector<std::string>>("exclude", {});
+  round.fresh = document.get("fresh", false);
+  round.host = document.get<std::string>("host", "");
+  round.process = document.get<std::int64_t>("process", 0);
+  round.process_start = document.get<std::string>("process_start", "");
+  return round;
+}
+
+std::string format_farm_round(const FarmRound& round) {
+  Json json = new_document("farm_round");
+  json["round"] = round.round;
+  json["prepare"] = round.prepare;
+  json["render"] = round.render;
+  json["memory_factor"] = round.memory_factor;
+  json["time_factor"] = round.time_factor;
+  if (!round.exclude.empty()) json["exclude"] = round.exclude;
+  if (round.fresh) json["fresh"] = true;
+  if (!round.host.empty()) {
+    json["host"] = round.host;
+    json["process"] = round.process;
+    json["process_start"] = round.process_start;
+  }
+  return format_json(json);
+}
+
+std::string_view farm_end_name(FarmEnd::State state) {
+  return kEndNames[static_cast<std::size_t>(state)];
+}
+
+FarmEnd parse_farm_end(std::string_view text, std::string_view name) {
+  const nlohmann::json json = parse_document("farm_end", text, name);
+  const Located document{json, name, ""};
+  return {enum_from<FarmEnd::State>(kEndNames, document.at("state").get<std::string>()),
+          document.get<std::string>("reason", ""), document.get<std::string>("missing_frames", ""),
+          document.get("frames", 0), utc_from(document.at("ended_utc"))};
+}
+
+std::string format_farm_end(const FarmEnd& end) {
+  Json json = new_document("farm_end");
+  json["state"] = farm_end_name(end.state);
+  if (!end.reason.empty()) json["reason"] = end.reason;
+  if (!end.missing_frames.empty()) json["missing_frames"] = end.missing_frames;
+  json["frames"] = end.frames;
+  json["ended_utc"] = format_utc(end.ended_utc);
+  return format_json(json);
+}
+
+}  // namespace raystage

@@ -18,16 +18,27 @@
 
 namespace raystage {
 
-void check_folder(const std::filesystem::path& folder) {
-  create_folder(folder);
-  // Asking the permissions is not enough: a disk may be mounted read-only or be full.
-  const TemporaryFile probe(folder / "probe");
+namespace {
+
+/// Leaves nothing. Throws Error where the disk refuses.
+void write_probe(const std::filesystem::path& path) {
+  const TemporaryFile probe(path);
   errno = 0;
   std::ofstream file(probe.path());
   file << "probe" << std::flush;
-  if (!file) {
-    throw Error::from_errno("the output folder cannot be written to", folder.string(),
-                            "Check its permissions and the room on the disk");
+  if (!file) throw Error::from_errno("cannot write a file", path.string(), "");
+}
+
+}  // namespace
+
+void check_folder(const std::filesystem::path& folder) {
+  create_folder(folder);
+  // Asking the permissions is not enough: a disk may be mounted read-only or be full.
+  try {
+    write_probe(folder / "probe");
+  } catch (const Error& error) {
+    throw Error::failed("the output folder cannot be written to: " + error.what_happened(),
+                        folder.string(), "Check its permissions and the room on the disk");
   }
 }
 

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "render/confidence/confidence.h"
 #include "render/depth/depth.h"
@@ -90,6 +91,8 @@ struct LightFieldRenderer::State {
     instant.frame_of_camera = frames_of_members(frames);
     instant.frames_beside = frames_beside(frames.time_ns);
     instant.members = members;
+    instant.cache_folder = settings.cache_folder;
+    instant.stored_data_counts = settings.stored_data_counts.get();
     std::vector<int> present;
     for (const int camera : members) {
       if (instant.is_present(camera)) present.push_back(camera);
@@ -166,6 +169,21 @@ double filtered_pixels(const VirtualCamera& view, const Instant& instant, const 
   return ratio > 0 ? ratio : source_pixels_per_pixel(view, instant, {0, 0, 0, 1});
 }
 
+/// Of the depths that rays of plane_sweep with its `options` meet.
+MethodOptions depth_options_of_sweep(const MethodOptions& options) {
+  const OptionValues scene{{"near", options.number("near")}, {"far", options.number("far")}};
+  return {depth_method().options, scene, "method plane_sweep"};
+}
+
+/// The method whose stored data a light field needs, with its options.
+std::pair<const Method&, MethodOptions> storing(const Reconstruction& reconstruction,
+                                                RenderedAs as) {
+  const Method& method = method_named(reconstruction.method);
+  MethodOptions options(method.options, reconstruction.options, "method " + reconstruction.method);
+  if (as == RenderedAs::kViews || method.name != "plane_sweep") return {method, options};
+  return {method_named("depth"), depth_options_of_sweep(options)};
+}
+
 /// Where rays of a query meet what `method` with its `options` takes for the scene.
 RaySurface surface_met(const Method& method, const MethodOptions& options,
                        const Eigen::Vector4d& focal_plane, const Instant& instant,
@@ -184,10 +202,7 @@ RaySurface surface_met(const Method& method, const MethodOptions& options,
                          settings.use_take_folder, work);
   }
   if (method.name == "depth") return by_depth(options);
-  if (method.name == "plane_sweep") {
-    const OptionValues scene{{"near", options.number("near")}, {"far", options.number("far")}};
-    return by_depth(MethodOptions(depth_method().options, scene, "method plane_sweep"));
-  }
+  if (method.name == "plane_sweep") return by_depth(depth_options_of_sweep(options));
   return plane_surface(focal_plane);
 }
 
@@ -340,6 +355,24 @@ void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelect
       weighs ? options : MethodOptions(lumigraph_method().options, {}, "method lumigraph"));
   const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, weighing, samples);
+}
+
+std::filesystem::path LightFieldRenderer::stored_file(const FrameSelection& frames,
+                                                      const Reconstruction& reconstruction,
+                                                      RenderedAs as) const {
+  const auto& [method, options] = storing(reconstruction, as);
+  const Instant instant = state_->instant(frames);
+  if (method.stored.file == nullptr || !state_->settings.use_take_folder || !instant.present) {
+    return {};
+  }
+  return method.stored.file(options, instant);
+}
+
+StoreResult LightFieldRenderer::store(const FrameSelection& frames,
+                                      const Reconstruction& reconstruction, RenderedAs as) const {
+  if (stored_file(frames, reconstruction, as).empty()) return {};
+  const auto& [method, options] = storing(reconstruction, as);
+  return method.stored.store(options, state_->instant(frames), state_->settings.working_bytes);
 }
 
 void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {

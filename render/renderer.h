@@ -3,13 +3,16 @@
 
 #include <Eigen/Core>
 #include <cstddef>
+#include <filesystem>
 #include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "render/rays/ray_query.h"
+#include "render/view/instant.h"
 #include "render/view/kept_results.h"
+#include "render/view/method.h"
 #include "render/view/view.h"
 #include "render/view/world_ray.h"
 #include "schemas/hole_fill.h"
@@ -60,7 +63,15 @@ struct RendererSettings {
   bool reference = false;            ///< the slow, obvious implementation, ray by ray
   /// What methods derive from a take may be kept in its folder, and taken from there.
   bool use_take_folder = true;
+  /// Holds what methods derive (CACHE/depth/...) in place of the take's folder, which may be
+  /// read-only; empty: the take's folder. Does not change the pixels.
+  std::filesystem::path cache_folder = {};
+  /// Counts what methods derived and read, for views and for rays; null: nobody counts.
+  std::shared_ptr<StoredDataCounts> stored_data_counts = nullptr;
 };
+
+/// What a light field is asked for.
+enum class RenderedAs { kViews, kRays };
 
 /// Throws Error (bad input) where LightFieldRenderer::query() cannot answer rays so: there is no
 /// one surface that they meet.
@@ -108,6 +119,16 @@ class LightFieldRenderer {
   /// for `slabs` in a box, whose rays have a focal plane for each of its sides.
   void query(std::span<const WorldRay> rays, const FrameSelection& frames,
              const Reconstruction& reconstruction, std::span<RaySample> samples) const;
+
+  /// Returns the file in which render() or query() stores what the method derives once from a light
+  /// field frame (Method::stored); empty: none. Not known for `auto`, which chooses a method when
+  /// it renders: none. Throws Error (bad input) as render() does.
+  std::filesystem::path stored_file(const FrameSelection& frames,
+                                    const Reconstruction& reconstruction, RenderedAs as) const;
+  /// Writes that file, unless it is there and whole: the same bytes as render() and query() write.
+  /// Throws Error as render() does.
+  StoreResult store(const FrameSelection& frames, const Reconstruction& reconstruction,
+                    RenderedAs as) const;
 
  private:
   struct State;

@@ -3,12 +3,13 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/random.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
-#include <atomic>
 #include <cerrno>
+#include <cstdint>
 #include <cstdio>
 #include <system_error>
 #include <utility>
@@ -48,17 +49,43 @@ std::string host_name() {
   return host;
 }
 
+/// From the kernel: hosts of one name and processes of one number may meet in a folder (containers
+/// have both), and so may processes that were forked.
+std::uint64_t random_bits(const std::filesystem::path& target) {
+  std::uint64_t bits = 0;
+  while (true) {
+    const ssize_t got = getrandom(&bits, sizeof bits, 0);
+    if (got == static_cast<ssize_t>(sizeof bits)) return bits;
+    if (got < 0 && errno != EINTR) {
+      throw Error::from_errno("no random numbers for a temporary name", target.string(),
+                              "Check that the kernel offers getrandom()");
+    }
+  }
+}
+
 std::filesystem::path temporary_beside(const std::filesystem::path& target) {
-  // Statics: the counter is what makes the name unique per call within the process.
-  static std::atomic<unsigned> counter{0};
-  static const std::string host = host_name();
   const std::string extension = target.extension().string();
-  const std::string suffix = fmt::format(".{}.{}.{}.tmp", host, getpid(), counter++);
+  const std::string suffix =
+      fmt::format(".{}.{}.{:016x}.tmp", host_name(), getpid(), random_bits(target));
   constexpr std::size_t kLongestName = 255;  // of the usual file systems, bytes
   std::string name = fmt::format(".{}", target.filename().string());
   const std::size_t rest = suffix.size() + extension.size();
   if (name.size() + rest > kLongestName && rest < kLongestName) name.resize(kLongestName - rest);
   return target.parent_path() / (name + suffix + extension);
+}
+
+/// A new, empty file beside `target`: its path.
+std::filesystem::path reserved_beside(const std::filesystem::path& target) {
+  constexpr int kMostTries = 16;  // a second is as unlikely as a collision of 64 random bits
+  for (int tries = 1;; ++tries) {
+    std::filesystem::path path = temporary_beside(target);
+    const Descriptor file(
+        ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
+    if (file.open()) return path;
+    if (errno != EEXIST || tries == kMostTries) {
+      throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
+    }
+  }
 }
 
 void write_all(int descriptor, std::span<const std::byte> bytes,
@@ -73,8 +100,9 @@ void write_all(int descriptor, std::span<const std::byte> bytes,
 
 }  // namespace
 
-TemporaryFile::TemporaryFile(std::filesystem::path target)
-    : target_(std::move(target)), path_(temporary_beside(target_)) {}
+TemporaryFile::TemporaryFile(std::filesystem::path target, Creation creation)
+    : target_(std::move(target)),
+      path_(creation == Creation::kHere ? reserved_beside(target_) : temporary_beside(target_)) {}
 
 TemporaryFile::~TemporaryFile() {
   if (committed_) return;
@@ -106,29 +134,30 @@ void TemporaryFile::commit() {
 
 namespace {
 
-/// The file that is to become `target`, empty: its descriptor.
-int created(const TemporaryFile& temporary, const std::filesystem::path& target) {
+/// A device or a pipe would become a file.
+void check_is_no_other_kind(const std::filesystem::path& target) {
   std::error_code unknown;
   const auto there = std::filesystem::status(target, unknown);
   if (std::filesystem::exists(there) && !std::filesystem::is_regular_file(there)) {
     throw Error::failed("what is there is no file", target.string(), "Name a file to be written");
   }
-  const int file = ::open(temporary.path().c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  if (file < 0) throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
-  return file;
 }
 
 }  // namespace
 
 void check_can_write(const std::filesystem::path& target) {
+  check_is_no_other_kind(target);
   const TemporaryFile temporary(target);
-  const Descriptor file(created(temporary, target));
 }
 
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes) {
+  check_is_no_other_kind(target);
   TemporaryFile temporary(target);
   {
-    Descriptor file(created(temporary, target));
+    Descriptor file(::open(temporary.path().c_str(), O_WRONLY | O_NOFOLLOW | O_CLOEXEC));
+    if (!file.open()) {
+      throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
+    }
     write_all(file.number(), bytes, target);
     if (!file.close()) {
       throw Error::from_errno("cannot write the file", target.string(), kCheckDisk);

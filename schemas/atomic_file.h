@@ -9,12 +9,18 @@
 
 namespace raystage {
 
-/// A name in the target's folder, unique per host, process and call, that becomes the target when
-/// commit() renames it; the destructor removes it otherwise. Two hosts on one target end in one
-/// whole file.
+/// A hidden file in the target's folder that becomes the target when commit() renames it; the
+/// destructor removes it otherwise. Its name, .NAME.HOST.PID.RANDOM.tmp.EXT, has 64 random bits, so
+/// that no two are alike, whatever hosts and processes are called. Two hosts on one target end in
+/// one whole file.
 class TemporaryFile {
  public:
-  explicit TemporaryFile(std::filesystem::path target);
+  enum class Creation {
+    kHere,    ///< the constructor creates the file, empty, with 0666 less the umask
+    kByUser,  ///< whoever writes it creates it, with O_EXCL
+  };
+  /// Throws Error (failed) where the file cannot be created.
+  explicit TemporaryFile(std::filesystem::path target, Creation creation = Creation::kHere);
   ~TemporaryFile();
   TemporaryFile(const TemporaryFile&) = delete;
   TemporaryFile& operator=(const TemporaryFile&) = delete;

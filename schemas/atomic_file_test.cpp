@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/atomic_file.h"
 
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -10,6 +11,8 @@
 #include <algorithm>
 #include <csignal>
 #include <fstream>
+#include <memory>
+#include <set>
 #include <string>
 #include <thread>
 #include <vector>
@@ -103,7 +106,44 @@ TEST_F(AtomicFile, TemporaryNamesAreUniqueHiddenAndKeepTheExtension) {
   const std::string name = a.path().filename().string();
   EXPECT_THAT(name, StartsWith(".frame.0001.exr."));
   EXPECT_THAT(name, HasSubstr("." + std::to_string(getpid()) + "."));
-  EXPECT_THAT(name, ::testing::EndsWith(".tmp.exr"));
+  EXPECT_THAT(name, ::testing::MatchesRegex(".*\\.[0-9a-f]+\\.tmp\\.exr"));
+  const std::size_t end = name.size() - std::string_view(".tmp.exr").size();
+  EXPECT_EQ(end - name.rfind('.', end - 1) - 1, 16U) << name;  // 64 bits, hexadecimal
+}
+
+TEST_F(AtomicFile, TemporaryFilesAreThereFromTheStartAndOnlyOnce) {
+  const mode_t umask_before = umask(027);
+  {
+    const TemporaryFile a(folder_.path() / "a");
+    struct stat status {};
+    ASSERT_EQ(lstat(a.path().c_str(), &status), 0);
+    EXPECT_TRUE(S_ISREG(status.st_mode));
+    EXPECT_EQ(status.st_mode & 0777U, 0640U);
+    EXPECT_EQ(status.st_size, 0);
+    // Who takes the name all the same is refused.
+    EXPECT_LT(open(a.path().c_str(), O_WRONLY | O_CREAT | O_EXCL, 0666), 0);
+    const TemporaryFile named(folder_.path() / "a", TemporaryFile::Creation::kByUser);
+    EXPECT_FALSE(std::filesystem::exists(named.path()));
+  }
+  umask(umask_before);
+  EXPECT_TRUE(names().empty());
+}
+
+TEST_F(AtomicFile, NamesDifferByTheirRandomPart) {
+  // In containers hosts and processes may have the same names and numbers.
+  const TemporaryFile before(folder_.path() / "a");
+  std::set<std::string> randoms;
+  const auto random_of = [](const TemporaryFile& file) {
+    const std::string name = file.path().filename().string();
+    return name.substr(name.size() - 4 - 16, 16);  // RANDOM.tmp
+  };
+  std::vector<std::unique_ptr<TemporaryFile>> files;
+  for (int i = 0; i < 100; ++i) {
+    files.push_back(std::make_unique<TemporaryFile>(folder_.path() / "a"));
+    randoms.insert(random_of(*files.back()));
+  }
+  EXPECT_EQ(randoms.size(), 100U);
+  EXPECT_FALSE(randoms.contains(random_of(before)));
 }
 
 TEST_F(AtomicFile, LongNamesStillFit) {
@@ -121,9 +161,22 @@ TEST_F(AtomicFile, WithoutCommitNothingStays) {
   EXPECT_TRUE(names().empty());
 }
 
-TEST_F(AtomicFile, CommitOfAFileThatWasNeverWrittenFails) {
-  TemporaryFile temporary(folder_.path() / "a");
+TEST_F(AtomicFile, CommitOfAFileThatIsNotThereFails) {
+  TemporaryFile temporary(folder_.path() / "a"),
+      never(folder_.path() / "a", TemporaryFile::Creation::kByUser);
+  std::filesystem::remove(temporary.path());
   EXPECT_THROW(temporary.commit(), Error);
+  EXPECT_THROW(never.commit(), Error);
+}
+
+TEST_F(AtomicFile, AFolderThatIsMissingIsRefusedAtOnce) {
+  try {
+    const TemporaryFile temporary(folder_.path() / "none" / "a");
+    FAIL() << temporary.path();
+  } catch (const Error& error) {
+    EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
+    EXPECT_EQ(error.where(), (folder_.path() / "none" / "a").string());
+  }
 }
 
 TEST_F(AtomicFile, FullDiskKeepsTheOldFileAndNoHalfOne) {

@@ -138,6 +138,29 @@ void remove_unfinished(std::span<const UsedPath> sets, fs::file_time_type now) {
   }
 }
 
+constexpr std::string_view kPin = "pin.";
+
+fs::path pin_file(const fs::path& set, std::string_view job) {
+  constexpr std::size_t kLongest = 200;
+  if (job.empty() || job.size() > kLongest || job.find('/') != std::string_view::npos ||
+      job.find('\0') != std::string_view::npos) {
+    throw Error::bad_input(
+        fmt::format("the name of the pin, \"{}\", is no file name of 1 to {} bytes", job, kLongest),
+        set.string(), "Name the job with letters, digits, - and _");
+  }
+  return set / fmt::format("{}{}", kPin, job);
+}
+
+bool is_pinned(const fs::path& set, fs::file_time_type now) {
+  std::error_code error;
+  for (fs::directory_iterator entry(set, error), end; entry != end; entry.increment(error)) {
+    if (!entry->path().filename().string().starts_with(kPin)) continue;
+    const fs::file_time_type pinned = fs::last_write_time(entry->path(), error);
+    if (!error && now - pinned <= kPinnedAtMost) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 DepthKey depth_key(const Instant& instant, const DepthSettings& s) {
@@ -167,8 +190,8 @@ DepthKey depth_key(const Instant& instant, const DepthSettings& s) {
   return key;
 }
 
-fs::path depth_file(const fs::path& take_folder, const DepthKey& key) {
-  return take_folder / "depth" / fmt::format("{:016x}", key.set) /
+fs::path depth_file(const fs::path& folder, const DepthKey& key) {
+  return folder / "depth" / fmt::format("{:016x}", key.set) /
          fmt::format("{:016x}.zst", key.instant);
 }
 
@@ -186,6 +209,7 @@ void remove_old_depth_sets(const fs::path& folder, fs::file_time_type now) {
     if (!error) (is_set ? sets : files).emplace_back(used, path);
   }
   remove_unfinished(sets, now);
+  std::erase_if(sets, [now](const UsedPath& set) { return is_pinned(set.second, now); });
   std::ranges::sort(sets, std::greater());
   sets.erase(sets.begin(),
              sets.begin() + static_cast<std::ptrdiff_t>(std::min(sets.size(), kKeptDepthSets)));
@@ -199,12 +223,16 @@ void remove_old_depth_sets(const fs::path& folder, fs::file_time_type now) {
 CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& settings,
                                 std::size_t working_bytes, bool keep, std::string& note) {
   const DepthKey key = keep ? depth_key(instant, settings) : DepthKey{};
-  const fs::path file = depth_file(instant.take->folder(), key);
+  const fs::path file = depth_file(instant.derived_folder(), key);
   if (keep) {
     CameraDepths depths = depth_cameras(instant, settings);
-    if (read_maps(file, key.instant, depths)) return depths;
+    if (read_maps(file, key.instant, depths)) {
+      if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->read;
+      return depths;
+    }
   }
   CameraDepths depths = solve_camera_depths(instant, settings, working_bytes);
+  if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->derived;
   for (InverseDepthMap& map : depths.maps) quantise(map);
   if (!keep) return depths;
   try {
@@ -219,6 +247,32 @@ CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& set
                        error.what_happened());
   }
   return depths;
+}
+
+StoreResult store_camera_depths(const Instant& instant, const DepthSettings& settings,
+                                std::size_t working_bytes) {
+  StoredDataCounts counts;
+  Instant counted = instant;
+  counted.stored_data_counts = &counts;
+  StoreResult result;
+  kept_camera_depths(counted, settings, working_bytes, true, result.not_stored);
+  result.was_stored = counts.read > 0;
+  return result;
+}
+
+void pin_depth_set(const fs::path& set, std::string_view job) {
+  const fs::path pin = pin_file(set, job);
+  std::error_code error;
+  const bool is_new = !fs::exists(set, error);
+  create_folder(set);
+  write_file_atomically(pin, std::string_view());
+  // The pin makes the folder before its first depths do.
+  if (is_new) remove_old_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
+}
+
+void unpin_depth_set(const fs::path& set, std::string_view job) {
+  std::error_code ignored;
+  fs::remove(pin_file(set, job), ignored);
 }
 
 }  // namespace raystage

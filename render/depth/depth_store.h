@@ -6,8 +6,10 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 #include "render/depth/camera_depths.h"
+#include "render/view/method.h"
 
 namespace raystage {
 
@@ -19,25 +21,40 @@ struct DepthKey {
 };
 DepthKey depth_key(const Instant& instant, const DepthSettings& settings);
 
-/// Where a take keeps them: TAKE/depth/SET/INSTANT.zst.
-std::filesystem::path depth_file(const std::filesystem::path& take_folder, const DepthKey& key);
+/// Returns FOLDER/depth/SET/INSTANT.zst. `folder`: Instant::derived_folder().
+std::filesystem::path depth_file(const std::filesystem::path& folder, const DepthKey& key);
 
-/// The instant's depths: those kept in the take's folder if they are whole and fit, else found anew
-/// and kept there. What hinders the keeping (a read-only take, a full disk) is no error but told in
-/// `note`, for people. The first of a new set makes room: see remove_old_depth_sets().
+/// The instant's depths: those kept in Instant::derived_folder() if they are whole and fit, else
+/// found anew and kept there. What hinders the keeping (a read-only take, a full disk) is no error
+/// but told in `note`, for people. The first of a new set makes room: see remove_old_depth_sets().
 CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& settings,
                                 std::size_t working_bytes, bool keep, std::string& note);
+
+/// Stores the depths of an instant's cameras in depth_file(), as kept_camera_depths() does, unless
+/// they are there and whole.
+StoreResult store_camera_depths(const Instant& instant, const DepthSettings& settings,
+                                std::size_t working_bytes);
 
 /// Sets that a take keeps, and for how long one is left alone that somebody may be at.
 inline constexpr std::size_t kKeptDepthSets = 4;
 inline constexpr std::chrono::hours kDepthsInUse{1};
+/// For how long a pin keeps a set.
+inline constexpr std::chrono::hours kPinnedAtMost{30 * 24};
+
+/// Keeps a set (the folder of a depth_file()) from remove_old_depth_sets() until it is unpinned or
+/// kPinnedAtMost has passed: a file `pin.JOB` in it. Creates the folder where it is missing, and
+/// makes room as the first file of a new set does. Throws Error (bad input) where `job` is no file
+/// name of 1 to 200 bytes, Error (failed) where the folder cannot be written.
+void pin_depth_set(const std::filesystem::path& set, std::string_view job);
+/// A missing pin, or one that cannot be removed, is no error.
+void unpin_depth_set(const std::filesystem::path& set, std::string_view job);
 
 /// Removes from `folder` (TAKE/depth) all sets but those used last, kKeptDepthSets of them and
-/// whatever was used within kDepthsInUse; files right in it likewise, as earlier versions left
-/// them; and in the sets files that a process left half written, unless they changed within
-/// kDepthsInUse. Other things stay. A process that has a removed file open reads on undisturbed
-/// where disks are local; over NFS another host's may find it gone, and finds its depths anew. What
-/// cannot be removed stays: never an error.
+/// whatever was used within kDepthsInUse, or is pinned; files right in it likewise, as earlier
+/// versions left them; and in the sets files that a process left half written, unless they changed
+/// within kDepthsInUse. Other things stay. A process that has a removed file open reads on
+/// undisturbed where disks are local; over NFS another host's may find it gone, and finds its
+/// depths anew. What cannot be removed stays: never an error.
 void remove_old_depth_sets(const std::filesystem::path& folder,
                            std::filesystem::file_time_type now);
 

@@ -53,6 +53,17 @@ Settings settings_of(const MethodOptions& options, const Take& take, bool use_ta
   return s;
 }
 
+std::filesystem::path stored_file(const MethodOptions& options, const Instant& instant) {
+  const Settings settings = settings_of(options, *instant.take, true);
+  if (!settings.keep) return {};
+  return depth_file(instant.derived_folder(), depth_key(instant, settings.solving));
+}
+
+StoreResult store(const MethodOptions& options, const Instant& instant, std::size_t working_bytes) {
+  return store_camera_depths(instant, settings_of(options, *instant.take, true).solving,
+                             working_bytes);
+}
+
 std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
   std::set<int> cameras;
   for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
@@ -341,7 +352,9 @@ Method depth_method() {
           false,
           false,
           kCheck,
-          [](const MethodOptions& options) { return options.flag("temporal"); }};
+          [](const MethodOptions& options) { return options.flag("temporal"); },
+          nullptr,
+          {depth::stored_file, depth::store}};
 }
 
 }  // namespace raystage

@@ -3,6 +3,7 @@
 #include <string>
 
 #include "render/depth/depth.h"
+#include "render/depth/depth_store.h"
 #include "render/depth/depth_surface.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/lumigraph/proxy.h"
@@ -64,6 +65,23 @@ std::vector<std::filesystem::path> files_read(const MethodOptions& options, cons
   return {mesh_file(options, take)};
 }
 
+/// As depth::depths_unless_told().
+DepthSettings solving_of(const Take& take) {
+  DepthSettings solving;
+  solving.scene = scene_of(take);
+  return solving;
+}
+
+std::filesystem::path stored_file(const MethodOptions& options, const Instant& instant) {
+  if (options.text("proxy") != "depth") return {};
+  return depth_file(instant.derived_folder(), depth_key(instant, solving_of(*instant.take)));
+}
+
+StoreResult store(const MethodOptions& /*options*/, const Instant& instant,
+                  std::size_t working_bytes) {
+  return store_camera_depths(instant, solving_of(*instant.take), working_bytes);
+}
+
 /// Depths that no memory keeps would be solved for every few rows.
 bool rows_alone(const MethodOptions& options) { return options.text("proxy") != "depth"; }
 
@@ -122,7 +140,8 @@ Method lumigraph_method() {
           false,
           check,
           nullptr,
-          rows_alone};
+          rows_alone,
+          {stored_file, store}};
 }
 
 }  // namespace raystage

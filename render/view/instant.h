@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <atomic>
+#include <filesystem>
 #include <memory>
 #include <vector>
 
@@ -10,6 +12,13 @@
 #include "store/take.h"
 
 namespace raystage {
+
+/// Counts the light field frames whose stored data (Method::stored) a method needed; one counts
+/// again after its data was dropped from memory.
+struct StoredDataCounts {
+  std::atomic<int> derived = 0;  ///< not stored before, or damaged
+  std::atomic<int> read = 0;     ///< from their files
+};
 
 /// The light field of one instant: which cameras have a frame, and who neighbours whom then.
 struct Instant {
@@ -28,6 +37,14 @@ struct Instant {
   /// Cells of the cameras present, and of all that could be (those not left out): rays are blended
   /// by the first, RenderedView::coverage is counted by the second. Equal when nobody is absent.
   std::shared_ptr<const Topology> present, complete;
+
+  /// Holds the files of derived data; empty: the take's folder does. See derived_folder().
+  std::filesystem::path cache_folder;
+  StoredDataCounts* stored_data_counts = nullptr;  ///< null: nothing is counted
+
+  const std::filesystem::path& derived_folder() const {
+    return cache_folder.empty() ? take->folder() : cache_folder;
+  }
 
   /// To find surfaces in: those are where they are, whatever shows of them.
   FrameCache& opaque_frames() const { return opaque != nullptr ? *opaque : *cache; }

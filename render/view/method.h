@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -45,6 +46,24 @@ struct MethodPreset {
   std::string_view options;  ///< "NAME=VALUE,..."
 };
 
+/// What became of data that a method was to store.
+struct StoreResult {
+  bool was_stored = false;  ///< the file was there, whole
+  std::string not_stored;   ///< why the data could not be stored; empty: it is stored
+};
+
+/// Data that a method derives once from a light field frame and stores for all views of it: camera
+/// depths. Null functions: the method stores nothing.
+struct StoredData {
+  /// Returns the file, below Instant::derived_folder(); empty: with these options there is none.
+  /// Reads the encoded frames of all cameras. Throws Error (bad input) as Method::check.
+  std::filesystem::path (*file)(const MethodOptions& options, const Instant& instant) = nullptr;
+  /// Derives the data and writes the file, unless it is there and whole: the same bytes as
+  /// rendering a view writes. Works in `working_bytes`. Throws Error as Method::render.
+  StoreResult (*store)(const MethodOptions& options, const Instant& instant,
+                       std::size_t working_bytes) = nullptr;
+};
+
 /// A way to reconstruct views, chosen by name. Whatever is done per pixel is done inside.
 struct Method {
   std::string_view name;
@@ -72,6 +91,7 @@ struct Method {
   /// Whether pixels know nothing of those in other rows, so that any rows of a view can be rendered
   /// by themselves; null: never. What is found for all of them is best kept: it is asked for anew.
   bool (*rows_alone)(const MethodOptions& options) = nullptr;
+  StoredData stored = {};  ///< what it derives once from a light field frame
 };
 
 }  // namespace raystage

@@ -95,7 +95,8 @@ class CameraRepair {
 
  private:
   void replace(RepairReport::Camera& result) {
-    TemporaryFile new_archive(archive_path_), new_journal(journal_path_);
+    constexpr auto kByUser = TemporaryFile::Creation::kByUser;
+    TemporaryFile new_archive(archive_path_, kByUser), new_journal(journal_path_, kByUser);
     write_salvaged(pair_, result.salvage, new_archive.path(), new_journal.path());
     check_new_pair(pair_, result.salvage, new_archive.path(), new_journal.path());
     if (!result.salvage.losses.empty()) {

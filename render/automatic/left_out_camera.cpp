@@ -28,6 +28,7 @@ struct Comparison {
 /// The instant without a camera, none of whose frames it shall use.
 Instant without(const Instant& instant, int camera) {
   Instant rest = instant;
+  rest.stored_data_counts = nullptr;  // what is measured here is never stored
   rest.frame_of_camera[static_cast<std::size_t>(camera)] = -1;
   std::erase(rest.members, camera);
   std::vector<int> present;

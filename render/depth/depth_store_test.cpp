@@ -9,6 +9,7 @@
 
 #include "render/view/synthetic_take.h"
 #include "schemas/atomic_file.h"
+#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -53,6 +54,44 @@ TEST(DepthStore, KeepsTheSetsUsedLastAndThoseInUse) {
   EXPECT_EQ(names_in(folder.path()).size(), 6U);
   remove_old_depth_sets(folder.path() / "missing", now);
   remove_old_depth_sets(folder.path() / "notes", now);
+}
+
+TEST(DepthStore, KeepsSetsThatArePinned) {
+  const TestFolder folder;
+  const fs::file_time_type now = fs::file_time_type::clock::now();
+  for (int i = 0; i < 7; ++i) {
+    const fs::path set = folder.path() / name_of(i);
+    if (i == 5 || i == 6) {
+      pin_depth_set(set, "job");
+    } else {
+      create_folder(set);
+    }
+    if (i == 6) fs::last_write_time(set / "pin.job", now - kPinnedAtMost - hours(1));
+    fs::last_write_time(set, now - hours(24 * (i + 1)));
+  }
+  remove_old_depth_sets(folder.path(), now);  // four used last, and the one with a young pin
+  const std::set<std::string> kept = {name_of(0), name_of(1), name_of(2), name_of(3), name_of(5)};
+  EXPECT_EQ(names_in(folder.path()), kept);
+  unpin_depth_set(folder.path() / name_of(5), "another");
+  remove_old_depth_sets(folder.path(), now);
+  EXPECT_EQ(names_in(folder.path()), kept);
+  unpin_depth_set(folder.path() / name_of(5), "job");
+  unpin_depth_set(folder.path() / name_of(5), "job");  // a missing one is no error
+  fs::last_write_time(folder.path() / name_of(5), now - hours(144));
+  remove_old_depth_sets(folder.path(), now);
+  EXPECT_EQ(names_in(folder.path()).count(name_of(5)), 0U);
+}
+
+TEST(DepthStore, APinIsAFileName) {
+  const TestFolder folder;
+  const fs::path set = folder.path() / name_of(0);
+  for (const std::string& job :
+       {std::string(), std::string("a/b"), std::string("a\0b", 3), std::string(201, 'a')}) {
+    EXPECT_THROW(pin_depth_set(set, job), Error) << job;
+  }
+  EXPECT_FALSE(fs::exists(set));
+  pin_depth_set(set, std::string(200, 'a'));
+  EXPECT_EQ(names_in(set), std::set<std::string>{"pin." + std::string(200, 'a')});
 }
 
 TEST(DepthStore, RemovesWhatWasLeftHalfWritten) {

@@ -59,7 +59,8 @@ class Stopwatch {
 
 }  // namespace
 
-FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory) : plan_(plan) {
+FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory)
+    : plan_(plan), stored_data_(std::make_shared<StoredDataCounts>()) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     renderers_.emplace_back();
     const LightFieldLayer* light_field = plan.light_field(i);
@@ -72,6 +73,8 @@ FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory) : pla
     settings.measure_confidence = plan.wants("lf.confidence");
     settings.ticks = light_field->timeline().ticks;
     settings.matte = light_field->matte();
+    settings.cache_folder = plan.cache_folder();
+    settings.stored_data_counts = stored_data_;
     renderers_.back() = std::make_unique<const LightFieldRenderer>(light_field->take(), settings);
   }
 }

@@ -44,6 +44,8 @@ class FramePainter {
   void read_ahead(const PlannedFrame& frame) const;
   int frames_read_ahead() const;
   std::size_t decoded_bytes_held() const;
+  /// Counts over all light fields and all views painted so far.
+  const StoredDataCounts& stored_data() const { return *stored_data_; }
 
  private:
   /// The geometry of a frame; `mesh_of_layer` as ShotPlan::geometry_at.
@@ -80,6 +82,7 @@ class FramePainter {
   void complete(LayerImage& image) const;
 
   const ShotPlan& plan_;
+  std::shared_ptr<StoredDataCounts> stored_data_;
   std::vector<std::unique_ptr<const LightFieldRenderer>> renderers_;  ///< of each layer
 };
 

@@ -27,29 +27,6 @@
 namespace raystage {
 namespace {
 
-std::vector<int> frames_to_render(const ShotDocument& shot, const SequenceOptions& options) {
-  std::vector<int> frames;
-  if (!options.frames) {
-    for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) frames.push_back(frame);
-    return frames;
-  }
-  std::copy_if(options.frames->begin(), options.frames->end(), std::back_inserter(frames),
-               [&](int frame) { return frame >= shot.first_frame && frame <= shot.last_frame; });
-  const std::string range = fmt::format("{}-{}", shot.first_frame, shot.last_frame);
-  if (frames.empty()) {
-    throw Error::bad_input(fmt::format("none of the frames {} is in the shot, which has {}",
-                                       format_frame_range(*options.frames), range),
-                           "", "Ask for frames of the shot");
-  }
-  if (frames.size() < options.frames->size()) {
-    options.say(
-        fmt::format("the shot has frames {}; {} of the frames asked for lie outside and "
-                    "are left out",
-                    range, options.frames->size() - frames.size()));
-  }
-  return frames;
-}
-
 const char* view_name(Eye eye) {
   return eye == Eye::kLeft ? "left" : eye == Eye::kRight ? "right" : "";
 }
@@ -92,6 +69,8 @@ class SequenceRun {
     report_.in_flight = in_flight;
     report_.asked = static_cast<int>(frames_.size());
     report_.frames_read_ahead = painter_.frames_read_ahead();
+    report_.instants_solved = painter_.stored_data().derived;
+    report_.instants_read = painter_.stored_data().read;
     const std::size_t done =
         static_cast<std::size_t>(report_.rendered + report_.skipped) + report_.failures.size();
     report_.stopped = done < frames_.size();
@@ -295,6 +274,31 @@ class SequenceRun {
 
 }  // namespace
 
+std::vector<int> frames_to_render(const ShotDocument& shot,
+                                  const std::optional<std::vector<int>>& asked,
+                                  const std::function<void(std::string_view)>& say) {
+  std::vector<int> frames;
+  if (!asked) {
+    for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) frames.push_back(frame);
+    return frames;
+  }
+  std::copy_if(asked->begin(), asked->end(), std::back_inserter(frames),
+               [&](int frame) { return frame >= shot.first_frame && frame <= shot.last_frame; });
+  const std::string range = fmt::format("{}-{}", shot.first_frame, shot.last_frame);
+  if (frames.empty()) {
+    throw Error::bad_input(fmt::format("none of the frames {} is in the shot, which has {}",
+                                       format_frame_range(*asked), range),
+                           "", "Ask for frames of the shot");
+  }
+  if (frames.size() < asked->size()) {
+    say(
+        fmt::format("the shot has frames {}; {} of the frames asked for lie outside and "
+                    "are left out",
+                    range, asked->size() - frames.size()));
+  }
+  return frames;
+}
+
 std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot) {
   const std::string shot_name = shot.name.empty() ? shot_file.stem().string() : shot.name;
   const std::string& layer = shot.layers.front().name;
@@ -310,10 +314,10 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options) {
   auto opened = std::make_unique<const ShotPlan>(
       shot_file, ShotPlanOptions{options.fill, options.target, options.layout, options.color_config,
-                                 options.aovs, options.frames});
+                                 options.aovs, options.frames, options.cache_folder});
   const ShotPlan& plan = *opened;
   const ShotDocument& shot = plan.shot();
-  const std::vector<int> numbers = frames_to_render(shot, options);
+  const std::vector<int> numbers = frames_to_render(shot, options.frames, options.say);
   std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
   if (plan.measures_coverage()) check_measures(plan, shot_file);

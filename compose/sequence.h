@@ -42,6 +42,7 @@ struct SequenceOptions {
   std::vector<std::string> aovs;       ///< beside the shot's: see ShotDocument::Output
   /// Beside each file one of the samples that it is made of: SequenceName::with("deep").
   bool deep = false;
+  std::filesystem::path cache_folder;  ///< as ShotPlanOptions
   std::string program_version;
   /// Rising from 0 to 1; called from many threads.
   std::function<void(double)> progress = [](double) {};
@@ -71,6 +72,9 @@ struct SequenceReport {
   std::vector<Failure> failures;  ///< by frame
   double seconds = 0;             ///< wall-clock, of the frames
   std::int64_t bytes_written = 0, pixels_decoded = 0;
+  /// Light field frames whose depths were solved, and read from files; one counts again after its
+  /// depths were dropped from memory.
+  int instants_solved = 0, instants_read = 0;
   int frames_read_ahead = 0;           ///< of cameras, asked of the disk before they were decoded
   std::size_t decoded_bytes_held = 0;  ///< the most that was kept of decoded frames after a frame
   StageTimes milliseconds;
@@ -105,6 +109,12 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
 /// rendered, std::bad_alloc when memory runs out.
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop);
+
+/// Returns the frames of the shot among those asked for, sorted; all of the shot where none are
+/// named. Says how many lie outside. Throws Error (bad input) where all do.
+std::vector<int> frames_to_render(const ShotDocument& shot,
+                                  const std::optional<std::vector<int>>& asked,
+                                  const std::function<void(std::string_view)>& say);
 
 /// "renders/SHOT_LAYER.####.exr" beside the shot.
 std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot);

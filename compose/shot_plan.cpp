@@ -64,6 +64,7 @@ bool PlannedFrame::holds() const {
 
 ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions& options)
     : shot_file_(shot_file),
+      cache_folder_(options.cache_folder),
       shot_(shot_with(read_shot(shot_file), options)),
       camera_(shot_, shot_file),
       colors_(shot_colors(shot_, shot_file, options.color_config)) {

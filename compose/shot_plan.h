@@ -44,6 +44,9 @@ struct ShotPlanOptions {
   std::vector<std::string> aovs = {};       ///< beside those of the shot
   /// Light fields and meshes are opened that show in one of these; none: in a frame of the shot.
   std::optional<std::vector<int>> frames = {};
+  /// Holds the data that methods derive from takes (DIR/depth/...); empty: each take's folder does.
+  /// Does not change the pixels, nor the fingerprint.
+  std::filesystem::path cache_folder = {};
 };
 
 /// A shot with its takes and meshes opened and everything checked that can be before rendering.
@@ -89,6 +92,8 @@ class ShotPlan {
   std::size_t layers_of_picture(std::size_t layer) const;
 
   const ShotColors& colors() const { return colors_; }
+  /// As ShotPlanOptions.
+  const std::filesystem::path& cache_folder() const { return cache_folder_; }
   /// Whether the files are to tell an AOV of this name (ShotDocument::Output::aovs).
   bool wants(std::string_view aov) const;
   /// Whether one of them is among what RendererSettings::measure_coverage gives.
@@ -125,7 +130,7 @@ class ShotPlan {
   void open_geometry(std::size_t layer);
   bool shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
 
-  std::filesystem::path shot_file_;
+  std::filesystem::path shot_file_, cache_folder_;
   ShotDocument shot_;
   ShotCamera camera_;
   ShotColors colors_;

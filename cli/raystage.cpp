@@ -29,6 +29,7 @@ constexpr Command kCommands[] = {
     {"info", "say what a take holds and what it lacks"},
     {"verify", "is a take still what was recorded? exit code 1 if not"},
     {"repair", "close what a crash left open, save what can be saved of a damaged take"},
+    {"prepare", "derive and store what the frames of a shot need: camera depths"},
     {"render", "render a shot as an EXR sequence"},
     {"camera", "write a shot's virtual camera for other programs: .chan, .gltf"},
     {"evaluate", "render views whose truth is known; measure error and time"},

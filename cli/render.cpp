@@ -13,6 +13,7 @@
 #include "cli/parse.h"
 #include "cli/threads.h"
 #include "compose/frame_range.h"
+#include "compose/preparation.h"
 #include "compose/sequence.h"
 #include "raystage_version.h"
 #include "render/methods.h"
@@ -28,7 +29,7 @@ struct Options {
   double memory_gb = 0;
   bool chromaticities = false, coverage = false, confidence = false, deep = false;
   std::string layout;
-  std::filesystem::path color_config;
+  std::filesystem::path color_config, cache_folder;
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
   std::optional<HoleFill> fill;
@@ -98,6 +99,10 @@ void declare(CLI::App& app, Options& options) {
                  "OpenColorIO config for the colours of the files (default: what the shot says, "
                  "else the\nbuilt-in one; $OCIO is not looked at)")
       ->type_name("CONFIG");
+  app.add_option("--cache", options.cache_folder,
+                 "folder for data derived from takes (DIR/depth/...), read from and stored there; "
+                 "takes may then\nbe read-only (default: the folder of each take)")
+      ->type_name("DIR");
   app.add_flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");
   app.add_flag(
@@ -161,6 +166,7 @@ ExitCode render(const Options& options, std::stop_token stop) {
   sequence.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   sequence.layout = options.layout;
   sequence.color_config = options.color_config;
+  sequence.cache_folder = options.cache_folder;
   sequence.chromaticities = options.chromaticities;
   if (options.coverage) sequence.aovs = {"lf.cameras", "lf.nearest"};
   if (options.confidence) sequence.aovs.emplace_back("lf.confidence");
@@ -173,6 +179,9 @@ ExitCode render(const Options& options, std::stop_token stop) {
   tbb::task_arena arena(threads);
   const SequenceReport report =
       arena.execute([&] { return render_sequence(options.shot, sequence, stop); });
+  if (report.instants_solved + report.instants_read > 0) {
+    progress.say(stored_data_text(report.instants_solved, report.instants_read));
+  }
   if (report.rendered > 0) progress.say(report.stages());
   progress.say(report.summary());
   return report.exit_code();

@@ -1,0 +1,177 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage prepare: derives and stores the data that the frames of a shot need.
+#include <fmt/format.h>
+#include <tbb/task_arena.h>
+
+#include <charconv>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/choice.h"
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "cli/threads.h"
+#include "compose/frame_range.h"
+#include "compose/preparation.h"
+#include "compose/sequence.h"
+
+namespace raystage {
+namespace {
+
+constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
+
+struct Options {
+  std::filesystem::path shot, cache_folder, color_config;
+  std::string frames, instants, pin;
+  MissingFrames missing = MissingFrames::kError;
+  int threads = 0;
+  double memory_gb = 0;
+  bool list = false;
+  ProgressStyle progress = ProgressStyle::kAuto;
+};
+
+void declare(CLI::App& app, Options& options) {
+  app.add_option("SHOT", options.shot, "the shot (shot.json)")->required();
+  app.add_option(
+         "--frames", options.frames,
+         "frames whose data is wanted, e.g. 1-48, 1-48x2 (every second), 1,5,10-20; frames\n"
+         "outside the shot are left out (default: all of the shot)")
+      ->type_name("RANGE");
+  app.add_option("--instants", options.instants,
+                 "of what the frames need only these ticks of layers, both counted from 0, as "
+                 "--list prints\nthem, e.g. 0:12,0:13,2:5 (default: all)")
+      ->type_name("LAYER:TICK,...");
+  add_choice<MissingFrames>(app, "--missing", options.missing,
+                            {{"error", MissingFrames::kError},
+                             {"hold", MissingFrames::kHold},
+                             {"black", MissingFrames::kBlack}},
+                            "as raystage render: frames before or after the take (default: error)");
+  app.add_option("--cache", options.cache_folder,
+                 "folder that the data is stored in (DIR/depth/...), as raystage render --cache "
+                 "(default:\nthe folder of each take)")
+      ->type_name("DIR");
+  app.add_option("--pin", options.pin,
+                 "keep the data from eviction for 30 days: writes a file pin.NAME into each folder "
+                 "that holds\nsome; delete that file to unpin it")
+      ->type_name("NAME");
+  app.add_option("--memory", options.memory_gb,
+                 "memory for decoded source frames and what the method works with, GB = 10^9 bytes "
+                 "(default:\nhalf of the machine's or control group's, at most 4 GiB for each)")
+      ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))
+      ->type_name("GB");
+  add_threads_option(app, options.threads);
+  app.add_option("--ocio", options.color_config,
+                 "OpenColorIO config of the shot, as raystage render (stored data does not depend "
+                 "on it)")
+      ->type_name("CONFIG");
+  add_choice<ProgressStyle>(
+      app, "--progress", options.progress,
+      {{"auto", ProgressStyle::kAuto},
+       {"plain", ProgressStyle::kPlain},
+       {"openjd", ProgressStyle::kOpenJd},
+       {"none", ProgressStyle::kNone}},
+      "on stderr: auto = a bar on a terminal, else plain; plain = \"Progress: "
+      "42%\";\nopenjd = \"openjd_progress: 42\" (default: auto)");
+  app.add_flag_callback(
+         "-q,--quiet", [&] { options.progress = ProgressStyle::kNone; },
+         "No progress on stderr: as --progress none")
+      ->excludes("--progress");
+  app.add_flag("--list", options.list,
+               "derive nothing; print a line for each light field frame, with tabs between "
+               "LAYER:TICK,\nstored or missing, the frames that need it, and the file")
+      ->excludes("--pin");
+  app.footer(
+      "Exit codes: 0 all data is stored; 1 failed; 2 bad usage or input; 3 some failed, the rest\n"
+      "is stored; 33 out of memory; 128+n stopped by signal n.");
+}
+
+/// Throws Error (bad input) with the text that is no LAYER:TICK.
+std::vector<LayerTick> parse_instants(const std::string& text) {
+  std::vector<LayerTick> instants;
+  for (std::size_t begin = 0; begin <= text.size();) {
+    const std::size_t end = std::min(text.find(',', begin), text.size());
+    const char *at = text.data() + begin, *last = text.data() + end;
+    LayerTick instant;
+    const auto layer = std::from_chars(at, last, instant.layer);
+    const bool has_colon = layer.ec == std::errc() && layer.ptr != last && *layer.ptr == ':';
+    const auto tick = std::from_chars(has_colon ? layer.ptr + 1 : last, last, instant.tick);
+    if (!has_colon || tick.ec != std::errc() || tick.ptr != last || instant.tick < 0) {
+      throw Error::bad_input(
+          fmt::format("\"{}\" is no LAYER:TICK", text.substr(begin, end - begin)), "--instants",
+          "Give two numbers from 0 on, e.g. 0:12");
+    }
+    instants.push_back(instant);
+    begin = end + 1;
+  }
+  return instants;
+}
+
+void print_list(std::span<const DerivedInstant> instants) {
+  for (const DerivedInstant& instant : instants) {
+    const std::string line = fmt::format("{}:{}\t{}\t{}\t{}\n", instant.layer, instant.tick,
+                                         instant.is_stored ? "stored" : "missing",
+                                         format_frame_range(instant.frames), instant.file.string());
+    std::fputs(line.c_str(), stdout);
+  }
+}
+
+std::string summary_of(const PrepareReport& report) {
+  std::string text = stored_data_text(report.derived, report.stored_before);
+  if (!report.failures.empty()) text += fmt::format("; {} failed", report.failures.size());
+  return text;
+}
+
+ExitCode prepare(const Options& options, std::stop_token stop) {
+  Progress progress(options.progress);
+  const auto say = [&](std::string_view line) { progress.say(line); };
+  std::optional<std::vector<int>> asked;
+  if (!options.frames.empty()) asked = parse_frame_range(options.frames);
+  std::optional<std::vector<LayerTick>> wanted;
+  if (!options.instants.empty()) wanted = parse_instants(options.instants);
+
+  ShotPlanOptions plan_options;
+  plan_options.color_config = options.color_config;
+  plan_options.frames = asked;
+  plan_options.cache_folder = options.cache_folder;
+  const ShotPlan plan(options.shot, plan_options);
+  const std::vector<int> numbers = frames_to_render(plan.shot(), asked, say);
+  const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
+  const std::vector<DerivedInstant> instants =
+      wanted ? derived_instants(plan, frames, *wanted) : derived_instants(plan, frames);
+  if (options.list) {
+    print_list(instants);
+    return ExitCode::kSuccess;
+  }
+  if (!options.pin.empty()) {
+    std::vector<std::filesystem::path> files;
+    for (const DerivedInstant& instant : instants) files.push_back(instant.file);
+    pin_derived(files, options.pin);
+  }
+  PrepareOptions how;
+  how.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
+  how.progress = [&](double done) { progress.report(done); };
+  how.say = say;
+  const PrepareReport report = prepare_instants(plan, instants, how, std::move(stop));
+  progress.say(summary_of(report));
+  return report.exit_code();
+}
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app{"Derives and stores the camera depths that the frames of a shot need.",
+               "raystage prepare"};
+  Options options;
+  declare(app, options);
+  return parse_and_run(app, argc, argv, "prepare", [&](std::stop_token stop) {
+    const int threads = thread_count(options.threads);
+    const ThreadLimit limit(threads);
+    tbb::task_arena arena(threads);
+    return arena.execute([&] { return prepare(options, stop); });
+  });
+}

@@ -29,7 +29,7 @@ struct Options {
   double memory_gb = 0;
   bool chromaticities = false, coverage = false, confidence = false, deep = false;
   std::string layout;
-  std::filesystem::path color_config, cache_folder;
+  std::filesystem::path color_config, cache_folder, relative_to;
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
   std::optional<HoleFill> fill;
@@ -39,6 +39,11 @@ struct Options {
 
 void declare(CLI::App& app, Options& options) {
   app.add_option("SHOT", options.shot, "the shot to render (shot.json)")->required();
+  app.add_option("--relative-to", options.relative_to,
+                 "folder that the paths in the shot are relative to, for a copy of the shot "
+                 "elsewhere\n(default: the folder of SHOT)")
+      ->check(CLI::ExistingDirectory)
+      ->type_name("DIR");
   app.add_option("-o,--output", options.output,
                  "name of the frames; #### is the frame number with that many digits, as is %04d\n"
                  "(default: renders/SHOT_LAYER.####.exr beside the shot)")
@@ -167,6 +172,7 @@ ExitCode render(const Options& options, std::stop_token stop) {
   sequence.layout = options.layout;
   sequence.color_config = options.color_config;
   sequence.cache_folder = options.cache_folder;
+  sequence.folder = options.relative_to;
   sequence.chromaticities = options.chromaticities;
   if (options.coverage) sequence.aovs = {"lf.cameras", "lf.nearest"};
   if (options.confidence) sequence.aovs.emplace_back("lf.confidence");

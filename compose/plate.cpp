@@ -118,11 +118,11 @@ LayerImage read_png_plate(const std::filesystem::path& path, const LightOfCode& 
 }  // namespace
 
 PlateLayer::PlateLayer(const ShotDocument& shot, std::size_t index,
-                       const std::filesystem::path& shot_file, std::optional<ColorConfig> config)
+                       const std::filesystem::path& folder, std::optional<ColorConfig> config)
     : document_(*shot.layers[index].plate),
       width_(shot.width),
       height_(shot.height),
-      name_((shot_file.parent_path() / document_.file).lexically_normal().string()),
+      name_((folder / document_.file).lexically_normal().string()),
       config_(std::move(config)) {
   if (!document_.space.empty()) colors().from_space(document_.space);  // there is one
 }

@@ -18,8 +18,9 @@ namespace raystage {
 /// says no depth), PNG or JPEG.
 class PlateLayer {
  public:
-  /// `config`: of colours, for plates that are not linear Rec.709 or sRGB; none: the built-in one.
-  PlateLayer(const ShotDocument& shot, std::size_t index, const std::filesystem::path& shot_file,
+  /// `folder`: what the plate's path is relative to. `config`: of colours, for plates that are not
+  /// linear Rec.709 or sRGB; none: the built-in one.
+  PlateLayer(const ShotDocument& shot, std::size_t index, const std::filesystem::path& folder,
              std::optional<ColorConfig> config);
 
   std::filesystem::path file(int frame) const;

@@ -313,8 +313,9 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
 CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options) {
   auto opened = std::make_unique<const ShotPlan>(
-      shot_file, ShotPlanOptions{options.fill, options.target, options.layout, options.color_config,
-                                 options.aovs, options.frames, options.cache_folder});
+      shot_file,
+      ShotPlanOptions{options.fill, options.target, options.layout, options.color_config,
+                      options.aovs, options.frames, options.cache_folder, options.folder});
   const ShotPlan& plan = *opened;
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options.frames, options.say);

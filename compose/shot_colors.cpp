@@ -22,6 +22,7 @@ Eigen::Matrix3f matrix_of(const ColorTransform& transform) {
 }  // namespace
 
 ShotColors shot_colors(const ShotDocument& shot, const std::filesystem::path& shot_file,
+                       const std::filesystem::path& folder,
                        const std::filesystem::path& config_file) {
   const ShotDocument::Color& color = shot.output.color;
   const bool has_config = !config_file.empty() || !color.config.empty();
@@ -29,9 +30,8 @@ ShotColors shot_colors(const ShotDocument& shot, const std::filesystem::path& sh
   const bool works_in_scene = color.working == kSceneSpace;
   if (!has_config && color.space == kSceneSpace && works_in_scene) return result;
   const ColorConfig config =
-      has_config ? ColorConfig::from_file(
-                       config_file.empty() ? shot_file.parent_path() / color.config : config_file,
-                       color.rec709_space)
+      has_config ? ColorConfig::from_file(config_file.empty() ? folder / color.config : config_file,
+                                          color.rec709_space)
                  : ColorConfig::built_in();
   if (has_config) result.studio = config;
   if (!works_in_scene) {

@@ -23,9 +23,10 @@ struct ShotColors {
 };
 
 /// `config_file`: in place of the shot's; empty: the shot's, else the built-in config, which is
-/// loaded only where a space is another. Throws Error (bad input) where a space is unknown or the
-/// files' is not linear light.
+/// loaded only where a space is another. `folder`: what the shot's is relative to. Throws Error
+/// (bad input) where a space is unknown or the files' is not linear light.
 ShotColors shot_colors(const ShotDocument& shot, const std::filesystem::path& shot_file,
+                       const std::filesystem::path& folder,
                        const std::filesystem::path& config_file);
 
 }  // namespace raystage

@@ -65,9 +65,10 @@ bool PlannedFrame::holds() const {
 ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions& options)
     : shot_file_(shot_file),
       cache_folder_(options.cache_folder),
+      folder_(options.folder.empty() ? shot_file.parent_path() : options.folder),
       shot_(shot_with(read_shot(shot_file), options)),
-      camera_(shot_, shot_file),
-      colors_(shot_colors(shot_, shot_file, options.color_config)) {
+      camera_(shot_, shot_file, folder_),
+      colors_(shot_colors(shot_, shot_file, folder_, options.color_config)) {
   check_exr_compression(shot_.output.compression);
   if (!shot_.output.data_compression.empty()) check_exr_compression(shot_.output.data_compression);
   exr_layout_named(shot_.output.layout);
@@ -84,13 +85,14 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
     if (!shows_in(i, options.frames)) continue;
     if (shot_.layers[i].is_light_field()) {
       // A target is one for views; a light is asked for rays.
-      light_fields_.back() = std::make_unique<const LightFieldLayer>(
-          shot_, i, shot_file, options.fill, is_light(i) ? OptionValues{} : options.target);
+      light_fields_.back() =
+          std::make_unique<const LightFieldLayer>(shot_, i, shot_file, folder_, options.fill,
+                                                  is_light(i) ? OptionValues{} : options.target);
       if (is_light(i)) check_answers_rays(light_fields_.back()->reconstruction());
     } else if (shot_.layers[i].geometry) {
       open_geometry(i);
     } else if (shot_.layers[i].plate) {
-      plates_.back() = std::make_unique<const PlateLayer>(shot_, i, shot_file, colors_.studio);
+      plates_.back() = std::make_unique<const PlateLayer>(shot_, i, folder_, colors_.studio);
     }
   }
   name_objects();
@@ -152,16 +154,15 @@ std::size_t ShotPlan::layers_of_picture(std::size_t layer) const {
 }
 
 void ShotPlan::open_geometry(std::size_t layer) {
-  const std::filesystem::path folder = shot_file_.parent_path();
   if (!textures_) {
     textures_ = std::make_unique<Textures>(kTextureBytes, colors_.working_from_scene_matrix);
-    lights_ = lights_from(shot_.lights, folder, *textures_);
+    lights_ = lights_from(shot_.lights, folder_, *textures_);
     Fingerprint print;
-    raystage::add_to(print, shot_.lights, folder);
+    raystage::add_to(print, shot_.lights, folder_);
     lights_print_ = print.hex();
   }
   geometries_[layer] = std::make_unique<const GeometryLayer>(
-      *shot_.layers[layer].geometry, folder,
+      *shot_.layers[layer].geometry, folder_,
       fmt::format("{}#/layers/{}/geometry", shot_file_.string(), layer), *textures_);
 }
 

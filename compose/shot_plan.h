@@ -47,6 +47,8 @@ struct ShotPlanOptions {
   /// Holds the data that methods derive from takes (DIR/depth/...); empty: each take's folder does.
   /// Does not change the pixels, nor the fingerprint.
   std::filesystem::path cache_folder = {};
+  /// What paths in the shot are relative to; empty: the shot file's folder.
+  std::filesystem::path folder = {};
 };
 
 /// A shot with its takes and meshes opened and everything checked that can be before rendering.
@@ -130,7 +132,7 @@ class ShotPlan {
   void open_geometry(std::size_t layer);
   bool shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
 
-  std::filesystem::path shot_file_, cache_folder_;
+  std::filesystem::path shot_file_, cache_folder_, folder_;
   ShotDocument shot_;
   ShotCamera camera_;
   ShotColors colors_;

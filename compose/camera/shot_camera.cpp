@@ -69,7 +69,8 @@ bool is_chan(const std::filesystem::path& file) { return file.extension() == ".c
 
 }  // namespace
 
-ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& shot_file)
+ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& shot_file,
+                       const std::filesystem::path& folder)
     : width_(shot.width),
       height_(shot.height),
       film_back_mm_(shot.camera.film_back_mm),
@@ -79,7 +80,8 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
       vertigo_(shot.camera.vertigo) {
   const double height_by_width = static_cast<double>(height_) / width_;
   if (const auto& source = shot.camera.file) {
-    const std::filesystem::path file = (shot_file.parent_path() / source->path).lexically_normal();
+    const std::filesystem::path base = folder.empty() ? shot_file.parent_path() : folder;
+    const std::filesystem::path file = (base / source->path).lexically_normal();
     files_.push_back(file);
     channels_ = together(is_chan(file) ? channels_from_chan(*source, file, height_by_width)
                                        : channels_from_gltf(shot, *source, file, height_by_width),

@@ -16,10 +16,11 @@ namespace raystage {
 /// then its vertigo. Before the first and after the last key it rests.
 class ShotCamera {
  public:
-  /// `shot_file`: what paths are relative to, and what errors name. Reads the camera's file, if
-  /// there is one. Throws Error (bad input) for keys that cannot be used, and where the shot says
-  /// no position or no lens.
-  ShotCamera(const ShotDocument& shot, const std::filesystem::path& shot_file);
+  /// `shot_file`: what errors name. `folder`: what paths are relative to; empty: the shot file's.
+  /// Reads the camera's file, if there is one. Throws Error (bad input) for keys that cannot be
+  /// used, and where the shot says no position or no lens.
+  ShotCamera(const ShotDocument& shot, const std::filesystem::path& shot_file,
+             const std::filesystem::path& folder = {});
 
   /// Throws Error (bad input) where the camera is nowhere, looks nowhere (at a target where it
   /// stands itself), or its lens would have a focal length of 0 or less.

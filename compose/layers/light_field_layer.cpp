@@ -100,14 +100,15 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
 
 LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
                                  const std::filesystem::path& shot_file,
-                                 std::optional<HoleFill> fill, const OptionValues& target)
+                                 const std::filesystem::path& folder, std::optional<HoleFill> fill,
+                                 const OptionValues& target)
     : index_(index),
       shot_file_(shot_file),
       layer_(shot.layers[index]),
       first_frame_(shot.first_frame),
       fps_numerator_(shot.fps_numerator),
       fps_denominator_(shot.fps_denominator),
-      take_((shot_file.parent_path() / layer_.take).lexically_normal()),
+      take_((folder / layer_.take).lexically_normal()),
       timeline_(read_timeline(take_)),
       reconstruction_(
           reconstruction_of(layer_, take_, pointer_of(shot_file, index), fill, target)) {
@@ -118,7 +119,7 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
   // An archive that is missing should stop the job now and not at the first frame that needs it.
   for (int camera = 0; camera < take_.camera_count(); ++camera) take_.archive(camera);
   if (layer_.matte) {
-    matte_ = std::make_shared<const TakeMatte>(take_, *layer_.matte, shot_file_.parent_path());
+    matte_ = std::make_shared<const TakeMatte>(take_, *layer_.matte, folder);
     if (reconstruction_.fill != HoleFill::kNone) {
       throw Error::bad_input("what a matte makes transparent would be filled again",
                              pointer_of(shot_file_, index_), "Leave --fill out, or the matte");

@@ -37,12 +37,12 @@ struct ShownInstant {
 class LightFieldLayer {
  public:
   /// Throws Error (bad input): take, timeline or an archive missing or wrong, unknown method, a
-  /// focal plane `best` without a depth range. `index`: of the shot's layers. `fill`: in place of
-  /// what the layer says. `target`: not empty, the method `auto` with these options in place of the
-  /// layer's.
+  /// focal plane `best` without a depth range. `index`: of the shot's layers. `shot_file`:
+  /// what errors name. `folder`: what paths are relative to. `fill`: in place of what the layer
+  /// says. `target`: not empty, the method `auto` with these options in place of the layer's.
   LightFieldLayer(const ShotDocument& shot, std::size_t index,
-                  const std::filesystem::path& shot_file, std::optional<HoleFill> fill,
-                  const OptionValues& target);
+                  const std::filesystem::path& shot_file, const std::filesystem::path& folder,
+                  std::optional<HoleFill> fill, const OptionValues& target);
   LightFieldLayer(const LightFieldLayer&) = delete;  // the matte refers to the take
   LightFieldLayer& operator=(const LightFieldLayer&) = delete;
 

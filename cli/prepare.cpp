@@ -24,7 +24,7 @@ namespace {
 constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
 
 struct Options {
-  std::filesystem::path shot, cache_folder, color_config;
+  std::filesystem::path shot, cache_folder, color_config, relative_to;
   std::string frames, instants, pin;
   MissingFrames missing = MissingFrames::kError;
   int threads = 0;
@@ -49,6 +49,10 @@ void declare(CLI::App& app, Options& options) {
                              {"hold", MissingFrames::kHold},
                              {"black", MissingFrames::kBlack}},
                             "as raystage render: frames before or after the take (default: error)");
+  app.add_option("--relative-to", options.relative_to,
+                 "folder that the paths in the shot are relative to, as raystage render (default: "
+                 "the folder\nof SHOT)")
+      ->type_name("DIR");
   app.add_option("--cache", options.cache_folder,
                  "folder that the data is stored in (DIR/depth/...), as raystage render --cache "
                  "(default:\nthe folder of each take)")
@@ -136,6 +140,7 @@ ExitCode prepare(const Options& options, std::stop_token stop) {
   plan_options.color_config = options.color_config;
   plan_options.frames = asked;
   plan_options.cache_folder = options.cache_folder;
+  plan_options.folder = options.relative_to;
   const ShotPlan plan(options.shot, plan_options);
   const std::vector<int> numbers = frames_to_render(plan.shot(), asked, say);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);

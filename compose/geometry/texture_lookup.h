@@ -7,9 +7,9 @@
 
 namespace raystage {
 
-/// What the module bin/raystage-textures.so does: OpenImageIO's texture system. A module of its
-/// own, because loading OpenImageIO and the 240 libraries that it needs takes half a second, which
-/// no shot without textures should pay. See Textures for what the functions do.
+/// What the module lib/raystage/raystage-textures.so does: OpenImageIO's texture system. A module
+/// of its own, because loading OpenImageIO and the 240 libraries that it needs takes half a second,
+/// which no shot without textures should pay. See Textures for what the functions do.
 class TextureLookup {
  public:
   using Handle = const void*;

@@ -12,7 +12,8 @@ namespace {
 OpenTextureLookup* load_module() {
   std::error_code error;
   const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const std::filesystem::path file = program.parent_path() / kTextureModule;
+  const std::filesystem::path file =
+      (program.parent_path() / RAYSTAGE_MODULE_DIRECTORY / kTextureModule).lexically_normal();
   void* const module = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
   void* const entry = module == nullptr ? nullptr : dlsym(module, kOpenTextureLookup);
   if (entry == nullptr) {

@@ -28,7 +28,7 @@ class Textures {
   const Eigen::Matrix3f& working_from_rec709() const { return working_from_rec709_; }
 
   /// Throws Error (bad input) where the file is missing or no picture, Error (failed) where the
-  /// module is not beside the program.
+  /// module cannot be loaded from ../lib/raystage, relative to the executable.
   Handle open(const std::filesystem::path& file);
 
   /// Scene-linear R, G, B at (u, v), (0, 0) the lower left corner, repeated beyond; blurred over

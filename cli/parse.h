@@ -8,6 +8,7 @@
 #include <string_view>
 
 #include "cli/command.h"
+#include "cli/version.h"
 #include "raystage_version.h"
 
 namespace raystage {
@@ -31,7 +32,7 @@ inline void refuse_non_finite(const CLI::App& app) {
 /// --help and --version: printed, exit code 0. Bad usage: said on stderr, exit code 2.
 inline int parse_and_run(CLI::App& app, int argc, char** argv, std::string_view name,
                          const CommandBody& body, OnSignal on_signal = OnSignal::kAbort) {
-  app.set_version_flag("--version", "raystage " RAYSTAGE_VERSION, "Print the version");
+  app.set_version_flag("--version", version_text, "Print version, kernels and libraries");
   app.get_formatter()->column_width(34);
   try {
     app.parse(argc, argv);

@@ -10,7 +10,7 @@
 #include <string>
 #include <string_view>
 
-#include "raystage_version.h"
+#include "cli/version.h"
 
 namespace {
 
@@ -49,7 +49,7 @@ void print_help(std::FILE* stream) {
   std::fputs(
       "\nOptions:\n"
       "  -h, --help     print this\n"
-      "  --version      print the version\n\n"
+      "  --version      print version, kernels and libraries\n\n"
       "Exit codes: 0 everything asked for exists whole, 1 failed, 2 bad usage or input,\n"
       "3 some frames failed, 33 out of memory, 128+n stopped by signal n.\n",
       stream);
@@ -70,7 +70,7 @@ const char* missing_instructions() {
 int main(int argc, char** argv) {
   const std::string_view command = argc > 1 ? argv[1] : "";
   if (command == "--version") {
-    std::puts("raystage " RAYSTAGE_VERSION);
+    std::puts(raystage::version_text().c_str());
     return 0;
   }
   if (command == "--help" || command == "-h" || command == "help") {

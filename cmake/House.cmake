@@ -44,13 +44,16 @@ endfunction()
 include(GoogleTest)
 
 # raystage_command(NAME SOURCES ... LINKS ...)
-#   The executable raystage-NAME, which `raystage NAME` runs.
+#   The executable raystage-NAME, which `raystage NAME` runs; installed, and listed in the global property
+#   RAYSTAGE_COMMANDS.
 function(raystage_command NAME)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINKS" ${ARGN})
   add_executable(raystage-${NAME} ${ARG_SOURCES})
   target_link_libraries(raystage-${NAME} PRIVATE raystage_compiler ${ARG_LINKS})
   target_compile_options(raystage-${NAME} PRIVATE ${RAYSTAGE_COMMAND_OPTIMISATION})
   raystage_precompiled(raystage-${NAME} raystage_command_headers)
+  install(TARGETS raystage-${NAME} RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}")
+  set_property(GLOBAL APPEND PROPERTY RAYSTAGE_COMMANDS ${NAME})
 endfunction()
 
 # raystage_kernels(FILES...)

@@ -182,7 +182,10 @@ std::vector<DerivedInstant> derived_instants(const ShotPlan& plan,
 ExitCode PrepareReport::exit_code() const {
   const int stored = stored_before + derived;
   if (stored == asked) return ExitCode::kSuccess;
-  return stopped || stored == 0 ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
+  if (stopped) return ExitCode::kFailed;
+  if (stored > 0) return ExitCode::kSomeFramesFailed;
+  return std::ranges::all_of(failures, &Failure::is_bad_input) ? ExitCode::kBadInput
+                                                               : ExitCode::kFailed;
 }
 
 PrepareReport prepare_instants(const ShotPlan& plan, std::span<const DerivedInstant> instants,
@@ -199,9 +202,9 @@ PrepareReport prepare_instants(const ShotPlan& plan, std::span<const DerivedInst
       break;
     }
     const DerivedInstant& instant = instants[i];
-    const auto fail = [&](std::string what) {
+    const auto fail = [&](std::string what, bool is_bad_input) {
       options.say(fmt::format("tick {} of layer {} failed: {}", instant.tick, instant.layer, what));
-      report.failures.push_back({instant.layer, instant.tick, std::move(what)});
+      report.failures.push_back({instant.layer, instant.tick, std::move(what), is_bad_input});
     };
     try {
       const Reconstruction& how = plan.light_field(instant.layer)->reconstruction();
@@ -209,14 +212,15 @@ PrepareReport prepare_instants(const ShotPlan& plan, std::span<const DerivedInst
       const auto renderer = renderer_of(plan, instant.layer, share, share);
       StoreResult result = renderer->store(frames_at(plan, instant), how, storing_use(how));
       if (!result.not_stored.empty()) {
-        fail(std::move(result.not_stored));
+        fail(std::move(result.not_stored), false);
       } else {
         ++(result.was_stored ? report.stored_before : report.derived);
       }
     } catch (const std::bad_alloc&) {
       throw;  // a farm retries with more memory; the others would fare no better
     } catch (const std::exception& error) {
-      fail(error.what());
+      const auto* known = dynamic_cast<const Error*>(&error);
+      fail(error.what(), known != nullptr && known->exit_code() == ExitCode::kBadInput);
     }
     options.progress(static_cast<double>(i + 1) / static_cast<double>(instants.size()));
   }

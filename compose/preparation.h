@@ -61,12 +61,14 @@ struct PrepareReport {
     std::size_t layer = 0;
     int tick = 0;
     std::string what;
+    bool is_bad_input = false;  ///< trying again leads nowhere
   };
   int asked = 0, stored_before = 0, derived = 0;
   bool stopped = false;           ///< a stop was requested before the last one
   std::vector<Failure> failures;  ///< in the order asked for
 
-  /// kSuccess only if all data is stored, also where nothing was asked for.
+  /// kSuccess only if all data is stored, also where nothing was asked for; kBadInput where all
+  /// failed by it.
   ExitCode exit_code() const;
 };
 

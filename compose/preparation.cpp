@@ -138,8 +138,7 @@ std::vector<DerivedInstant> each_file_once(std::vector<DerivedInstant> instants)
   }
   for (DerivedInstant& file : files) {
     std::ranges::sort(file.frames);
-    const auto repeated = std::ranges::unique(file.frames);
-    file.frames.erase(repeated.begin(), repeated.end());
+    file.frames.erase(std::unique(file.frames.begin(), file.frames.end()), file.frames.end());
   }
   return files;
 }

@@ -11,6 +11,7 @@
 #include "cli/choice.h"
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/simd_option.h"
 #include "cli/threads.h"
 #include "compose/frame_range.h"
 #include "compose/preparation.h"
@@ -24,7 +25,7 @@ namespace {
 constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
 
 struct Options {
-  std::string shot, output, frames;
+  std::string shot, output, frames, simd;
   int threads = 0, frames_in_flight = 0;
   double memory_gb = 0;
   bool chromaticities = false, coverage = false, confidence = false, deep = false;
@@ -37,7 +38,7 @@ struct Options {
   ProgressStyle progress = ProgressStyle::kAuto;
 };
 
-void declare(CLI::App& app, Options& options) {
+void declare(CLI::App& app, Options& options, char** argv) {
   app.add_option("SHOT", options.shot, "the shot to render (shot.json)")->required();
   app.add_option("--relative-to", options.relative_to,
                  "folder that the paths in the shot are relative to, for a copy of the shot "
@@ -82,6 +83,7 @@ void declare(CLI::App& app, Options& options) {
       ->check(CLI::Range(1e-6, 1e6))
       ->type_name("S");
   add_threads_option(app, options.threads);
+  add_simd_option(app, options.simd, argv);
   app.add_option("--frames-in-flight", options.frames_in_flight,
                  "frames worked on at once (default: one per thread, at most 16)")
       ->check(CLI::Range(1, 256))
@@ -151,13 +153,13 @@ std::string host_name() {
 ExitCode render(const Options& options, std::stop_token stop) {
   Progress progress(options.progress);
   const int threads = thread_count(options.threads);
-  progress.say(
-      fmt::format("raystage render {} on {}: {} threads, SHOT {}, --existing {}, frames {}",
-                  RAYSTAGE_VERSION, host_name(), threads, options.shot,
-                  options.existing == ExistingFiles::kError  ? "error"
-                  : options.existing == ExistingFiles::kSkip ? "skip"
-                                                             : "overwrite",
-                  options.frames.empty() ? "all" : options.frames));
+  progress.say(fmt::format(
+      "raystage render {} on {}: {} threads, simd {}, SHOT {}, --existing {}, frames {}",
+      RAYSTAGE_VERSION, host_name(), threads, simd_level_name(kernel_simd_level()), options.shot,
+      options.existing == ExistingFiles::kError  ? "error"
+      : options.existing == ExistingFiles::kSkip ? "skip"
+                                                 : "overwrite",
+      options.frames.empty() ? "all" : options.frames));
 
   SequenceOptions sequence;
   sequence.output = options.output;
@@ -200,7 +202,7 @@ int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app{"Renders a shot as an EXR sequence.", "raystage render"};
   Options options;
-  declare(app, options);
+  declare(app, options, argv);
   return parse_and_run(app, argc, argv, "render",
                        [&](std::stop_token stop) { return render(options, stop); });
 }

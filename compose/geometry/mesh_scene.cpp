@@ -8,6 +8,7 @@
 #include <cmath>
 #include <new>
 
+#include "render/view/simd_level.h"
 #include "schemas/error.h"
 
 namespace raystage {
@@ -43,7 +44,7 @@ void MeshScene::prepare() const {
 }
 
 void MeshScene::build() const {
-  device_.reset(rtcNewDevice(nullptr));
+  device_.reset(rtcNewDevice(embree_config().c_str()));
   if (!device_) {
     if (rtcGetDeviceError(nullptr) == RTC_ERROR_OUT_OF_MEMORY) throw std::bad_alloc();
     throw Error::failed("Embree does not start", name_, "Check the processor");

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "render/view/plane_projection.h"
+#include "render/view/simd_level.h"
 #include "schemas/error.h"
 
 namespace raystage {
@@ -88,7 +89,8 @@ RaySurface plane_surface(const Eigen::Vector4d& plane) {
   };
 }
 
-MeshProxy::MeshProxy(const std::filesystem::path& file) : device_(rtcNewDevice(nullptr)) {
+MeshProxy::MeshProxy(const std::filesystem::path& file)
+    : device_(rtcNewDevice(embree_config().c_str())) {
   const Triangles triangles = read_triangles(file);
   Vector3d least = triangles.positions[0], most = least;
   for (const Vector3d& p : triangles.positions) {

@@ -1,0 +1,79 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage render as a farm runs it.
+#include <hwy/targets.h>
+
+#include "cli/render_command_test_data.h"
+#include "render/view/simd_level.h"
+
+namespace raystage::test {
+namespace {
+
+using ::testing::HasSubstr;
+
+class RenderCommand : public RenderCommands {};
+
+TEST_F(RenderCommand, OneSimdLevelGivesTheSameBytes) {
+  for (const char* method : {"focal_plane", "depth"}) {
+    shot_.layers[0].method = method;
+    for (const SimdLevel level : simd_levels()) {
+      const std::string name(simd_level_name(level));
+      const std::string out = method + ("." + name);
+      const std::string options = "--simd " + name;
+      std::filesystem::remove_all(path("take") / "depth");  // found anew by this level
+      const CommandResult first = render(out, options);
+      ASSERT_EQ(first.exit_code, 0) << first.output;
+      EXPECT_THAT(first.output, HasSubstr(", simd " + name + ", SHOT"));
+      std::filesystem::remove_all(path("take") / "depth");
+      ASSERT_EQ(render(out + ".again", options).exit_code, 0);
+      EXPECT_EQ(files_under(path(out)).size(), kFrames);
+      EXPECT_TRUE(files_under(path(out)) == files_under(path(out + ".again"))) << out;
+    }
+    // Unless told, it is the best one's.
+    std::filesystem::remove_all(path("take") / "depth");
+    const std::string best(simd_level_name(best_simd_level()));
+    const CommandResult plain = render(method + std::string(".plain"));
+    EXPECT_THAT(plain.output, HasSubstr(", simd " + best + ", SHOT"));
+    EXPECT_TRUE(files_under(path(method + std::string(".plain"))) ==
+                files_under(path(method + ("." + best))));
+  }
+}
+
+#if HWY_ARCH_X86
+TEST_F(RenderCommand, KernelsAndLibmRunAtTheLevelThatIsPinned) {
+  if (simd_levels().size() < 2) GTEST_SKIP() << "this processor has one level";
+  // Level by level something rounds otherwise: nothing would if they were not pinned.
+  shot_.layers[0].method = "depth";
+  for (const char* level : {"sse4", "avx2"}) {
+    std::filesystem::remove_all(path("take") / "depth");
+    ASSERT_EQ(render(level, std::string("--simd ") + level).exit_code, 0);
+  }
+  EXPECT_FALSE(files_under(path("sse4")) == files_under(path("avx2")));
+}
+#endif
+
+TEST_F(RenderCommand, UnknownLevelsAreBadUsage) {
+  const CommandResult result = render("out", "--simd avx");
+  EXPECT_EQ(result.exit_code, 2);
+  EXPECT_THAT(result.output, HasSubstr("--simd"));
+  EXPECT_FALSE(std::filesystem::exists(path("out")));
+}
+
+TEST_F(RenderCommand, TakesPathsFromAnotherFolder) {
+  shot_.layers[0].method = "focal_plane";
+  ASSERT_EQ(render("out").exit_code, 0);
+  const auto before = files_under(path("out"));
+  create_folder(path("job"));
+  std::filesystem::rename(path("shot.json"), path("job") / "snapshot.json");
+  const std::string command = "render " + quoted("job/snapshot.json") + " --progress none -o '" +
+                              (path("out") / "f.####.exr").string() + "' ";
+  EXPECT_EQ(run_raystage(command + "--existing skip").exit_code, 2);
+  const std::string there = command + "--relative-to " + quoted("") + " --existing ";
+  const CommandResult skipped = run_raystage(there + "skip");
+  EXPECT_EQ(skipped.exit_code, 0) << skipped.output;
+  EXPECT_THAT(skipped.output, HasSubstr("0 of 2 frames rendered, 2 were there already"));
+  ASSERT_EQ(run_raystage(there + "overwrite").exit_code, 0);
+  EXPECT_TRUE(files_under(path("out")) == before);
+}
+
+}  // namespace
+}  // namespace raystage::test

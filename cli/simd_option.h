@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdlib>
+#include <cstring>
+#include <optional>
+#include <string>
+
+#include "render/view/simd_level.h"
+#include "schemas/error.h"
+
+namespace raystage {
+
+/// Pins the level, and starts the program anew, once, where its C library would compute otherwise.
+/// Throws CLI::ValidationError where the processor lacks the level.
+inline void apply_simd_level(const std::string& name, char** argv) {
+  try {
+    const SimdLevel level = name.empty() ? best_simd_level() : parse_simd_level(name);
+    pin_simd_level(level);
+    const std::optional<std::string> tunables = libm_tunables(level);
+    if (!tunables) return;
+    const char* before = std::getenv("GLIBC_TUNABLES");
+    // Where the same has been asked for already, this C library does not know how to.
+    if (before == nullptr || std::strstr(before, "-AVX2,-FMA,-FMA4") == nullptr) {
+      setenv("GLIBC_TUNABLES", tunables->c_str(), 1);
+      execv("/proc/self/exe", argv);
+    }
+    throw CLI::ValidationError("--simd", "the C library cannot be held to " +
+                                             std::string(simd_level_name(level)) +
+                                             ". Use a higher level");
+  } catch (const Error& error) {
+    throw CLI::ValidationError("--simd", error.what_happened() + ". " + error.what_to_do());
+  }
+}
+
+/// --simd LEVEL: the same in every command that renders. Takes effect at the end of parsing, before
+/// any thread is started.
+inline void add_simd_option(CLI::App& app, std::string& level, char** argv) {
+  app.add_option("--simd", level,
+                 "instruction set of the kernels: the same one gives the same bytes on every "
+                 "processor that\nhas it (default: the best of this processor)")
+      ->check(CLI::IsMember({"sse4", "avx2", "avx512"}).description(""))
+      ->type_name("sse4|avx2|avx512");
+  app.final_callback([&level, argv] { apply_simd_level(level, argv); });
+}
+
+}  // namespace raystage

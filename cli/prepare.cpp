@@ -13,6 +13,7 @@
 #include "cli/choice.h"
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/simd_option.h"
 #include "cli/threads.h"
 #include "compose/frame_range.h"
 #include "compose/preparation.h"
@@ -25,7 +26,7 @@ constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
 
 struct Options {
   std::filesystem::path shot, cache_folder, color_config, relative_to;
-  std::string frames, instants, pin;
+  std::string frames, instants, pin, simd;
   MissingFrames missing = MissingFrames::kError;
   int threads = 0;
   double memory_gb = 0;
@@ -33,7 +34,7 @@ struct Options {
   ProgressStyle progress = ProgressStyle::kAuto;
 };
 
-void declare(CLI::App& app, Options& options) {
+void declare(CLI::App& app, Options& options, char** argv) {
   app.add_option("SHOT", options.shot, "the shot (shot.json)")->required();
   app.add_option(
          "--frames", options.frames,
@@ -67,6 +68,7 @@ void declare(CLI::App& app, Options& options) {
       ->check(CLI::Range(kLeastMemoryGb, kMostMemoryGb))
       ->type_name("GB");
   add_threads_option(app, options.threads);
+  add_simd_option(app, options.simd, argv);
   app.add_option("--ocio", options.color_config,
                  "OpenColorIO config of the shot, as raystage render (stored data does not depend "
                  "on it)")
@@ -172,7 +174,7 @@ int main(int argc, char** argv) {
   CLI::App app{"Derives and stores the camera depths that the frames of a shot need.",
                "raystage prepare"};
   Options options;
-  declare(app, options);
+  declare(app, options, argv);
   return parse_and_run(app, argc, argv, "prepare", [&](std::stop_token stop) {
     const int threads = thread_count(options.threads);
     const ThreadLimit limit(threads);

@@ -31,6 +31,7 @@ constexpr Command kCommands[] = {
     {"repair", "close what a crash left open, save what can be saved of a damaged take"},
     {"prepare", "derive and store what the frames of a shot need: camera depths"},
     {"render", "render a shot as an EXR sequence"},
+    {"farm", "render a shot as tasks on many machines (Slurm), or on this one"},
     {"camera", "write a shot's virtual camera for other programs: .chan, .gltf"},
     {"evaluate", "render views whose truth is known; measure error and time"},
     {"bench", "measure every method against truth: error against time, as a page"},

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <string>
+
+#include "cli/command.h"
+
+namespace raystage {
+
+/// A sub-command of `raystage farm`: its options, and what it does with them.
+struct FarmCommand {
+  CLI::App* app = nullptr;
+  CommandBody body;
+};
+
+FarmCommand declare_farm_submit(CLI::App& farm);
+FarmCommand declare_farm_export(CLI::App& farm);
+FarmCommand declare_farm_status(CLI::App& farm);
+FarmCommand declare_farm_retry(CLI::App& farm);
+FarmCommand declare_farm_cancel(CLI::App& farm);
+FarmCommand declare_farm_logs(CLI::App& farm);
+FarmCommand declare_farm_doctor(CLI::App& farm);
+FarmCommand declare_farm_estimate(CLI::App& farm);
+FarmCommand declare_farm_task(CLI::App& farm);
+
+/// To standard output, where run_command() notices what cannot be written.
+inline void print(const std::string& text) { std::fputs(text.c_str(), stdout); }
+
+/// The positional JOB of most of them.
+inline void add_job(CLI::App& app, std::string& job) {
+  app.add_option("JOB", job,
+                 "job folder (OUT/NAME.farm/job-0001), or the output (OUT/NAME.####.exr) for its "
+                 "newest job")
+      ->required();
+}
+
+}  // namespace raystage

@@ -1,0 +1,145 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/attempts.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// A record's size on the disk; JSON ignores the spaces at its end. Long enough for every end with
+/// reasons of kLongestReason bytes, so that an end can be written over its start on a full disk.
+constexpr std::size_t kRecordBytes = 8192;
+constexpr std::size_t kLongestText = 1500;
+
+fs::path record_file(const JobFolder& folder, const FarmAttempt& attempt) {
+  return folder.attempts() / (attempt_name(attempt) + ".json");
+}
+
+std::string padded(std::string text) {
+  if (text.size() < kRecordBytes) text.resize(kRecordBytes, ' ');
+  if (text.back() == ' ') text.back() = '\n';
+  return text;
+}
+
+/// The longest start of a frame range that names no frame wrongly.
+std::string shortened_range(const std::string& frames) {
+  if (frames.size() <= kLongestText) return frames;
+  const std::size_t comma = frames.rfind(',', kLongestText);
+  return comma == std::string::npos ? std::string() : frames.substr(0, comma);
+}
+
+std::string record_text(FarmAttempt attempt) {
+  attempt.frames = shortened_range(attempt.frames);
+  if (attempt.end) {
+    attempt.end->reason.resize(std::min(attempt.end->reason.size(), kLongestText));
+    attempt.end->failed_frames = shortened_range(attempt.end->failed_frames);
+  }
+  return padded(format_farm_attempt(attempt));
+}
+
+bool write_all(int descriptor, const std::string& text) {
+  std::size_t done = 0;
+  while (done < text.size()) {
+    const ssize_t written = write(descriptor, text.data() + done, text.size() - done);
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) return false;
+    done += static_cast<std::size_t>(written);
+  }
+  return true;
+}
+
+/// "render.0003.02.json" as an attempt that says no more than that; none for other names.
+std::optional<FarmAttempt> attempt_from_name(const std::string& name) {
+  const std::size_t first = name.find('.'), second = name.find('.', first + 1);
+  if (first == std::string::npos || second == std::string::npos || !name.ends_with(".json") ||
+      name.starts_with('.')) {
+    return std::nullopt;
+  }
+  FarmAttempt attempt;
+  attempt.stage = name.substr(0, first);
+  attempt.node = "unknown";
+  const auto number = [&](std::size_t begin, std::size_t end, int& value) {
+    const auto [stop, error] = std::from_chars(name.data() + begin, name.data() + end, value);
+    return error == std::errc{} && stop == name.data() + end;
+  };
+  if (!number(first + 1, second, attempt.index) ||
+      !number(second + 1, name.size() - 5, attempt.attempt)) {
+    return std::nullopt;
+  }
+  return attempt;
+}
+
+}  // namespace
+
+std::string attempt_name(const FarmAttempt& attempt) {
+  return fmt::format("{}.{:04}.{:02}", attempt.stage, attempt.index, attempt.attempt);
+}
+
+fs::path attempt_log(const JobFolder& folder, const FarmAttempt& attempt) {
+  return folder.logs() / (attempt_name(attempt) + ".log");
+}
+
+void record_start(const JobFolder& folder, FarmAttempt& attempt) {
+  for (attempt.attempt = 1;; ++attempt.attempt) {
+    const fs::path file = record_file(folder, attempt);
+    const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+    if (descriptor < 0 && errno == EEXIST) continue;
+    const bool written = descriptor >= 0 && write_all(descriptor, record_text(attempt));
+    const int error = errno;
+    if (descriptor >= 0) close(descriptor);
+    if (written) return;
+    errno = error;
+    throw Error::from_errno("the attempt cannot be recorded", file.string(),
+                            "Check the folder, its permissions and the room on the disk");
+  }
+}
+
+void record_end(const JobFolder& folder, const FarmAttempt& attempt) {
+  const std::string text = record_text(attempt);
+  const fs::path file = record_file(folder, attempt);
+  try {
+    write_file_atomically(file, text);
+    return;
+  } catch (const Error&) {
+    // Over the start's own blocks, then.
+    const int descriptor = open(file.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+    if (descriptor < 0) throw;
+    const bool written = write_all(descriptor, text);
+    close(descriptor);
+    if (!written) throw;
+  }
+}
+
+TaskAttempts read_attempts(const JobFolder& folder) {
+  TaskAttempts tasks;
+  std::error_code error;
+  for (fs::directory_iterator entry(folder.attempts(), error), end; entry != end;
+       entry.increment(error)) {
+    auto attempt = attempt_from_name(entry->path().filename().string());
+    if (!attempt) continue;
+    if (const auto text = read_record(entry->path())) {
+      try {
+        attempt = parse_farm_attempt(*text, entry->path().string());
+      } catch (const Error&) {  // being written, or damaged: its name is all that is known
+      }
+    }
+    tasks[{attempt->stage, attempt->index}].push_back(std::move(*attempt));
+  }
+  for (auto& [task, attempts] : tasks) {
+    std::ranges::sort(attempts, {}, &FarmAttempt::attempt);
+  }
+  return tasks;
+}
+
+}  // namespace raystage::farm

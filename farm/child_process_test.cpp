@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/child_process.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <fstream>
+#include <thread>
+
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace raystage::farm {
+namespace {
+
+TEST(ChildProcess, TellsItsLinesCodeAndCosts) {
+  const TestFolder folder;
+  std::vector<std::string> lines;
+  ChildOptions options;
+  options.log = folder.path() / "log";
+  options.line = [&](std::string_view line) { lines.emplace_back(line); };
+  const ChildResult result =
+      run_child({"sh", "-c", "echo one; echo two >&2; printf three; exit 7"}, options);
+  EXPECT_EQ(result.exit_code, 7);
+  EXPECT_EQ(result.signal, 0);
+  EXPECT_THAT(lines, ::testing::ElementsAre("one", "two", "three"));
+  std::string log;
+  std::getline(std::ifstream(options.log), log, '\0');
+  EXPECT_EQ(log, "one\ntwo\nthree");
+  EXPECT_GT(result.peak_memory_bytes, 1e5);
+  EXPECT_GE(result.wall_seconds, result.cpu_seconds * 0.2);
+}
+
+TEST(ChildProcess, IsStoppedOrTimedOut) {
+  std::stop_source stop;
+  ChildOptions options;
+  options.stop = stop.get_token();
+  std::thread stopper([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(150));
+    stop.request_stop();
+  });
+  const ChildResult stopped = run_child({"sleep", "60"}, options);
+  stopper.join();
+  EXPECT_EQ(stopped.exit_code, 128 + SIGTERM);
+  ChildOptions timed;
+  timed.timeout_seconds = 0.2;
+  const ChildResult late = run_child({"sleep", "60"}, timed);
+  EXPECT_TRUE(late.timed_out);
+  EXPECT_EQ(late.signal, SIGKILL);
+}
+
+TEST(ChildProcess, GetsItsInputAndNoGrandchildHoldsItsEnd) {
+  ChildOptions options;
+  options.input = std::string(300'000, 'x') + "\n";
+  EXPECT_EQ(run_child({"wc", "-c"}, options).out, "300001\n");
+  const ChildResult result = run_child({"sh", "-c", "sleep 30 & echo done"});
+  EXPECT_EQ(result.out, "done\n");
+  EXPECT_LT(result.wall_seconds, 10);
+}
+
+TEST(ChildProcess, ThatIsNotThereIsAnError) {
+  EXPECT_THROW(run_child({"/no/such/program"}), Error);
+}
+
+}  // namespace
+}  // namespace raystage::farm

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/cost_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace raystage::farm {
+namespace {
+
+JobCosts costs() {
+  JobCosts job;
+  job.frames = 1000;
+  job.chunks = 500;
+  job.threads = 2;
+  job.frame_cpu_s = 4;
+  return job;
+}
+
+SiteCosts site() {
+  SiteCosts site;
+  site.start_latency_s = 0;
+  site.starts_per_s = 1e9;
+  site.storage_read_bytes_per_s = site.storage_write_bytes_per_s = 1e12;
+  return site;
+}
+
+TEST(CostModel, ScalesWithNodesUntilTasksRunOut) {
+  const Prediction one = predict(costs(), site(), 1), ten = predict(costs(), site(), 10);
+  EXPECT_DOUBLE_EQ(one.seconds, 2000);  // 500 tasks of two frames of 2 s
+  EXPECT_DOUBLE_EQ(ten.seconds, 200);
+  EXPECT_DOUBLE_EQ(ten.efficiency, 1);
+  EXPECT_EQ(ten.limit, CostLimit::kProcessors);
+  const Prediction many = predict(costs(), site(), 1000);
+  EXPECT_DOUBLE_EQ(many.seconds, 4);
+  EXPECT_EQ(many.limit, CostLimit::kTooFewTasks);
+}
+
+TEST(CostModel, NamesWhatSaturates) {
+  SiteCosts slow = site();
+  slow.starts_per_s = 10;
+  EXPECT_EQ(predict(costs(), slow, 1000).limit, CostLimit::kScheduler);
+  EXPECT_DOUBLE_EQ(predict(costs(), slow, 1000).render_s, 50);
+  JobCosts large = costs();
+  large.frame_write_bytes = 1e9;
+  SiteCosts disk = site();
+  disk.storage_write_bytes_per_s = 1e9;
+  EXPECT_EQ(predict(large, disk, 100).limit, CostLimit::kStorageWrite);
+  EXPECT_EQ(predict(large, disk, 1).limit, CostLimit::kProcessors);
+  JobCosts slow_check = costs();
+  slow_check.verify_s = 1;
+  EXPECT_EQ(predict(slow_check, site(), 100).limit, CostLimit::kSerial);
+}
+
+TEST(CostModel, LatencyCountsForEveryWaveAndThroughputForTheWhole) {
+  SiteCosts late = site();
+  late.start_latency_s = 1;
+  EXPECT_DOUBLE_EQ(predict(costs(), late, 10).render_s, 50 * (4 + 1));
+}
+
+TEST(CostModel, ThePageHasTheCurveAndTheNumbers) {
+  const std::vector<int> nodes{1, 10, 100};
+  const std::string page = cost_page(costs(), site(), nodes, "Job <x>");
+  EXPECT_THAT(page, ::testing::HasSubstr("<svg"));
+  EXPECT_THAT(page, ::testing::HasSubstr("Job &lt;x&gt;"));
+  EXPECT_THAT(page, ::testing::HasSubstr("processors"));
+}
+
+}  // namespace
+}  // namespace raystage::farm

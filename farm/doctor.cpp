@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/doctor.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "compose/sequence_name.h"
+#include "farm/child_process.h"
+#include "farm/node.h"
+#include "farm/slurm_queue.h"
+#include "farm/slurm_scripts.h"
+#include "raystage_version.h"
+#include "render/view/simd_level.h"
+#include "schemas/atomic_file.h"
+#include "schemas/json_text.h"
+#include "schemas/resources.h"
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string doctor_script(const FarmJobDocument& job, const std::string& folder) {
+  const std::string wrap = job.wrap.empty() ? "" : job.wrap + " ";
+  // The answer's name is the node's; where the folder is not there, no answer says so.
+  return fmt::format(
+      "#!/bin/sh\n# Asks one node whether it can carry out tasks of farm job {}.\n"
+      "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task=1 --mem=300M --time=5\n"
+      "#SBATCH --export=NONE --output=/dev/null --job-name={}\n"
+      "cd {} || exit 1\n"
+      "{}{} farm task \"$PWD\" doctor >\"{}/$SLURMD_NODENAME.new\" 2>&1\n"
+      "mv \"{}/$SLURMD_NODENAME.new\" \"{}/$SLURMD_NODENAME\"\n",
+      job.id, slurm_job_name(job, "doctor"), shell_word(job.folder), wrap, shell_word(job.program),
+      folder, folder, folder);
+}
+
+NodeReport silent(const std::string& node, const std::string& why) {
+  NodeReport report;
+  report.node = node;
+  report.fault = why;
+  return report;
+}
+
+bool can_be_asked(const std::string& state) {
+  return state.starts_with("idle") || state.starts_with("mixed") || state.starts_with("alloc") ||
+         state.starts_with("comp");
+}
+
+std::string partition_of(const FarmJobDocument& job) {
+  constexpr std::string_view kOption = "--partition=";
+  for (const std::string& option : job.of(FarmStage::kRender).options) {
+    if (option.starts_with(kOption)) return option.substr(kOption.size());
+  }
+  return "";
+}
+
+std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument& job,
+                                  const std::vector<std::string>& wanted, double patience_seconds,
+                                  const std::stop_token& stop) {
+  std::map<std::string, NodeReport> reports;
+  std::vector<std::string> asked;
+  const std::string answers = fmt::format("doctor.{:x}", static_cast<std::uint64_t>(utc_now()));
+  create_folder(folder.path() / answers);
+  write_file_atomically(folder.path() / "doctor.sbatch", doctor_script(job, answers));
+  for (const SlurmNode& node : slurm_nodes(partition_of(job))) {
+    if (!wanted.empty() && std::ranges::find(wanted, node.name) == wanted.end()) continue;
+    if (!can_be_asked(node.state)) {
+      reports[node.name] = silent(node.name, "Slurm: " + node.state);
+      continue;
+    }
+    std::vector<std::string> command{"sbatch", "--parsable", "--nodelist=" + node.name};
+    // The doctor uses the partition and account of the tasks.
+    for (const std::string& option : job.of(FarmStage::kRender).options) command.push_back(option);
+    command.push_back((folder.path() / "doctor.sbatch").string());
+    const ChildResult result = run_child(command);
+    if (result.exit_code != 0) {
+      reports[node.name] = silent(node.name, "Slurm does not start a task there: " +
+                                                 result.out.substr(0, result.out.find('\n')));
+    } else {
+      asked.push_back(node.name);
+    }
+  }
+  for (const std::string& node : wanted) {
+    if (!reports.contains(node) && std::ranges::find(asked, node) == asked.end()) {
+      reports[node] = silent(node, "Slurm knows no such node");
+    }
+  }
+  const auto start = std::chrono::steady_clock::now();
+  while (!asked.empty() && !stop.stop_requested()) {
+    std::erase_if(asked, [&](const std::string& node) {
+      const auto text = read_record(folder.path() / answers / node);
+      if (!text) return false;
+      try {
+        reports[node] = parse_node_report(*text, node);
+        reports[node].node = node;
+      } catch (const Error&) {
+        reports[node] = silent(node, text->substr(0, text->find('\n')));
+      }
+      return true;
+    });
+    const double waited =
+        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    if (waited > patience_seconds) break;
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+  for (const std::string& node : asked) {
+    reports[node] =
+        silent(node, fmt::format("no answer within {:.0f} s: busy, or the job folder is "
+                                 "not there",
+                                 patience_seconds));
+  }
+  if (!asked.empty()) run_child({"scancel", "--quiet", "--name=" + slurm_job_name(job, "doctor")});
+  std::error_code ignored;
+  fs::remove_all(folder.path() / answers, ignored);
+  std::vector<NodeReport> result;
+  for (auto& [node, report] : reports) result.push_back(std::move(report));
+  return result;
+}
+
+}  // namespace
+
+NodeReport examine_node(const FarmJobDocument& job) {
+  NodeReport report;
+  report.node = node_name();
+  report.answered = true;
+  report.fault = node_fault(job).value_or("");
+  report.version = RAYSTAGE_VERSION;
+  report.build = build_id();
+  report.simd = simd_level_name(best_simd_level());
+  if (report.fault.empty() && parse_simd_level(job.simd) > best_simd_level()) {
+    report.fault = fmt::format("the processor has {}, the job needs {}", report.simd, job.simd);
+  }
+  report.threads = available_threads();
+  report.memory_bytes = static_cast<double>(available_memory());
+  std::error_code error;
+  report.sees_shot = fs::is_directory(job.shot_folder, error);
+  const fs::path output = SequenceName(job.output).folder();
+  report.sees_output = fs::is_directory(output, error);
+  const fs::space_info space = fs::space(output, error);
+  if (!error) report.free_bytes = static_cast<double>(space.available);
+  return report;
+}
+
+std::string format_node_report(const NodeReport& report) {
+  return nlohmann::ordered_json{{"node", report.node},
+                                {"fault", report.fault},
+                                {"version", report.version},
+                                {"build", report.build},
+                                {"simd", report.simd},
+                                {"threads", report.threads},
+                                {"memory_bytes", report.memory_bytes},
+                                {"free_bytes", report.free_bytes},
+                                {"sees_shot", report.sees_shot},
+                                {"sees_output", report.sees_output}}
+             .dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) +
+         "\n";
+}
+
+NodeReport parse_node_report(std::string_view text, std::string_view name) {
+  const nlohmann::json json = parse_json(text, name);
+  const auto value = [&](const char* key, auto otherwise) {
+    using T = decltype(otherwise);
+    try {
+      return json.is_object() ? json.value(key, otherwise) : otherwise;
+    } catch (const nlohmann::json::exception&) {
+      throw bad_value(name, fmt::format("/{}", key), "the node's answer is damaged", "Ask again");
+    }
+    return T{};
+  };
+  NodeReport report;
+  report.node = value("node", std::string());
+  if (report.node.empty()) throw bad_value(name, "/node", "the answer names no node", "Ask again");
+  report.answered = true;
+  report.fault = value("fault", std::string());
+  report.version = value("version", std::string());
+  report.build = value("build", std::string());
+  report.simd = value("simd", std::string());
+  report.threads = value("threads", 0);
+  report.memory_bytes = value("memory_bytes", 0.0);
+  report.free_bytes = value("free_bytes", 0.0);
+  report.sees_shot = value("sees_shot", false);
+  report.sees_output = value("sees_output", false);
+  return report;
+}
+
+std::vector<NodeReport> examine_nodes(const JobFolder& folder,
+                                      const std::vector<std::string>& nodes,
+                                      double patience_seconds, const std::stop_token& stop) {
+  const FarmJobDocument job = folder.job();
+  if (job.engine != FarmJobDocument::Engine::kSlurm) return {examine_node(job)};
+  return ask_slurm(folder, job, nodes, patience_seconds, stop);
+}
+
+std::string doctor_text(const std::vector<NodeReport>& reports) {
+  std::string text =
+      fmt::format("{:<16} {:<9} {:<17} {:<7} {:>7} {:>10} {:>12}  {}\n", "node", "version", "build",
+                  "simd", "threads", "memory", "output free", "verdict");
+  for (const NodeReport& report : reports) {
+    if (!report.answered) {
+      text += fmt::format("{:<16} {:<9} {:<17} {:<7} {:>7} {:>10} {:>12}  {}\n", report.node, "-",
+                          "-", "-", "-", "-", "-", report.fault);
+      continue;
+    }
+    text += fmt::format("{:<16} {:<9} {:<17} {:<7} {:>7} {:>7.1f} GB {:>9.1f} GB  {}\n",
+                        report.node, report.version, report.build, report.simd, report.threads,
+                        report.memory_bytes * 1e-9, report.free_bytes * 1e-9,
+                        report.fault.empty() ? "ready" : report.fault);
+  }
+  return text;
+}
+
+}  // namespace raystage::farm

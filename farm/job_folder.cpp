@@ -1,0 +1,246 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/job_folder.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <chrono>
+#include <cstdlib>
+#include <system_error>
+
+#include "compose/sequence_name.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kJobPrefix = "job-";
+constexpr std::size_t kLargestRecord = std::size_t{16} << 20;
+constexpr std::array kSubfolders{"attempts", "logs", "progress", "excluded", "slurm", "rounds"};
+
+std::optional<int> number_after(std::string_view prefix, std::string_view name) {
+  if (!name.starts_with(prefix)) return std::nullopt;
+  name.remove_prefix(prefix.size());
+  int number = 0;
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), number);
+  if (error != std::errc{} || end != name.data() + name.size() || number < 1) return std::nullopt;
+  return number;
+}
+
+/// Node names come from Slurm's configuration or the host; a file name must hold them.
+std::string as_file_name(std::string_view node) {
+  std::string name(node.substr(0, 200));
+  for (char& c : name) {
+    if (c == '/' || c == '\0') c = '_';
+  }
+  return name.empty() || name.front() == '.' ? "_" + name : name;
+}
+
+}  // namespace
+
+std::optional<std::string> read_record(const fs::path& file) {
+  const int descriptor = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+  if (descriptor < 0) return std::nullopt;
+  std::optional<std::string> text;
+  struct stat status {};
+  if (fstat(descriptor, &status) == 0 && S_ISREG(status.st_mode) &&
+      static_cast<std::size_t>(status.st_size) <= kLargestRecord) {
+    text.emplace(static_cast<std::size_t>(status.st_size), '\0');
+    std::size_t filled = 0;
+    while (filled < text->size()) {
+      const ssize_t got = read(descriptor, text->data() + filled, text->size() - filled);
+      if (got < 0 && errno == EINTR) continue;
+      if (got <= 0) break;
+      filled += static_cast<std::size_t>(got);
+    }
+    text->resize(filled);
+  }
+  close(descriptor);
+  return text;
+}
+
+fs::path JobFolder::round_file(int round) const {
+  return path_ / "rounds" / fmt::format("{}.json", round);
+}
+
+FarmJobDocument JobFolder::job() const {
+  const auto text = read_record(job_file());
+  if (!text) {
+    throw Error::bad_input("there is no farm job", path_.string(),
+                           "Name a job folder, the folder of an output's jobs, or the output");
+  }
+  return parse_farm_job(*text, job_file().string());
+}
+
+std::vector<FarmRound> JobFolder::rounds() const {
+  std::vector<FarmRound> rounds;
+  for (int n = 1;; ++n) {
+    const auto text = read_record(round_file(n));
+    if (!text) return rounds;
+    rounds.push_back(parse_farm_round(*text, round_file(n).string()));
+  }
+}
+
+std::optional<FarmEnd> JobFolder::end() const {
+  const auto text = read_record(end_file());
+  if (!text) return std::nullopt;
+  return parse_farm_end(*text, end_file().string());
+}
+
+void JobFolder::write_end(const FarmEnd& end) const {
+  write_file_atomically(end_file(), format_farm_end(end));
+}
+
+void JobFolder::reopen() const {
+  std::error_code ignored;
+  int n = 1;
+  while (fs::exists(path_ / fmt::format("ended.{}.json", n), ignored)) ++n;
+  std::error_code error;
+  fs::rename(end_file(), path_ / fmt::format("ended.{}.json", n), error);
+  fs::remove(cancel_file(), ignored);
+  if (error && error != std::errc::no_such_file_or_directory) {
+    throw Error::failed("the end of the job cannot be moved: " + error.message(),
+                        end_file().string(), "Check the permissions of the job folder");
+  }
+}
+
+std::vector<std::pair<std::string, std::string>> JobFolder::excluded_nodes() const {
+  std::vector<std::pair<std::string, std::string>> nodes;
+  std::error_code error;
+  for (fs::directory_iterator entry(excluded(), error), end; entry != end; entry.increment(error)) {
+    std::string name = entry->path().filename().string();
+    if (name.starts_with('.')) continue;
+    std::string reason = read_record(entry->path()).value_or("");
+    while (!reason.empty() && reason.back() == '\n') reason.pop_back();
+    nodes.emplace_back(std::move(name), std::move(reason));
+  }
+  std::ranges::sort(nodes);
+  return nodes;
+}
+
+bool JobFolder::is_excluded(std::string_view node) const {
+  std::error_code ignored;
+  return fs::exists(excluded() / as_file_name(node), ignored);
+}
+
+void JobFolder::exclude(std::string_view node, std::string_view reason) const {
+  const fs::path file = excluded() / as_file_name(node);
+  // The name counts, and a disk that is full may hold no more than that.
+  const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (descriptor < 0) return;
+  const std::string line = fmt::format("{}\n", reason);
+  [[maybe_unused]] const ssize_t written = write(descriptor, line.data(), line.size());
+  close(descriptor);
+}
+
+fs::path farm_folder(const std::string& output) {
+  const SequenceName name(output);
+  std::string stem = fs::path(output).stem().string();
+  for (const char token : {'#', '@'})
+    stem.erase(std::remove(stem.begin(), stem.end(), token), stem.end());
+  if (const std::size_t percent = stem.find('%'); percent != std::string::npos) {
+    const std::size_t d = stem.find('d', percent);
+    if (d != std::string::npos) stem.erase(percent, d + 1 - percent);
+  }
+  while (!stem.empty() && (stem.back() == '.' || stem.back() == '_' || stem.back() == '-')) {
+    stem.pop_back();
+  }
+  return name.folder() / ((stem.empty() ? "frames" : stem) + ".farm");
+}
+
+std::vector<JobFolder> jobs_in(const fs::path& farm_folder) {
+  std::vector<std::pair<int, fs::path>> found;
+  std::error_code error;
+  for (fs::directory_iterator entry(farm_folder, error), end; entry != end;
+       entry.increment(error)) {
+    const auto number = number_after(kJobPrefix, entry->path().filename().string());
+    if (number && entry->is_directory(error)) found.emplace_back(*number, entry->path());
+  }
+  std::ranges::sort(found);
+  std::vector<JobFolder> jobs;
+  for (auto& [number, path] : found) jobs.emplace_back(std::move(path));
+  return jobs;
+}
+
+std::optional<JobFolder> live_job(const std::string& output) {
+  std::optional<JobFolder> live;
+  for (const JobFolder& folder : jobs_in(farm_folder(output))) {
+    std::error_code ignored;
+    if (fs::exists(folder.end_file(), ignored)) continue;
+    const auto text = read_record(folder.job_file());
+    // Without a document it is just being created: its output may be this one.
+    if (!text || fs::path(folder.job().output).filename() == fs::path(output).filename()) {
+      live = folder;
+    }
+  }
+  return live;
+}
+
+JobFolder create_job_folder(const std::string& output) {
+  const fs::path parent = farm_folder(output);
+  create_folder(parent);
+  int number = 1;
+  if (const auto jobs = jobs_in(parent); !jobs.empty()) {
+    number = *number_after(kJobPrefix, jobs.back().path().filename().string()) + 1;
+  }
+  for (;; ++number) {
+    const fs::path folder = parent / fmt::format("{}{:04}", kJobPrefix, number);
+    if (mkdir(folder.c_str(), 0777) == 0) {
+      for (const char* name : kSubfolders) create_folder(folder / name);
+      return JobFolder(folder);
+    }
+    if (errno != EEXIST) {
+      throw Error::from_errno("cannot create the job folder", folder.string(),
+                              "Check the folder, its permissions and the room on the disk");
+    }
+  }
+}
+
+JobFolder find_job(const fs::path& named) {
+  std::error_code ignored;
+  const fs::path absolute = fs::absolute(named).lexically_normal();
+  const fs::path path = absolute.has_filename() ? absolute : absolute.parent_path();
+  if (path.filename() == "job.json") return JobFolder(path.parent_path());
+  if (fs::exists(path / "job.json", ignored)) return JobFolder(path);
+  std::vector<JobFolder> jobs = jobs_in(path);
+  if (jobs.empty() && !fs::is_directory(path, ignored)) {
+    try {
+      jobs = jobs_in(farm_folder(path.string()));
+    } catch (const Error&) {  // no name of a sequence
+      jobs.clear();
+    }
+  }
+  if (jobs.empty()) {
+    throw Error::bad_input("there is no farm job", named.string(),
+                           "Name a job folder (OUT/NAME.farm/job-0001), the folder of an output's "
+                           "jobs, or the output (OUT/NAME.####.exr)");
+  }
+  return jobs.back();
+}
+
+std::string node_name() {
+  // Slurm sets it in every task; several nodes may share one host.
+  if (const char* slurm = std::getenv("SLURMD_NODENAME"); slurm != nullptr && *slurm != '\0') {
+    return slurm;
+  }
+  std::array<char, 256> name{};
+  if (gethostname(name.data(), name.size() - 1) != 0 || name[0] == '\0') return "unknown";
+  return name.data();
+}
+
+Nanoseconds utc_now() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/job_folder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+#include <thread>
+
+#include "farm/test_job.h"
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace raystage::farm {
+namespace {
+
+TEST(JobFolder, StandsNextToTheOutput) {
+  EXPECT_EQ(farm_folder("/out/s_010.####.exr"), "/out/s_010.farm");
+  EXPECT_EQ(farm_folder("/out/s_%04d.exr"), "/out/s.farm");
+  EXPECT_EQ(farm_folder("/out/@@@@.exr"), "/out/frames.farm");
+  EXPECT_EQ(farm_folder("a b/x.#.exr"), "a b/x.farm");
+}
+
+TEST(JobFolder, IsGivenToOneSubmissionOnly) {
+  const TestFolder parent;
+  const std::string output = (parent.path() / "f.####.exr").string();
+  std::vector<std::thread> threads;
+  std::vector<std::string> made(8);
+  for (std::string& path : made) {
+    threads.emplace_back([&] { path = create_job_folder(output).path().string(); });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(std::set<std::string>(made.begin(), made.end()).size(), made.size());
+}
+
+TEST(JobFolder, ALiveJobIsFoundByItsOutput) {
+  const TestFolder parent;
+  const std::string output = (parent.path() / "f.####.exr").string();
+  EXPECT_FALSE(live_job(output));
+  const JobFolder folder = testing::written_job(parent.path());
+  ASSERT_TRUE(live_job(output));
+  EXPECT_EQ(live_job(output)->path(), folder.path());
+  EXPECT_FALSE(live_job((parent.path() / "f_####.exr").string())) << "another sequence";
+  FarmEnd end;
+  end.ended_utc = utc_now();
+  folder.write_end(end);
+  EXPECT_FALSE(live_job(output));
+  folder.reopen();
+  EXPECT_TRUE(live_job(output));
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "ended.1.json"));
+}
+
+TEST(JobFolder, IsFoundByAnyOfItsNames) {
+  const TestFolder parent;
+  testing::written_job(parent.path());
+  const JobFolder second = testing::written_job(parent.path());
+  EXPECT_EQ(second.path().filename(), "job-0002");
+  for (const std::filesystem::path& name :
+       {second.path(), second.job_file(), parent.path() / "f.farm", parent.path() / "f.####.exr",
+        std::filesystem::path(second.path().string() + "/")}) {
+    EXPECT_EQ(find_job(name).path(), second.path()) << name;
+  }
+  EXPECT_THROW(find_job(parent.path() / "g.####.exr"), Error);
+}
+
+TEST(JobFolder, ExcludedNodesStayWithTheirReasons) {
+  const TestFolder parent;
+  const JobFolder folder = testing::written_job(parent.path());
+  folder.exclude("n3", "the disk is full");
+  folder.exclude("n3", "another reason");
+  folder.exclude("../../evil", "x");
+  EXPECT_TRUE(folder.is_excluded("n3"));
+  EXPECT_FALSE(folder.is_excluded("n1"));
+  EXPECT_FALSE(std::filesystem::exists(parent.path() / "evil"));
+  ASSERT_EQ(folder.excluded_nodes().size(), 2U);
+  EXPECT_EQ(folder.excluded_nodes()[1].second, "the disk is full");
+}
+
+}  // namespace
+}  // namespace raystage::farm

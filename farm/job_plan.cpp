@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/job_plan.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+namespace raystage::farm {
+namespace {
+
+constexpr int kPreviewStep = 10;
+constexpr double kSecondsPerTask = 300, kWorthSharing = 30;
+constexpr int kLeastTasks = 16;
+
+void append_chunks(std::span<const int> frames, int per_chunk,
+                   std::vector<std::vector<int>>& chunks) {
+  const auto step = static_cast<std::size_t>(std::max(1, per_chunk));
+  for (std::size_t begin = 0; begin < frames.size(); begin += step) {
+    const auto part = frames.subspan(begin, std::min(step, frames.size() - begin));
+    chunks.emplace_back(part.begin(), part.end());
+  }
+}
+
+}  // namespace
+
+std::vector<std::vector<int>> cut_into_chunks(std::span<const int> frames,
+                                              const ChunkSettings& settings) {
+  std::vector<std::vector<int>> chunks;
+  if (!settings.preview_first) {
+    append_chunks(frames, settings.frames_per_chunk, chunks);
+    return chunks;
+  }
+  std::vector<int> first, rest;
+  for (std::size_t i = 0; i < frames.size(); ++i) {
+    (i % kPreviewStep == 0 ? first : rest).push_back(frames[i]);
+  }
+  append_chunks(first, settings.frames_per_chunk, chunks);
+  append_chunks(rest, settings.frames_per_chunk, chunks);
+  return chunks;
+}
+
+int automatic_chunk(std::size_t frames, std::optional<double> seconds_per_frame) {
+  const auto count = static_cast<double>(std::max<std::size_t>(frames, 1));
+  if (!seconds_per_frame) return static_cast<int>(std::min(count, 10.0));
+  const double seconds = std::max(*seconds_per_frame, 1e-3);
+  double chunk = std::clamp(std::floor(kSecondsPerTask / seconds), 1.0, count);
+  if (count * seconds > kWorthSharing) {
+    chunk = std::min(chunk, std::max(1.0, std::floor(count / kLeastTasks)));
+  }
+  return static_cast<int>(chunk);
+}
+
+std::vector<ChunkGroup> group_chunks(const FarmJobDocument& job, std::span<const int> prepare,
+                                     std::span<const int> render) {
+  std::map<std::vector<int>, std::vector<int>> groups;
+  for (const int chunk : render) {
+    std::vector<int> waits;
+    for (const int instant : job.chunks[static_cast<std::size_t>(chunk)].instants) {
+      if (std::ranges::binary_search(prepare, instant)) waits.push_back(instant);
+    }
+    std::ranges::sort(waits);
+    groups[waits].push_back(chunk);
+  }
+  std::vector<ChunkGroup> result;
+  for (auto& [instants, chunks] : groups) result.push_back({instants, chunks});
+  // In the order of their first chunks, so that previews stay first.
+  std::ranges::sort(result, {}, [](const ChunkGroup& group) { return group.chunks.front(); });
+  return result;
+}
+
+std::vector<ArrayPart> split_array(std::span<const int> indices, int max_array) {
+  std::vector<ArrayPart> parts;
+  for (const int index : indices) {
+    const int offset = index / max_array * max_array;
+    if (parts.empty() || parts.back().offset != offset) parts.push_back({offset, {}});
+    parts.back().indices.push_back(index - offset);
+  }
+  return parts;
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/local_engine.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <array>
+#include <fstream>
+#include <sstream>
+
+#include "farm/rounds.h"
+#include "farm/task.h"
+#include "farm/verification.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage::farm {
+namespace {
+
+/// Field 22 of /proc/PID/stat, which tells a process from a later one with its number. Empty: there
+/// is none.
+std::string start_of_process(std::int64_t process) {
+  std::ifstream file(fmt::format("/proc/{}/stat", process));
+  std::string text;
+  std::getline(file, text);
+  const std::size_t name_end = text.rfind(')');
+  if (name_end == std::string::npos) return "";
+  std::istringstream fields(text.substr(name_end + 1));
+  std::string field;
+  for (int i = 3; i <= 22; ++i) fields >> field;
+  return field;
+}
+
+/// The name of the machine, also within a task of Slurm.
+std::string host_name() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "unknown";
+}
+
+class LocalRun {
+ public:
+  LocalRun(const JobFolder& folder, const LocalOptions& options, const std::stop_token& stop)
+      : folder_(folder), options_(options), stop_(stop), job_(folder.job()) {}
+
+  ExitCode run() {
+    for (FarmRound round = folder_.rounds().back();;) {
+      sign(round);
+      run_round(round);
+      if (stop_.stop_requested()) return stopped();
+      run_task_of(FarmStage::kVerify, 0, round.round);
+      if (stop_.stop_requested()) return stopped();
+      const std::vector<FarmRound> rounds = folder_.rounds();
+      if (rounds.back().round == round.round) break;
+      round = rounds.back();
+    }
+    const std::optional<FarmEnd> end = folder_.end();
+    if (!end || end->state != FarmEnd::State::kDone) {
+      if (end)
+        options_.say(fmt::format("frames {} are missing. {}", end->missing_frames, end->reason));
+      return end && end->missing_frames.empty() ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
+    }
+    if (job_.preview) run_task_of(FarmStage::kPreview, 0, 1);
+    options_.progress(1);
+    return ExitCode::kSuccess;
+  }
+
+ private:
+  void sign(FarmRound& round) {
+    round.host = host_name();
+    round.process = getpid();
+    round.process_start = start_of_process(round.process);
+    write_file_atomically(folder_.round_file(round.round), format_farm_round(round));
+  }
+
+  void run_round(const FarmRound& round) {
+    const double tasks = static_cast<double>(round.prepare.size() + round.render.size());
+    double done = 0;
+    const auto run_all = [&](FarmStage stage, const std::vector<int>& indices) {
+      for (const int index : indices) {
+        if (stop_.stop_requested()) return;
+        run_task_of(stage, index, round.round,
+                    [&](double part) { options_.progress(0.98 * (done + part) / tasks); });
+        done += 1;
+      }
+    };
+    run_all(FarmStage::kPrepare, round.prepare);
+    run_all(FarmStage::kRender, round.render);
+  }
+
+  ExitCode run_task_of(
+      FarmStage stage, int index, int round, std::function<void(double)> progress = [](double) {}) {
+    TaskRequest request{folder_, stage, index, round};
+    request.patience_seconds = 0;  // this host has written the frames itself
+    request.progress = std::move(progress);
+    request.say = options_.say;
+    return run_task(request, stop_);
+  }
+
+  ExitCode stopped() {
+    FarmEnd end;
+    end.state = FarmEnd::State::kStopped;
+    end.reason = "the process that ran the job was stopped";
+    end.frames = static_cast<int>(frames_of(job_).size());
+    end_job(folder_, job_, end);
+    return ExitCode::kFailed;
+  }
+
+  const JobFolder& folder_;
+  const LocalOptions& options_;
+  const std::stop_token& stop_;
+  const FarmJobDocument job_;
+};
+
+}  // namespace
+
+ExitCode run_locally(const JobFolder& folder, const LocalOptions& options,
+                     const std::stop_token& stop) {
+  return LocalRun(folder, options, stop).run();
+}
+
+std::optional<bool> is_running_here(const FarmRound& round) {
+  if (round.host.empty()) return false;
+  if (round.host != host_name()) return std::nullopt;
+  const std::string start = start_of_process(round.process);
+  return !start.empty() && start == round.process_start;
+}
+
+}  // namespace raystage::farm

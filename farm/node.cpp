@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/node.h"
+
+#include <fmt/format.h>
+#include <link.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <fstream>
+#include <system_error>
+#include <vector>
+
+#include "compose/sequence_name.h"
+#include "farm/child_process.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uintmax_t kProbeBytes = std::uintmax_t{1} << 20;
+
+int add_library(dl_phdr_info* info, std::size_t /*size*/, void* names) {
+  if (info->dlpi_name != nullptr && info->dlpi_name[0] == '/') {
+    std::error_code ignored;
+    // The link leads to the file whose name has the whole version.
+    static_cast<std::vector<std::string>*>(names)->push_back(
+        fs::canonical(info->dlpi_name, ignored).filename().string());
+  }
+  return 0;
+}
+
+std::uint64_t hash_of_file(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  std::vector<char> buffer(std::size_t{1} << 20);
+  XXH3_state_t* state = XXH3_createState();
+  XXH3_64bits_reset(state);
+  while (in.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) || in.gcount() > 0) {
+    XXH3_64bits_update(state, buffer.data(), static_cast<std::size_t>(in.gcount()));
+  }
+  const std::uint64_t hash = XXH3_64bits_digest(state);
+  XXH3_freeState(state);
+  return hash;
+}
+
+}  // namespace
+
+std::string build_id() {
+  std::vector<std::string> libraries;
+  dl_iterate_phdr(add_library, &libraries);
+  std::ranges::sort(libraries);
+  std::string text = fmt::format("{:016x}", hash_of_file(sibling_program("raystage-render")));
+  for (const std::string& library : libraries) text += " " + library;
+  return fmt::format("{:016x}", XXH3_64bits(text.data(), text.size()));
+}
+
+std::optional<std::string> write_fault(const fs::path& folder, std::uintmax_t bytes) {
+  std::error_code error;
+  if (!fs::is_directory(folder, error)) {
+    return fmt::format("{}: the folder is not there", folder.string());
+  }
+  const fs::space_info space = fs::space(folder, error);
+  if (!error && space.available < bytes) {
+    return fmt::format("{}: the disk has room for {:.1f} MB, a frame needs {:.1f} MB",
+                       folder.string(), static_cast<double>(space.available) * 1e-6,
+                       static_cast<double>(bytes) * 1e-6);
+  }
+  try {
+    // A disk may be mounted read-only, and quotas do not show in what the disk has left.
+    const TemporaryFile probe(folder / "probe");
+    std::ofstream file(probe.path(), std::ios::binary);
+    const std::vector<char> block(kProbeBytes, 'x');
+    errno = 0;
+    file.write(block.data(), static_cast<std::streamsize>(block.size()));
+    file.close();
+    if (!file) {
+      return fmt::format("{}: cannot be written to: {}", folder.string(),
+                         std::generic_category().message(errno));
+    }
+  } catch (const Error& refused) {
+    return fmt::format("{}: {}", folder.string(), refused.what_happened());
+  }
+  return std::nullopt;
+}
+
+std::optional<std::string> node_fault(const FarmJobDocument& job) {
+  std::error_code error;
+  if (!job.build.empty()) {
+    if (const std::string build = build_id(); build != job.build) {
+      return fmt::format("build {} is installed, the job was made with build {}", build, job.build);
+    }
+  }
+  if (!fs::is_directory(job.shot_folder, error)) {
+    return fmt::format("{}: the shot's folder is not there", job.shot_folder);
+  }
+  return write_fault(SequenceName(job.output).folder(),
+                     static_cast<std::uintmax_t>(job.frame_bytes));
+}
+
+}  // namespace raystage::farm

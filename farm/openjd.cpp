@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/openjd.h"
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "schemas/json_text.h"
+
+namespace raystage::farm {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::size_t kLongestName = 64;
+
+Json host_requirements(const FarmResources& resources) {
+  // amount.worker.memory is in MiB (specification 3.3.1).
+  const double mebibytes = resources.memory_gb * 1e9 * 1.1 / (1 << 20) + 400;
+  return {{"amounts",
+           Json::array({{{"name", "amount.worker.vcpu"}, {"min", resources.threads}},
+                        {{"name", "amount.worker.memory"}, {"min", static_cast<int>(mebibytes)}}})},
+          {"attributes",
+           Json::array({{{"name", "attr.worker.os.family"}, {"anyOf", Json::array({"linux"})}}})}};
+}
+
+Json script(FarmStage stage, const std::string& index, const FarmResources& resources) {
+  Json on_run{{"command", "{{Param.Raystage}}"},
+              {"args",
+               {"farm", "task", "{{Param.JobFolder}}", farm_stage_name(stage), index, "--progress",
+                "openjd", "--path-mapping", "{{Session.PathMappingRulesFile}}"}},
+              // The command gets SIGTERM, and its time to drop the frames in flight.
+              {"cancelation", {{"mode", "NOTIFY_THEN_TERMINATE"}, {"notifyPeriodInSeconds", 90}}}};
+  if (resources.minutes) on_run["timeout"] = *resources.minutes * 60;
+  return {{"actions", {{"onRun", std::move(on_run)}}}};
+}
+
+std::string step_name(FarmStage stage) {
+  std::string name(farm_stage_name(stage));
+  name.front() = static_cast<char>(name.front() - 'a' + 'A');
+  return name;
+}
+
+Json step(const FarmJobDocument& job, FarmStage stage, std::size_t tasks) {
+  Json result{{"name", step_name(stage)}};
+  const bool has_space = stage == FarmStage::kPrepare || stage == FarmStage::kRender;
+  result["hostRequirements"] = host_requirements(job.of(stage));
+  if (has_space) {
+    result["parameterSpace"] = {
+        {"taskParameterDefinitions",
+         Json::array({{{"name", "Task"},
+                       {"type", "INT"},
+                       {"range", tasks == 1 ? "0" : fmt::format("0-{}", tasks - 1)}}})}};
+  }
+  result["script"] = script(stage, has_space ? "{{Task.Param.Task}}" : "0", job.of(stage));
+  return result;
+}
+
+}  // namespace
+
+std::string openjd_template(const FarmJobDocument& job) {
+  Json json{{"specificationVersion", "jobtemplate-2023-09"},
+            {"name", job.id.substr(0, kLongestName)}};
+  json["description"] =
+      fmt::format("Raystage {} renders {} to {}", job.program_version, job.shot, job.output)
+          .substr(0, 2048);
+  json["parameterDefinitions"] =
+      Json::array({{{"name", "JobFolder"},
+                    {"type", "PATH"},
+                    {"objectType", "DIRECTORY"},
+                    {"dataFlow", "INOUT"},
+                    {"default", job.folder},
+                    {"description", "The farm job's folder, as the submitting host sees it."}},
+                   {{"name", "Raystage"},
+                    {"type", "STRING"},
+                    {"default", job.program},
+                    {"description", "Command that runs Raystage on a worker."}}});
+  Json& steps = json["steps"] = Json::array();
+  const auto depends = [&](Json made, FarmStage on) {
+    made["dependencies"] = Json::array({{{"dependsOn", step_name(on)}}});
+    steps.push_back(std::move(made));
+  };
+  const bool prepares = !job.instants.empty();
+  if (prepares) steps.push_back(step(job, FarmStage::kPrepare, job.instants.size()));
+  Json render = step(job, FarmStage::kRender, job.chunks.size());
+  if (prepares) {
+    depends(std::move(render), FarmStage::kPrepare);
+  } else {
+    steps.push_back(std::move(render));
+  }
+  depends(step(job, FarmStage::kVerify, 1), FarmStage::kRender);
+  if (job.preview) depends(step(job, FarmStage::kPreview, 1), FarmStage::kVerify);
+  return format_json(json);
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/path_map.h"
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "schemas/json_text.h"
+
+namespace raystage::farm {
+namespace {
+
+std::string without_slash(std::string folder) {
+  while (folder.size() > 1 && folder.back() == '/') folder.pop_back();
+  return folder;
+}
+
+void map_strings(nlohmann::ordered_json& value, std::span<const PathRule> rules) {
+  if (value.is_string()) {
+    value = mapped(value.get<std::string>(), rules);
+  } else if (value.is_structured()) {
+    for (auto& item : value) map_strings(item, rules);
+  }
+}
+
+}  // namespace
+
+PathRule parse_path_rule(std::string_view text) {
+  const std::size_t equals = text.find('=');
+  const std::string from(text.substr(0, equals));
+  const std::string to(equals == std::string_view::npos ? "" : text.substr(equals + 1));
+  if (from.empty() || to.empty() || from.front() != '/' || to.front() != '/') {
+    throw Error::bad_input(
+        "found \"" + std::string(text) + "\", allowed: FROM=TO, two absolute paths", "path mapping",
+        "Write for example /mnt/show=/net/show");
+  }
+  return {without_slash(from), without_slash(to)};
+}
+
+std::vector<PathRule> read_path_mapping(const std::filesystem::path& file) {
+  const nlohmann::json json = parse_json(read_file(file), file.string());
+  const auto refuse = [&](const std::string& pointer) {
+    return bad_value(file.string(), pointer, "this is no path mapping of version pathmapping-1.0",
+                     "Give the file that the session names");
+  };
+  if (!json.is_object() || json.value("version", nlohmann::json()) != "pathmapping-1.0") {
+    throw refuse("/version");
+  }
+  std::vector<PathRule> rules;
+  if (!json.contains("path_mapping_rules")) return rules;  // a session without rules
+  if (!json["path_mapping_rules"].is_array()) throw refuse("/path_mapping_rules");
+  for (const nlohmann::json& rule : json["path_mapping_rules"]) {
+    if (!rule.is_object() || !rule.contains("source_path") || !rule["source_path"].is_string() ||
+        !rule.contains("destination_path") || !rule["destination_path"].is_string()) {
+      throw refuse("/path_mapping_rules");
+    }
+    if (rule.value("source_path_format", nlohmann::json("POSIX")) != "POSIX") continue;
+    rules.push_back({without_slash(rule["source_path"].get<std::string>()),
+                     without_slash(rule["destination_path"].get<std::string>())});
+  }
+  return rules;
+}
+
+std::string mapped(const std::string& path, std::span<const PathRule> rules) {
+  for (const PathRule& rule : rules) {
+    if (!path.starts_with(rule.from)) continue;
+    const std::string rest = path.substr(rule.from.size());
+    if (rest.empty() || rest.front() == '/' || rule.from.back() == '/') return rule.to + rest;
+  }
+  return path;
+}
+
+void map_paths(FarmJobDocument& job, std::span<const PathRule> rules) {
+  for (std::string* path :
+       {&job.program, &job.folder, &job.shot_folder, &job.output, &job.cache, &job.color_config}) {
+    *path = mapped(*path, rules);
+  }
+  for (FarmJobDocument::Instant& instant : job.instants) instant.file = mapped(instant.file, rules);
+  for (std::string& file : job.pinned) file = mapped(file, rules);
+}
+
+std::string map_paths_of_shot(std::string_view shot_text, std::string_view name,
+                              std::span<const PathRule> rules) {
+  if (rules.empty()) return std::string(shot_text);
+  nlohmann::ordered_json json = parse_json(shot_text, name);
+  map_strings(json, rules);
+  return format_json(json);
+}
+
+}  // namespace raystage::farm

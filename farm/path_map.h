@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "schemas/farm_job_document.h"
+
+namespace raystage::farm {
+
+/// A folder that has another name on the nodes.
+struct PathRule {
+  std::string from, to;
+};
+
+/// Reads "FROM=TO", both absolute. Throws Error (bad input).
+PathRule parse_path_rule(std::string_view text);
+
+/// The rules of an Open Job Description session ("version": "pathmapping-1.0"); rules for Windows
+/// paths are left out. Throws Error (bad input).
+std::vector<PathRule> read_path_mapping(const std::filesystem::path& file);
+
+/// By the first rule whose folder holds the path (whole names only); else as it is.
+std::string mapped(const std::string& path, std::span<const PathRule> rules);
+
+/// Every path of a job, or every absolute path in the text of a shot.
+void map_paths(FarmJobDocument& job, std::span<const PathRule> rules);
+std::string map_paths_of_shot(std::string_view shot_text, std::string_view name,
+                              std::span<const PathRule> rules);
+
+}  // namespace raystage::farm

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/path_map.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "farm/test_job.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "schemas/test_folder.h"
+
+namespace raystage::farm {
+namespace {
+
+TEST(PathMap, MapsWholeNamesByTheFirstRule) {
+  const std::vector<PathRule> rules{parse_path_rule("/mnt/show/=/net/show"),
+                                    parse_path_rule("/mnt=/m")};
+  EXPECT_EQ(mapped("/mnt/show/a b/x", rules), "/net/show/a b/x");
+  EXPECT_EQ(mapped("/mnt/show", rules), "/net/show");
+  EXPECT_EQ(mapped("/mnt/showreel/x", rules), "/m/showreel/x");
+  EXPECT_EQ(mapped("/other", rules), "/other");
+  EXPECT_EQ(mapped("", rules), "");
+  for (const char* wrong : {"", "a=b", "/a", "/a=b", "=/b"}) {
+    EXPECT_THROW(parse_path_rule(wrong), Error) << wrong;
+  }
+}
+
+TEST(PathMap, ReachesEveryPathOfAJobAndAShot) {
+  FarmJobDocument job = testing::small_job();
+  const std::vector<PathRule> rules{{"/take", "/net/take"}, {"/show", "/net/show"}};
+  job.pinned = {"/take/depth/a/b.zst"};
+  map_paths(job, rules);
+  EXPECT_EQ(job.instants[0].file, "/net/take/depth/a/b.zst");
+  EXPECT_EQ(job.pinned[0], "/net/take/depth/a/b.zst");
+  EXPECT_EQ(job.shot_folder, "/net/show");
+  EXPECT_EQ(map_paths_of_shot(R"({"a": ["/take/1", "take"], "b": 1.5})", "x", rules),
+            "{\n  \"a\": [\"/net/take/1\", \"take\"],\n  \"b\": 1.5\n}\n");
+}
+
+TEST(PathMap, ReadsASessionsRules) {
+  const TestFolder folder;
+  const auto file = folder.path() / "rules.json";
+  write_file_atomically(file, R"({"version": "pathmapping-1.0", "path_mapping_rules": [
+    {"source_path_format": "WINDOWS", "source_path": "Z:\\x", "destination_path": "/x"},
+    {"source_path_format": "POSIX", "source_path": "/a", "destination_path": "/b"}]})");
+  const auto rules = read_path_mapping(file);
+  ASSERT_EQ(rules.size(), 1U);
+  EXPECT_EQ(mapped("/a/c", rules), "/b/c");
+  write_file_atomically(file, R"({"version": "pathmapping-1.0"})");
+  EXPECT_TRUE(read_path_mapping(file).empty());
+  for (const char* wrong :
+       {"[]", "{}", R"({"version": "pathmapping-1.0", "path_mapping_rules": 3})",
+        R"({"version": "pathmapping-1.0", "path_mapping_rules": [{}]})"}) {
+    write_file_atomically(file, wrong);
+    EXPECT_THROW(read_path_mapping(file), Error) << wrong;
+  }
+}
+
+}  // namespace
+}  // namespace raystage::farm

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/render_command.h"
+
+#include <fmt/format.h>
+
+#include "compose/frame_range.h"
+#include "farm/child_process.h"
+#include "farm/rounds.h"
+
+namespace raystage::farm {
+namespace {
+
+using Command = std::vector<std::string>;
+
+void add(Command& command, std::initializer_list<std::string> words) {
+  command.insert(command.end(), words);
+}
+
+void add_common(const FarmJobDocument& job, const FarmResources& resources, double memory_factor,
+                Command& command) {
+  add(command, {"--relative-to", job.shot_folder, "--missing", job.missing, "--threads",
+                std::to_string(resources.threads), "--memory",
+                fmt::format("{:.3f}", resources.memory_gb * memory_factor), "--simd", job.simd,
+                "--progress", "plain"});
+  if (!job.cache.empty()) add(command, {"--cache", job.cache});
+  if (!job.color_config.empty()) add(command, {"--ocio", job.color_config});
+}
+
+}  // namespace
+
+Command prepare_command(const FarmJobDocument& job, const std::filesystem::path& shot, int instant,
+                        double memory_factor) {
+  const FarmJobDocument::Instant& wanted = job.instants[static_cast<std::size_t>(instant)];
+  Command command{sibling_program("raystage-prepare").string(),    shot.string(), "--instants",
+                  fmt::format("{}:{}", wanted.layer, wanted.tick), "--pin",       job.id};
+  add_common(job, job.of(FarmStage::kPrepare), memory_factor, command);
+  return command;
+}
+
+Command render_command(const FarmJobDocument& job, const std::filesystem::path& shot,
+                       const std::string& frames, const std::string& existing,
+                       double memory_factor) {
+  Command command{sibling_program("raystage-render").string(),
+                  shot.string(),
+                  "--output",
+                  job.output,
+                  "--frames=" + frames,
+                  "--existing",
+                  existing};
+  add_common(job, job.of(FarmStage::kRender), memory_factor, command);
+  const FarmJobDocument::Picture& picture = job.picture;
+  if (!picture.fill.empty()) add(command, {"--fill", picture.fill});
+  if (!picture.layout.empty()) add(command, {"--layout", picture.layout});
+  if (picture.chromaticities) add(command, {"--chromaticities"});
+  if (picture.coverage) add(command, {"--coverage"});
+  if (picture.confidence) add(command, {"--confidence"});
+  if (picture.deep) add(command, {"--deep"});
+  return command;
+}
+
+Command preview_command(const FarmJobDocument& job, const JobFolder& folder) {
+  Command command{sibling_program("raystage-preview").string(), job.output,
+                  "--frames=" + format_frame_range(frames_of(job)), "--contact-sheet",
+                  (folder.path() / "contact-sheet.png").string()};
+  // A single frame is no movie.
+  if (frames_of(job).size() > 1) add(command, {"-o", (folder.path() / "preview.mp4").string()});
+  return command;
+}
+
+ShotPlanOptions plan_options(const FarmJobDocument& job) {
+  ShotPlanOptions options;
+  if (job.picture.fill == "none") options.fill = HoleFill::kNone;
+  if (job.picture.fill == "push-pull") options.fill = HoleFill::kPushPull;
+  options.layout = job.picture.layout;
+  options.color_config = job.color_config;
+  if (job.picture.coverage) options.aovs = {"lf.cameras", "lf.nearest"};
+  if (job.picture.confidence) options.aovs.emplace_back("lf.confidence");
+  options.frames = frames_of(job);
+  options.folder = job.shot_folder;
+  options.cache_folder = job.cache;
+  return options;
+}
+
+MissingFrames missing_frames_policy(const FarmJobDocument& job) {
+  return job.missing == "hold"    ? MissingFrames::kHold
+         : job.missing == "black" ? MissingFrames::kBlack
+                                  : MissingFrames::kError;
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "compose/shot_plan.h"
+#include "farm/job_folder.h"
+
+namespace raystage::farm {
+
+/// The command lines of the programs that carry out a job's tasks, and the same settings for the
+/// library.
+
+/// `raystage-prepare` for one of the job's instants.
+std::vector<std::string> prepare_command(const FarmJobDocument& job,
+                                         const std::filesystem::path& shot, int instant,
+                                         double memory_factor);
+/// `raystage-render` for these frames.
+std::vector<std::string> render_command(const FarmJobDocument& job,
+                                        const std::filesystem::path& shot,
+                                        const std::string& frames, const std::string& existing,
+                                        double memory_factor);
+/// `raystage-preview` of all frames: a movie and a contact sheet in the job folder.
+std::vector<std::string> preview_command(const FarmJobDocument& job, const JobFolder& folder);
+
+/// What ShotPlan needs to compute the fingerprints that those commands write.
+ShotPlanOptions plan_options(const FarmJobDocument& job);
+MissingFrames missing_frames_policy(const FarmJobDocument& job);
+
+}  // namespace raystage::farm

@@ -1,0 +1,87 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/resources.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "compose/memory_plan.h"
+
+namespace raystage::farm {
+namespace {
+
+constexpr double kLeastGb = 0.25, kStep = 0.05;  // GB = 10^9 bytes
+/// Finding depths works in a quarter of what is granted (docs/performance.md#memory): this much a
+/// pixel of all cameras.
+constexpr double kSolveBytesPerPixel = 160;
+constexpr int kMostFramesInFlight = 16;
+constexpr double kLongerThanExpected = 4, kMoreThanMeasured = 1.3;
+constexpr int kLeastMinutes = 10;
+
+double rounded_up(double gb) { return std::ceil(std::max(gb, kLeastGb) / kStep) * kStep; }
+
+double camera_pixels(const ShotPlan& plan) {
+  double most = 0;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.light_field(i) == nullptr) continue;
+    double pixels = 0;
+    for (const Rig::Camera& camera : plan.light_field(i)->take().rig().cameras) {
+      pixels += static_cast<double>(camera.model.width()) * camera.model.height();
+    }
+    most = std::max(most, pixels);
+  }
+  return most;
+}
+
+/// Twice what the frames take: methods that keep results get half of what is left.
+double render_gb(const ResourceRequest& request) {
+  const auto in_flight =
+      static_cast<std::size_t>(std::clamp(request.threads, 1, kMostFramesInFlight));
+  const double planned = 2e-9 * static_cast<double>(memory_needed(request.plan, request.frames,
+                                                                  in_flight, request.deep));
+  const double measured =
+      request.measured ? 1e-9 * kMoreThanMeasured * request.measured->peak_memory_bytes : 0;
+  return rounded_up(std::max(planned, measured));
+}
+
+std::optional<int> minutes_for(double seconds, const ResourceRequest& request) {
+  if (request.minutes) return request.minutes;
+  if (!request.measured) return std::nullopt;
+  return std::max(kLeastMinutes, static_cast<int>(std::ceil(kLongerThanExpected * seconds / 60)));
+}
+
+}  // namespace
+
+double frame_room(const ShotPlan& plan, bool deep) {
+  return static_cast<double>(raw_file_bytes(plan, deep)) / 4;
+}
+
+FarmResources resources_for(FarmStage stage, const ResourceRequest& request) {
+  FarmResources resources;
+  const double frame_seconds = request.measured ? request.measured->wall_seconds : 0;
+  switch (stage) {
+    case FarmStage::kPrepare:
+      resources.threads = request.threads;
+      resources.memory_gb =
+          request.memory_gb > 0
+              ? request.memory_gb
+              : rounded_up(std::max(render_gb(request),
+                                    1e-9 * kSolveBytesPerPixel * camera_pixels(request.plan)));
+      // The measured frame may have found its depths stored.
+      resources.minutes = minutes_for(std::max(frame_seconds, 600.0), request);
+      break;
+    case FarmStage::kRender:
+      resources.threads = request.threads;
+      resources.memory_gb = request.memory_gb > 0 ? request.memory_gb : render_gb(request);
+      resources.minutes = minutes_for(frame_seconds * request.longest_chunk, request);
+      break;
+    case FarmStage::kVerify:
+    case FarmStage::kPreview:
+      resources.threads = 1;
+      resources.memory_gb =
+          rounded_up(4e-9 * static_cast<double>(raw_file_bytes(request.plan, request.deep)));
+      break;
+  }
+  return resources;
+}
+
+}  // namespace raystage::farm

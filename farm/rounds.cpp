@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/rounds.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <iterator>
+#include <map>
+#include <set>
+
+#include "compose/frame_range.h"
+
+namespace raystage::farm {
+namespace {
+
+constexpr double kMoreMemory = 1.5, kMoreTime = 2;
+/// Attempts that nobody can blame the task for, beyond which it is given up all the same.
+constexpr int kMostLost = 10;
+constexpr std::size_t kMostExcluded = 3;
+constexpr std::size_t kLongestReason = 3000;
+
+struct TaskHistory {
+  int failed = 0;         ///< ended by itself, without success
+  int without_blame = 0;  ///< lost with a node, declined by one, or the node's fault
+  int out_of_memory = 0;
+  bool stopped = false;    ///< the last one, by a signal
+  bool bad_input = false;  ///< the last one
+  std::string reason;      ///< of the last failure
+};
+
+TaskHistory history_of(const std::vector<FarmAttempt>& attempts, int first_round) {
+  TaskHistory history;
+  for (const FarmAttempt& attempt : attempts) {
+    if (attempt.round < first_round) continue;
+    if (!attempt.end) {
+      ++history.without_blame;
+      continue;
+    }
+    const FarmAttempt::End& end = *attempt.end;
+    history.bad_input = end.result == AttemptResult::kBadInput;
+    history.stopped = end.result == AttemptResult::kStopped;
+    if (end.result == AttemptResult::kOutOfMemory) ++history.out_of_memory;
+    if (end.result == AttemptResult::kDeclined || end.node_fault) {
+      ++history.without_blame;
+    } else {
+      ++history.failed;  // also one that was done, and yet its frames are missing
+    }
+    if (!end.reason.empty()) history.reason = end.reason;
+  }
+  return history;
+}
+
+bool may_try_again(const FarmJobDocument& job, const TaskHistory& history) {
+  return !history.bad_input && history.out_of_memory < 2 && history.failed < job.attempts &&
+         history.without_blame < kMostLost;
+}
+
+/// Whether no node is left that is worth trying.
+bool is_every_node_at_fault(const RoundOutcome& state) {
+  if (state.excluded.size() > kMostExcluded) return true;
+  std::set<std::string> tried;
+  for (const auto& [task, attempts] : state.attempts) {
+    if (task.first != "prepare" && task.first != "render") continue;
+    for (const FarmAttempt& attempt : attempts) tried.insert(attempt.node);
+  }
+  return tried.size() > 1 && std::ranges::all_of(tried, [&](const std::string& node) {
+           return std::ranges::find(state.excluded, node) != state.excluded.end();
+         });
+}
+
+}  // namespace
+
+std::vector<int> chunks_with(const FarmJobDocument& job, std::span<const int> frames) {
+  std::vector<int> chunks;
+  for (std::size_t i = 0; i < job.chunks.size(); ++i) {
+    const std::vector<int> own = parse_frame_range(job.chunks[i].frames);
+    if (std::ranges::any_of(own, [&](int f) { return std::ranges::binary_search(frames, f); })) {
+      chunks.push_back(static_cast<int>(i));
+    }
+  }
+  return chunks;
+}
+
+std::vector<int> frames_of(const FarmJobDocument& job) {
+  std::set<int> frames;
+  for (const FarmJobDocument::Chunk& chunk : job.chunks) {
+    for (const int frame : parse_frame_range(chunk.frames)) frames.insert(frame);
+  }
+  return {frames.begin(), frames.end()};
+}
+
+Verdict decide(const RoundOutcome& state) {
+  Verdict verdict;
+  verdict.end.frames = static_cast<int>(frames_of(state.job).size());
+  if (state.missing_frames.empty()) return verdict;
+  FarmRound next;
+  next.round = state.round + 1;
+  next.exclude = state.excluded;
+  std::map<std::string, std::vector<int>> given_up;  // by reason
+  for (const int chunk : chunks_with(state.job, state.missing_frames)) {
+    const auto found = state.attempts.find({"render", chunk});
+    const TaskHistory history = found == state.attempts.end()
+                                    ? TaskHistory{}
+                                    : history_of(found->second, state.first_round);
+    if (!may_try_again(state.job, history)) {
+      const std::vector<int> own =
+          parse_frame_range(state.job.chunks[static_cast<std::size_t>(chunk)].frames);
+      std::ranges::copy_if(own, std::back_inserter(given_up[history.reason]), [&](int f) {
+        return std::ranges::binary_search(state.missing_frames, f);
+      });
+      continue;
+    }
+    next.render.push_back(chunk);
+    if (history.out_of_memory > 0) next.memory_factor = kMoreMemory;
+    if (history.stopped) next.time_factor = kMoreTime;
+  }
+  const bool no_node = is_every_node_at_fault(state);
+  if (!next.render.empty() && !no_node && state.round < state.job.attempts + kMostLost) {
+    verdict.next = next;
+    return verdict;
+  }
+  verdict.end.state = FarmEnd::State::kFailed;
+  verdict.end.missing_frames =
+      format_frame_range({state.missing_frames.begin(), state.missing_frames.end()});
+  for (auto& [reason, frames] : given_up) {
+    std::ranges::sort(frames);
+    verdict.end.reason += fmt::format("{}frames {}: {}", verdict.end.reason.empty() ? "" : "; ",
+                                      format_frame_range(frames),
+                                      reason.empty() ? "no attempt left a reason" : reason);
+    if (verdict.end.reason.size() > kLongestReason) break;
+  }
+  if (no_node) {
+    verdict.end.reason +=
+        fmt::format("{}{} nodes were at fault, so the nodes are not: see the reasons of each",
+                    verdict.end.reason.empty() ? "" : "; ", state.excluded.size());
+  }
+  return verdict;
+}
+
+}  // namespace raystage::farm

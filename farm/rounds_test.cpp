@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/rounds.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "farm/test_job.h"
+
+namespace raystage::farm {
+namespace {
+
+using testing::attempt_at;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class Rounds : public ::testing::Test {
+ protected:
+  void happened(const FarmAttempt& attempt) {
+    attempts_[{attempt.stage, attempt.index}].push_back(attempt);
+  }
+  Verdict verdict(std::vector<int> missing, int round = 1, int first_round = 1) {
+    missing_ = std::move(missing);
+    return decide({job_, attempts_, missing_, excluded_, round, first_round});
+  }
+
+  const FarmJobDocument job_ = testing::small_job();
+  TaskAttempts attempts_;
+  std::vector<int> missing_;
+  std::vector<std::string> excluded_;
+};
+
+TEST_F(Rounds, EndWhereNothingIsMissing) {
+  const Verdict end = verdict({});
+  EXPECT_FALSE(end.next);
+  EXPECT_EQ(end.end.state, FarmEnd::State::kDone);
+  EXPECT_EQ(end.end.frames, 12);
+}
+
+TEST_F(Rounds, TryAgainOnlyChunksWithMissingFrames) {
+  happened(attempt_at(1, AttemptResult::kFailed));
+  excluded_ = {"n3"};
+  happened(attempt_at(0, AttemptResult::kDone, "n2"));
+  const Verdict next = verdict({5, 8});
+  ASSERT_TRUE(next.next);
+  EXPECT_EQ(next.next->round, 2);
+  EXPECT_THAT(next.next->render, ElementsAre(1, 2));
+  EXPECT_THAT(next.next->exclude, ElementsAre("n3"));
+  EXPECT_TRUE(next.next->prepare.empty());
+}
+
+TEST_F(Rounds, GiveUpAfterTheAttemptsOfTheJob) {
+  for (int i = 0; i < job_.attempts; ++i) happened(attempt_at(1, AttemptResult::kFailed));
+  const Verdict over = verdict({4, 5});
+  EXPECT_FALSE(over.next);
+  EXPECT_EQ(over.end.state, FarmEnd::State::kFailed);
+  EXPECT_EQ(over.end.missing_frames, "4-5");
+  EXPECT_THAT(over.end.reason, HasSubstr("frames 4-5: it broke"));
+  EXPECT_TRUE(verdict({4, 5}, 5, 5).next) << "a retry by hand begins to count anew";
+}
+
+TEST_F(Rounds, NeverTryBadInputAgain) {
+  happened(attempt_at(3, AttemptResult::kBadInput));
+  EXPECT_FALSE(verdict({10}).next);
+}
+
+TEST_F(Rounds, RaiseMemoryOnce) {
+  happened(attempt_at(0, AttemptResult::kOutOfMemory));
+  ASSERT_TRUE(verdict({1}).next);
+  EXPECT_EQ(verdict({1}).next->memory_factor, 1.5);
+  happened(attempt_at(0, AttemptResult::kOutOfMemory));
+  EXPECT_FALSE(verdict({1}, 2).next);
+}
+
+TEST_F(Rounds, DoubleTheTimeOfWhatWasStopped) {
+  happened(attempt_at(0, AttemptResult::kStopped));
+  ASSERT_TRUE(verdict({1}).next);
+  EXPECT_EQ(verdict({1}).next->time_factor, 2);
+}
+
+TEST_F(Rounds, LostNodesCostATaskNoAttempt) {
+  for (int i = 0; i < 5; ++i) {
+    FarmAttempt lost = attempt_at(0, AttemptResult::kDone, "n" + std::to_string(i));
+    lost.end.reset();
+    happened(lost);
+    FarmAttempt fault = attempt_at(0, AttemptResult::kFailed, "n9");
+    fault.end->node_fault = i % 2 == 0;
+    fault.end->result = i % 2 == 0 ? AttemptResult::kFailed : AttemptResult::kDeclined;
+    if (i < 4) happened(fault);
+  }
+  EXPECT_TRUE(verdict({1}).next);
+}
+
+TEST_F(Rounds, BlameNoNodesWhereAllAreAtFault) {
+  happened(attempt_at(0, AttemptResult::kFailed, "n1"));
+  happened(attempt_at(1, AttemptResult::kFailed, "n2"));
+  excluded_ = {"n1", "n2"};
+  const Verdict over = verdict({1, 4});
+  EXPECT_FALSE(over.next) << "it would wait for ever for a node";
+  EXPECT_THAT(over.end.reason, HasSubstr("2 nodes were at fault"));
+}
+
+}  // namespace
+}  // namespace raystage::farm

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "compose/sequence_name.h"
+
+namespace raystage::farm {
+
+/// A frame as it must be.
+struct ExpectedFrame {
+  int frame = 0;
+  std::string fingerprint;
+};
+
+struct CheckSettings {
+  bool deep = false;  ///< the deep files count, too
+  /// How long a frame that is missing, or whose handle is stale, is looked for: another host's file
+  /// may take so long to appear on a network file system. By this process' own steady clock, never
+  /// by times of files.
+  double patience_seconds = 60;
+  std::function<void(double)> progress = [](double) {};
+};
+
+/// The frames that are not whole (every pixel of every part present) or not true (another
+/// fingerprint), sorted. Files are read, never written.
+std::vector<int> missing_frames(const SequenceName& name, std::span<const ExpectedFrame> frames,
+                                const CheckSettings& settings, const std::stop_token& stop);
+
+}  // namespace raystage::farm

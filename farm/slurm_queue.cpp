@@ -1,0 +1,148 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/slurm_queue.h"
+
+#include <fmt/format.h>
+
+#include <array>
+#include <charconv>
+#include <sstream>
+
+#include "farm/child_process.h"
+#include "farm/slurm_scripts.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+constexpr double kPatience = 20;  // seconds; Slurm's own MessageTimeout is 10
+constexpr std::array<std::string_view, 5> kStages{"prepare", "render", "verify", "preview",
+                                                  "start"};
+
+ChildResult ask(const std::vector<std::string>& command) {
+  ChildOptions options;
+  options.timeout_seconds = kPatience;
+  return run_child(command, options);
+}
+
+Error unavailable(const ChildResult& result, const std::string& command) {
+  std::string said = result.out.substr(0, 300);
+  while (!said.empty() && said.back() == '\n') said.pop_back();
+  for (char& c : said) {
+    if (c == '\n') c = ' ';
+  }
+  return Error::failed("Slurm does not answer: " + said, command,
+                       "Check `scontrol ping` and SLURM_CONF, or use --engine local");
+}
+
+/// "123_[4-7%2]" is several tasks; squeue -r prints one line a task, so only "123_4" and "123"
+/// come.
+std::vector<std::string> words_of(const std::string& line, char separator) {
+  std::vector<std::string> words;
+  std::istringstream in(line);
+  for (std::string word; std::getline(in, word, separator);) words.push_back(word);
+  return words;
+}
+
+}  // namespace
+
+std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const FarmJobDocument& job) {
+  std::string names;
+  for (const std::string_view stage : kStages) {
+    names += (names.empty() ? "" : ",") + slurm_job_name(job, stage);
+  }
+  ChildResult result;
+  try {
+    result = ask({"squeue", "-h", "-r", "--states=all", "--name=" + names, "-O",
+                  "JobArrayID:60|,Name:250|,State:30|,Reason:60|,NodeList:250|,RestartCnt:12|"});
+  } catch (const Error&) {
+    return std::nullopt;  // there is no squeue here
+  }
+  if (result.exit_code != 0) return std::nullopt;
+  std::map<std::string, SlurmTask> tasks;
+  std::istringstream lines(result.out);
+  for (std::string line; std::getline(lines, line);) {
+    std::vector<std::string> words = words_of(line, '|');
+    if (words.size() < 6) continue;
+    for (std::string& word : words) {
+      const std::size_t begin = word.find_first_not_of(' ');
+      const std::size_t end = word.find_last_not_of(' ');
+      word = begin == std::string::npos ? "" : word.substr(begin, end - begin + 1);
+    }
+    SlurmTask task;
+    task.task = words[0];
+    const std::size_t dot = words[1].rfind('.');
+    task.stage = dot == std::string::npos ? words[1] : words[1].substr(dot + 1);
+    task.state = words[2];
+    task.reason = words[3] == "None" ? "" : words[3];
+    task.node = words[4];
+    std::from_chars(words[5].data(), words[5].data() + words[5].size(), task.restarts);
+    tasks[task.task] = std::move(task);
+  }
+  return tasks;
+}
+
+int slurm_max_array() {
+  const ChildResult result = ask({"scontrol", "show", "config"});
+  const std::size_t at = result.out.find("MaxArraySize");
+  if (result.exit_code != 0 || at == std::string::npos) {
+    throw unavailable(result, "scontrol show config");
+  }
+  int size = 0;
+  const std::size_t digit = result.out.find_first_of("0123456789", at);
+  std::from_chars(result.out.data() + digit, result.out.data() + result.out.size(), size);
+  if (size < 1) {
+    throw Error::failed("Slurm allows no arrays (MaxArraySize 0)", "scontrol show config",
+                        "Ask the cluster's administrator, or use --engine local");
+  }
+  return size;
+}
+
+std::vector<SlurmNode> slurm_nodes(const std::string& partition) {
+  std::vector<std::string> command{"sinfo", "-h", "-N", "-o", "%N|%T"};
+  if (!partition.empty()) command.push_back("--partition=" + partition);
+  const ChildResult result = ask(command);
+  if (result.exit_code != 0) throw unavailable(result, "sinfo");
+  std::map<std::string, std::string> states;  // a node may be in several partitions
+  std::istringstream lines(result.out);
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> words = words_of(line, '|');
+    if (words.size() == 2) states[words[0]] = words[1];
+  }
+  std::vector<SlurmNode> nodes;
+  for (auto& [name, state] : states) nodes.push_back({name, state});
+  return nodes;
+}
+
+void run_queue_script(const JobFolder& folder, const std::string& script) {
+  const ChildResult result = run_child({"sh", (folder.path() / script).string()});
+  if (result.exit_code == 0) return;
+  std::string said = result.out.substr(0, 600);
+  while (!said.empty() && said.back() == '\n') said.pop_back();
+  for (char& c : said) {
+    if (c == '\n') c = ' ';
+  }
+  throw Error::failed("Slurm accepted not all tasks: " + said, (folder.path() / script).string(),
+                      "Mend what it says and submit again");
+}
+
+void slurm_cancel(const FarmJobDocument& job) {
+  std::vector<std::string> ids;
+  const auto tasks = slurm_tasks(job);
+  if (!tasks) {
+    throw Error::failed("the Slurm controller does not answer, so nothing was cancelled",
+                        "scontrol ping", "Try again when it does");
+  }
+  for (const auto& [id, task] : *tasks) {
+    const bool over = task.state == "COMPLETED" || task.state == "FAILED" ||
+                      task.state == "CANCELLED" || task.state == "TIMEOUT" ||
+                      task.state == "NODE_FAIL" || task.state == "OUT_OF_MEMORY";
+    if (!over) ids.push_back(id);
+  }
+  if (ids.empty()) return;
+  std::vector<std::string> command{"scancel", "--quiet"};
+  command.insert(command.end(), ids.begin(), ids.end());
+  const ChildResult result = ask(command);
+  if (result.exit_code != 0) throw unavailable(result, "scancel");
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "farm/job_folder.h"
+
+namespace raystage::farm {
+
+/// What Slurm says of one of a job's tasks.
+struct SlurmTask {
+  std::string stage;   ///< "prepare", "render", "verify", "preview" or "start"
+  std::string task;    ///< "123_4" or "123"
+  std::string state;   ///< PENDING, RUNNING, COMPLETED, ... as squeue says
+  std::string reason;  ///< of its waiting
+  std::string node;    ///< empty: none yet
+  int restarts = 0;
+};
+
+/// All tasks of a job that Slurm still knows, by name of the task; none: the controller does not
+/// answer.
+std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const FarmJobDocument& job);
+
+/// MaxArraySize. Throws Error (failed) where Slurm does not answer.
+int slurm_max_array();
+
+/// Nodes of the default partition, or of this one, with their states.
+struct SlurmNode {
+  std::string name, state;
+};
+std::vector<SlurmNode> slurm_nodes(const std::string& partition);
+
+/// Runs a script of the job folder (round-N.sh). Throws Error (failed) with what it printed.
+void run_queue_script(const JobFolder& folder, const std::string& script);
+
+/// Cancels everything of the job that is queued or runs.
+void slurm_cancel(const FarmJobDocument& job);
+
+}  // namespace raystage::farm

@@ -1,0 +1,315 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/slurm_scripts.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "farm/job_plan.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+/// Beside what the renderer accounts for: the program, its libraries, what the allocator keeps.
+constexpr double kMemoryFactor = 1.1, kMemoryBesideBytes = 400e6;
+
+/// Excludes this node for every task of the job that has not started, the verification included (so
+/// the exclusion outlives Slurm's memory of the tasks), and moves this task elsewhere: requeued, it
+/// is pending, and only pending tasks can be given nodes to avoid. Not where every node, or more
+/// than three, would be left.
+constexpr std::string_view kLeaveNode = R"sh(
+leave_node() {
+  bad=$(ls excluded 2>/dev/null | wc -l)
+  [ "$bad" -lt "$(sinfo -h -N -o %N | sort -u | wc -l)" ] && [ "$bad" -le 3 ] || return 0
+  squeue -h --me --states=PENDING --name="$JOB_ID.prepare,$JOB_ID.render,$JOB_ID.verify" -o '%A %x' |
+    sort -u | while read -r id nodes; do exclude_for "$id" "$nodes"; done
+  task=${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}${SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}
+  trap '' TERM  # of the requeueing; KILL follows
+  scontrol requeue "$task" || return 0
+  nodes=$(squeue -h -j "$task" -o %x | head -n 1)
+  for try in 1 2 3 4 5 6 7 8 9 10; do
+    ! exclude_for "$task" "$nodes" || break
+    sleep 0.3
+  done
+  sleep 60
+}
+exclude_for() {  # JOB NODES-EXCLUDED-SO-FAR
+  nodes=$2
+  case ",$nodes," in *",$SLURMD_NODENAME,"*) return 0 ;; esac
+  [ "$nodes" != '(null)' ] || nodes=
+  scontrol update JobId="$1" ExcNodeList="${nodes:+$nodes,}$SLURMD_NODENAME"
+}
+cd "$JOB" 2>/dev/null && [ -f job.json ] || {
+  leave_node
+  echo "$SLURMD_NODENAME: the job folder is not there: $JOB" >&2
+  exit 1
+}
+)sh";
+
+/// Prints an id once sbatch has accepted a script, and keeps it. A controller that does not answer
+/// is asked again for as long as PATIENCE says, seconds.
+constexpr std::string_view kQueue = R"sh(
+queue() {  # NAME SBATCH-ARGUMENT... SCRIPT ROUND OFFSET
+  name=$1
+  shift
+  if [ ! -s "slurm/$name" ]; then
+    waited=0
+    until id=$(sbatch --parsable "$@"); do
+      [ "$waited" -lt "${PATIENCE:-0}" ] || return 1
+      sleep 10
+      waited=$((waited + 10))
+    done
+    id=${id%%;*}
+    for offset; do :; done  # the last argument: which task of the stage is array index 0
+    echo "$offset" >"slurm/offset.$id"
+    echo "$id" >"slurm/$name.new" && mv "slurm/$name.new" "slurm/$name"
+  fi
+  cat "slurm/$name"
+}
+)sh";
+
+std::string folder_lines(const FarmJobDocument& job) {
+  return fmt::format("JOB={}\nJOB_ID={}\n", shell_word(job.folder), shell_word(job.id));
+}
+
+std::string task_command(const FarmJobDocument& job, FarmStage stage) {
+  const std::string wrap = job.wrap.empty() ? "" : job.wrap + " ";
+  return fmt::format("{}{} farm task \"$JOB\" {} \"$INDEX\" --round \"$ROUND\"", wrap,
+                     shell_word(job.program), farm_stage_name(stage));
+}
+
+std::string array_text(const std::vector<int>& indices) {
+  std::string text;
+  for (std::size_t begin = 0; begin < indices.size();) {
+    std::size_t end = begin + 1;
+    while (end < indices.size() && indices[end] == indices[end - 1] + 1) ++end;
+    text += text.empty() ? "" : ",";
+    text += end - begin == 1 ? fmt::format("{}", indices[begin])
+                             : fmt::format("{}-{}", indices[begin], indices[end - 1]);
+    begin = end;
+  }
+  return text;
+}
+
+/// Options that a later round changes, and the nodes that it leaves out.
+std::string round_options(const FarmJobDocument& job, FarmStage stage, const FarmRound& round) {
+  std::string options;
+  const FarmResources& resources = job.of(stage);
+  if (round.memory_factor != 1) {
+    options += fmt::format(" --mem={}M", slurm_megabytes(resources, round.memory_factor));
+  }
+  if (round.time_factor != 1 && resources.minutes) {
+    options += fmt::format(" --time={}",
+                           static_cast<int>(std::ceil(*resources.minutes * round.time_factor)));
+  }
+  if (!round.exclude.empty()) {
+    options += " --exclude=" + shell_word(fmt::format("{}", fmt::join(round.exclude, ",")));
+  }
+  return options;
+}
+
+/// One array of Slurm: its name in JOB/slurm and which tasks of the stage it holds.
+struct QueuedArray {
+  std::string name;
+  ArrayPart part;
+};
+
+std::vector<QueuedArray> prepare_arrays(const FarmJobDocument& job, const FarmRound& round) {
+  std::vector<QueuedArray> arrays;
+  for (ArrayPart& part : split_array(round.prepare, job.max_array)) {
+    arrays.push_back(
+        {fmt::format("prepare.{}.{}", round.round, arrays.size() + 1), std::move(part)});
+  }
+  return arrays;
+}
+
+/// "afterany:ID_4:ID_5" as shell text. Tasks are named one by one: an array's own id is never
+/// satisfied where one of its tasks was tried again. afterany, because a chunk can do without: it
+/// derives what is missing itself.
+std::string dependency_on(const std::vector<int>& instants,
+                          const std::vector<QueuedArray>& arrays) {
+  std::string text = "afterany";
+  for (const int instant : instants) {
+    for (const QueuedArray& array : arrays) {
+      const int index = instant - array.part.offset;
+      if (!std::ranges::binary_search(array.part.indices, index)) continue;
+      text += fmt::format(":$(cat slurm/{})_{}", array.name, index);
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string shell_word(std::string_view text) {
+  constexpr std::string_view kPlain =
+      "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./,:=+@%#";
+  if (!text.empty() && text.front() != '#' && text.find_first_not_of(kPlain) == std::string::npos) {
+    return std::string(text);
+  }
+  std::string quoted = "'";
+  for (const char c : text) {
+    if (c == '\'') {
+      quoted += "'\\''";
+    } else {
+      quoted += c;
+    }
+  }
+  return quoted + "'";
+}
+
+std::string slurm_job_name(const FarmJobDocument& job, std::string_view stage) {
+  return fmt::format("{}.{}", job.id, stage);
+}
+
+int slurm_megabytes(const FarmResources& resources, double factor) {
+  const double bytes = resources.memory_gb * 1e9 * factor * kMemoryFactor + kMemoryBesideBytes;
+  return static_cast<int>(std::ceil(bytes / (1 << 20)));
+}
+
+std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
+  const FarmResources& resources = job.of(stage);
+  std::string text = fmt::format(
+      "#!/bin/sh\n"
+      "# Stage {} of farm job {}. By hand: sh round-1.sh, or one task:\n"
+      "#   sbatch --array=0 {}.sbatch 1 0\n"
+      "#SBATCH --job-name={}\n"
+      "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task={}\n"
+      "#SBATCH --mem={}M\n",
+      farm_stage_name(stage), job.id, farm_stage_name(stage),
+      slurm_job_name(job, farm_stage_name(stage)), resources.threads,
+      slurm_megabytes(resources, 1));
+  if (resources.minutes) text += fmt::format("#SBATCH --time={}\n", *resources.minutes);
+  // Slurm itself opens the file of --output: where the job's folder is missing on a node, the
+  // script could not say so.
+  text +=
+      "#SBATCH --export=NONE\n"
+      "#SBATCH --requeue\n"
+      "#SBATCH --output=/dev/null\n";
+  for (const std::string& option : resources.options) text += "#SBATCH " + option + "\n";
+  text += folder_lines(job);
+  text += "ROUND=${1:-1}\nINDEX=$((${SLURM_ARRAY_TASK_ID:-0} + ${2:-0}))\n";
+  text += kLeaveNode;
+  text += fmt::format("exec >>\"logs/slurm.{}.$INDEX.log\" 2>&1\n", farm_stage_name(stage));
+  if (stage == FarmStage::kVerify) {
+    text += "# Nodes that found no job folder could say so only here.\n";
+    text +=
+        "squeue -h -j \"$SLURM_JOB_ID\" -o '%x' | grep -v null | xargs -r scontrol show hostnames "
+        "|\n"
+        "  while read -r node; do\n"
+        "    [ -e \"excluded/$node\" ] || echo 'the job folder is not there' >\"excluded/$node\"\n"
+        "  done\n";
+    text += task_command(job, stage) + "\n";
+    text += "code=$?\nnext=after-verify-$ROUND.sh\n";
+    text += "[ ! -f \"$next\" ] || PATIENCE=3600 sh \"$next\"\n";
+    text += "exit $code\n";
+    return text;
+  }
+  text += task_command(job, stage) + "\n";
+  if (stage == FarmStage::kPreview) return text;
+  text += "code=$?\n[ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\nexit $code\n";
+  return text;
+}
+
+std::string start_script(const FarmJobDocument& job) {
+  return fmt::format(
+      "#!/bin/sh\n"
+      "# Starts farm job {} once the job that ./after names is over.\n"
+      "#SBATCH --job-name={}\n"
+      "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task=1 --mem=100M\n"
+      "#SBATCH --export=NONE\n#SBATCH --requeue\n#SBATCH --output=/dev/null\n"
+      "{}"
+      "cd \"$JOB\" || exit 1\n"
+      "exec >>logs/slurm.start.log 2>&1\n"
+      "[ ! -e cancelled ] || exit 0\n"
+      "if [ -e \"$(cat after)/ended.json\" ]; then PATIENCE=3600 sh round-1.sh; exit; fi\n"
+      "sh start.sh 15  # its verification has queued another round\n",
+      job.id, slurm_job_name(job, "start"), folder_lines(job));
+}
+
+std::string queue_start_script(const FarmJobDocument& job) {
+  return fmt::format(
+      "#!/bin/sh\n"
+      "# Queues start.sbatch of farm job {} behind the newest verification of the job that ./after "
+      "names.\n"
+      "# Usage: sh start.sh [SECONDS to wait at least]\n"
+      "set -eu\ncd \"$(dirname \"$0\")\"\n"
+      "newest=$(ls -v \"$(cat after)\"/slurm/start \"$(cat after)\"/slurm/verify.* 2>/dev/null |\n"
+      "  grep -v '[.]new$' | tail -n 1)\n"
+      "id=$(sbatch --parsable ${{newest:+--dependency=afterany:$(cat \"$newest\")}} \\\n"
+      "  --begin=now+\"${{1:-0}}\" start.sbatch)\n"
+      "printf '%s\\n' \"${{id%%;*}}\" >slurm/start.new && mv slurm/start.new slurm/start\n",
+      job.id);
+}
+
+std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
+  const std::vector<QueuedArray> prepare = prepare_arrays(job, round);
+  const std::vector<ChunkGroup> groups = group_chunks(job, round.prepare, round.render);
+  std::string text = fmt::format(
+      "#!/bin/sh\n"
+      "# Round {} of farm job {}: {} to prepare, {} to render, then the verification.\n"
+      "# Usage: sh round-{}.sh   (queues nothing twice)\n"
+      "set -eu\ncd \"$(dirname \"$0\")\"\n",
+      round.round, job.id, round.prepare.size(), round.render.size(), round.round);
+  text += "[ ! -e cancelled ] || { echo 'the job was cancelled' >&2; exit 1; }\n";
+  text += kQueue;
+  // Held until everything is queued: a task that is over and forgotten is no dependency any more.
+  for (const QueuedArray& array : prepare) {
+    text +=
+        fmt::format("queue {} --hold --array={}{} prepare.sbatch {} {} >/dev/null\n", array.name,
+                    array_text(array.part.indices), round_options(job, FarmStage::kPrepare, round),
+                    round.round, array.part.offset);
+  }
+  std::string all;
+  int arrays = 0;
+  for (const ChunkGroup& group : groups) {
+    for (const ArrayPart& part : split_array(group.chunks, job.max_array)) {
+      const std::string name = fmt::format("render.{}.{}", round.round, ++arrays);
+      const std::string dependency =
+          group.instants.empty()
+              ? ""
+              : fmt::format(" --dependency={}", dependency_on(group.instants, prepare));
+      text += fmt::format("queue {} --array={}{}{} render.sbatch {} {} >/dev/null\n", name,
+                          array_text(part.indices), round_options(job, FarmStage::kRender, round),
+                          dependency, round.round, part.offset);
+      all += fmt::format(":$(cat slurm/{})", name);
+    }
+  }
+  std::string exclude =
+      round.exclude.empty()
+          ? ""
+          : " --exclude=" + shell_word(fmt::format("{}", fmt::join(round.exclude, ",")));
+  text += fmt::format("queue verify.{} --dependency=afterany{}{} verify.sbatch {} 0\n", round.round,
+                      all, exclude, round.round);
+  for (const QueuedArray& array : prepare) {
+    text += fmt::format("scontrol release \"$(cat slurm/{})\"\n", array.name);
+  }
+  return text;
+}
+
+std::string preview_script(const FarmJobDocument& job) {
+  return fmt::format(
+      "#!/bin/sh\n# Queues the preview of farm job {}.\nset -eu\ncd \"$(dirname \"$0\")\"\n{}"
+      "queue preview.1 preview.sbatch 1 0\n",
+      job.id, kQueue);
+}
+
+void write_batch_scripts(const JobFolder& folder, const FarmJobDocument& job) {
+  for (const FarmStage stage : kFarmStages) {
+    write_file_atomically(folder.path() / fmt::format("{}.sbatch", farm_stage_name(stage)),
+                          batch_script(job, stage));
+  }
+}
+
+void write_round(const JobFolder& folder, const FarmJobDocument& job, const FarmRound& round) {
+  write_file_atomically(folder.round_file(round.round), format_farm_round(round));
+  if (job.engine != FarmJobDocument::Engine::kSlurm) return;
+  write_file_atomically(folder.path() / fmt::format("round-{}.sh", round.round),
+                        round_script(job, round));
+}
+
+}  // namespace raystage::farm

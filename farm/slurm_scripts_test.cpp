@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/slurm_scripts.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "farm/child_process.h"
+#include "farm/test_job.h"
+#include "schemas/test_folder.h"
+
+namespace raystage::farm {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+/// What /bin/sh says of a script without running it.
+std::string shell_complaint(const std::string& script) {
+  ChildOptions options;
+  options.input = script;
+  const ChildResult result = run_child({"sh", "-n"}, options);
+  return result.exit_code == 0 ? "" : result.out;
+}
+
+TEST(SlurmScripts, AreShellWhateverThePathsAre) {
+  FarmJobDocument job = testing::small_job("/a b/it's $HOME \"x\"/`id`");
+  job.program = "/opt/my programs/raystage";
+  job.wrap = "apptainer exec /net/x.sif";
+  for (const FarmStage stage : kFarmStages) {
+    EXPECT_EQ(shell_complaint(batch_script(job, stage)), "");
+  }
+  EXPECT_EQ(shell_complaint(round_script(job, testing::first_round())), "");
+  EXPECT_EQ(shell_complaint(start_script(job)), "");
+  EXPECT_EQ(shell_complaint(queue_start_script(job)), "");
+  EXPECT_EQ(shell_complaint(preview_script(job)), "");
+  ChildOptions options;
+  options.input = "printf %s " + shell_word(job.folder);
+  EXPECT_EQ(run_child({"sh"}, options).out, job.folder);
+}
+
+TEST(SlurmScripts, AskForWhatAStageMayUse) {
+  FarmJobDocument job = testing::small_job();
+  job.of(FarmStage::kRender).options = {"--partition=fast", "--licenses=store:1"};
+  const std::string script = batch_script(job, FarmStage::kRender);
+  EXPECT_THAT(script, HasSubstr("#SBATCH --partition=fast\n"));
+  EXPECT_THAT(script, HasSubstr("--cpus-per-task=2"));
+  EXPECT_THAT(script, HasSubstr("#SBATCH --time=20\n"));
+  EXPECT_THAT(script, HasSubstr("#SBATCH --export=NONE\n"));
+  EXPECT_THAT(script, HasSubstr("#SBATCH --mem=906M\n"));  // (0.5 * 1.1 + 0.4) GB in MiB
+  EXPECT_THAT(batch_script(job, FarmStage::kVerify), Not(HasSubstr("--partition")));
+}
+
+/// A round's script with a false sbatch that writes down how it was called.
+class RoundScript : public ::testing::Test {
+ protected:
+  std::string run(const FarmJobDocument& job, const FarmRound& round) {
+    const auto bin = folder_.path() / "bin";
+    std::filesystem::create_directories(bin);
+    std::filesystem::create_directories(folder_.path() / "slurm");
+    write_tool(bin / "sbatch",
+               "n=$(($(cat ../n 2>/dev/null || echo 100) + 1)); echo $n >../n\n"
+               "echo \"$@\" >>../calls; echo $n");
+    write_tool(bin / "scontrol", "echo scontrol \"$@\" >>../calls");
+    std::filesystem::create_directories(folder_.path() / "job" / "slurm");
+    std::ofstream(folder_.path() / "job" / "round.sh") << round_script(job, round);
+    const ChildResult result = run_child(
+        {"sh", "-c",
+         "PATH=" + bin.string() + ":$PATH sh " + (folder_.path() / "job" / "round.sh").string()});
+    EXPECT_EQ(result.exit_code, 0) << result.out;
+    std::ifstream calls(folder_.path() / "calls");
+    return {std::istreambuf_iterator<char>(calls), std::istreambuf_iterator<char>()};
+  }
+  static void write_tool(const std::filesystem::path& file, const std::string& text) {
+    std::ofstream(file) << "#!/bin/sh\n" << text << "\n";
+    std::filesystem::permissions(file, std::filesystem::perms::all);
+  }
+  TestFolder folder_;
+};
+
+TEST_F(RoundScript, QueuesEachChunkBehindItsInstants) {
+  EXPECT_EQ(run(testing::small_job(), testing::first_round()),
+            "--parsable --hold --array=0-1 prepare.sbatch 1 0\n"
+            "--parsable --array=0-1 --dependency=afterany:101_0 render.sbatch 1 0\n"
+            "--parsable --array=2 --dependency=afterany:101_1 render.sbatch 1 0\n"
+            "--parsable --array=3 render.sbatch 1 0\n"
+            "--parsable --dependency=afterany:102:103:104 verify.sbatch 1 0\n"
+            "scontrol release 101\n");
+}
+
+TEST_F(RoundScript, QueuesNothingTwice) {
+  const std::string once = run(testing::small_job(), testing::first_round());
+  EXPECT_EQ(run(testing::small_job(), testing::first_round()), once + "scontrol release 101\n");
+}
+
+TEST_F(RoundScript, SplitsArraysAndLeavesNodesOut) {
+  FarmJobDocument job = testing::small_job();
+  job.max_array = 3;
+  job.instants.clear();
+  for (auto& chunk : job.chunks) chunk.instants.clear();
+  FarmRound round;
+  round.round = 2;
+  round.render = {1, 2, 3};
+  round.exclude = {"n3", "n4"};
+  round.memory_factor = 1.5;
+  round.time_factor = 2;
+  const std::string calls = run(job, round);
+  EXPECT_THAT(calls,
+              HasSubstr("--array=1-2 --mem=1169M --time=40 --exclude=n3,n4 render.sbatch 2 0\n"));
+  EXPECT_THAT(calls,
+              HasSubstr("--array=0 --mem=1169M --time=40 --exclude=n3,n4 render.sbatch 2 3\n"));
+}
+
+}  // namespace
+}  // namespace raystage::farm

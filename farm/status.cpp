@@ -1,0 +1,291 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/status.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <map>
+
+#include "compose/frame_range.h"
+#include "farm/local_engine.h"
+#include "farm/rounds.h"
+
+namespace raystage::farm {
+namespace {
+
+constexpr std::array<std::string_view, 7> kTaskNames{"waiting", "running",    "done",   "failed",
+                                                     "lost",    "not queued", "unknown"};
+constexpr std::array<std::string_view, 8> kJobNames{"waiting", "running", "unknown",   "stalled",
+                                                    "done",    "failed",  "cancelled", "stopped"};
+
+bool is_over(const std::string& slurm_state) {
+  constexpr std::array<std::string_view, 5> kLive{"PENDING", "RUNNING", "COMPLETING", "CONFIGURING",
+                                                  "SUSPENDED"};
+  return std::ranges::find(kLive, slurm_state) == kLive.end() && slurm_state != "REQUEUED" &&
+         slurm_state != "REQUEUE_HOLD" && slurm_state != "SPECIAL_EXIT" &&
+         slurm_state != "RESIZING" && slurm_state != "STAGE_OUT" && slurm_state != "SIGNALING" &&
+         slurm_state != "STOPPED";
+}
+
+/// Slurm's name of each task that was queued, by stage and index: ids in JOB/slurm are those of
+/// arrays, whose offsets the rounds determine.
+class QueuedTasks {
+ public:
+  QueuedTasks(const JobFolder& folder, const SchedulerAnswer& answer) {
+    if (!answer.tasks) return;
+    for (const auto& [name, task] : *answer.tasks) {
+      const std::size_t underscore = name.find('_');
+      int index = 0;
+      if (underscore != std::string::npos) {
+        std::from_chars(name.data() + underscore + 1, name.data() + name.size(), index);
+        index += offset_of(folder, name.substr(0, underscore));
+      }
+      // Of several, the one that is not over; else the newest.
+      const auto key = std::pair(task.stage, index);
+      const auto [known, is_new] = tasks_.emplace(key, &task);
+      if (!is_new && (is_over(known->second->state) || !is_over(task.state))) {
+        known->second = &task;
+      }
+    }
+  }
+  const SlurmTask* find(const std::string& stage, int index) const {
+    const auto found = tasks_.find({stage, index});
+    return found == tasks_.end() ? nullptr : found->second;
+  }
+
+ private:
+  /// Kept in JOB/slurm as "ID OFFSET" by the round's script.
+  int offset_of(const JobFolder& folder, const std::string& array) {
+    const auto [known, is_new] = offsets_.emplace(array, 0);
+    if (!is_new) return known->second;
+    const auto text = read_record(folder.slurm_ids() / ("offset." + array));
+    if (text) std::from_chars(text->data(), text->data() + text->size(), known->second);
+    return known->second;
+  }
+
+  std::map<std::pair<std::string, int>, const SlurmTask*> tasks_;
+  std::map<std::string, int> offsets_;
+};
+
+int percent_of(const JobFolder& folder, const std::string& stage, int index) {
+  const auto text = read_record(folder.progress() / fmt::format("{}.{:04}", stage, index));
+  int percent = 0;
+  if (text) std::from_chars(text->data(), text->data() + text->size(), percent);
+  return std::clamp(percent, 0, 100);
+}
+
+/// A task whose last attempt left no end, or that has none.
+void ask_scheduler(const SchedulerAnswer& answer, const SlurmTask* slurm, bool has_started,
+                   bool job_is_over, FarmJobDocument::Engine engine, TaskStatus& task) {
+  if (job_is_over) {
+    task.state = has_started ? TaskState::kLost : TaskState::kNotQueued;
+    return;
+  }
+  if (engine == FarmJobDocument::Engine::kLocal) {
+    task.state = !answer.is_running_here                  ? TaskState::kUnknown
+                 : has_started && *answer.is_running_here ? TaskState::kRunning
+                 : *answer.is_running_here                ? TaskState::kWaiting
+                 : has_started                            ? TaskState::kLost
+                                                          : TaskState::kNotQueued;
+    return;
+  }
+  if (!answer.tasks) {
+    task.state = TaskState::kUnknown;
+    return;
+  }
+  if (slurm == nullptr) {
+    task.state = has_started ? TaskState::kLost : TaskState::kNotQueued;
+    return;
+  }
+  if (slurm->state == "RUNNING" || slurm->state == "COMPLETING") {
+    task.state = TaskState::kRunning;
+    task.node = slurm->node;
+  } else if (is_over(slurm->state)) {
+    task.state = has_started ? TaskState::kLost : TaskState::kFailed;
+    task.reason = "Slurm: " + slurm->state;
+  } else {
+    task.state = TaskState::kWaiting;
+    task.reason = slurm->reason;
+  }
+}
+
+TaskStatus status_of(const JobFolder& folder, const SchedulerAnswer& answer,
+                     const QueuedTasks& queued, const TaskAttempts& attempts, bool job_is_over,
+                     const FarmJobDocument& job, const std::string& stage, int index) {
+  TaskStatus task;
+  task.stage = stage;
+  task.index = index;
+  if (stage == "render") task.frames = job.chunks[static_cast<std::size_t>(index)].frames;
+  if (const auto found = attempts.find({stage, index}); found != attempts.end()) {
+    task.attempts = found->second;
+  }
+  const FarmAttempt* last = task.attempts.empty() ? nullptr : &task.attempts.back();
+  if (last != nullptr) task.node = last->node;
+  if (last != nullptr && last->end) {
+    task.reason = last->end->reason;
+    task.state = last->end->result == AttemptResult::kDone ? TaskState::kDone : TaskState::kFailed;
+    const SlurmTask* slurm = queued.find(stage, index);
+    // A task that is tried again waits or runs, whatever its last attempt was.
+    if (slurm != nullptr && !job_is_over && !is_over(slurm->state) &&
+        task.state == TaskState::kFailed) {
+      if (slurm->state == "PENDING") task.state = TaskState::kWaiting;
+    }
+    return task;
+  }
+  ask_scheduler(answer, queued.find(stage, index), last != nullptr, job_is_over, job.engine, task);
+  if (task.state == TaskState::kRunning) task.percent = percent_of(folder, stage, index);
+  return task;
+}
+
+void count_frames(JobStatus& status) {
+  double seconds = 0, frames_timed = 0, running = 0;
+  double left = 0;
+  for (const TaskStatus& task : status.tasks) {
+    for (const FarmAttempt& attempt : task.attempts) {
+      if (!attempt.end) continue;
+      status.cpu_seconds += attempt.end->cpu_seconds;
+      status.instants_solved += attempt.end->instants_solved;
+    }
+    if (task.stage != "render") continue;
+    const auto own = static_cast<int>(parse_frame_range(task.frames).size());
+    status.frames += own;
+    if (task.state == TaskState::kDone) {
+      status.frames_done += own;
+      seconds += task.attempts.back().end->wall_seconds;
+      frames_timed += own;
+      continue;
+    }
+    if (task.state == TaskState::kFailed) {
+      const FarmAttempt::End& end = *task.attempts.back().end;
+      const int failed = end.failed_frames.empty()
+                             ? own
+                             : static_cast<int>(parse_frame_range(end.failed_frames).size());
+      status.frames_failed += std::min(failed, own);
+    }
+    const double done = task.state == TaskState::kRunning ? own * task.percent / 100.0 : 0;
+    if (task.state == TaskState::kRunning) ++running;
+    left += own - done;
+  }
+  if (status.is_live() && running > 0 && frames_timed > 0 && seconds > 0) {
+    status.seconds_left = left * seconds / frames_timed / running;
+  }
+}
+
+JobState state_of(const JobFolder& folder, const SchedulerAnswer& answer, JobStatus& status) {
+  if (const auto end = folder.end()) {
+    status.reason = end->reason;
+    status.missing_frames = end->missing_frames;
+    switch (end->state) {
+      case FarmEnd::State::kDone:
+        return JobState::kDone;
+      case FarmEnd::State::kFailed:
+        return JobState::kFailed;
+      case FarmEnd::State::kCancelled:
+        return JobState::kCancelled;
+      case FarmEnd::State::kStopped:
+        return JobState::kStopped;
+    }
+  }
+  if (status.job.engine == FarmJobDocument::Engine::kLocal) {
+    if (!answer.is_running_here) {
+      status.reason = "it runs on another host: ask there";
+      return JobState::kUnknown;
+    }
+    if (*answer.is_running_here) return JobState::kRunning;
+    status.reason = "the process that ran it is gone; raystage farm retry continues the job";
+    return JobState::kStalled;
+  }
+  if (status.job.engine == FarmJobDocument::Engine::kOpenJd) {
+    const bool any =
+        std::ranges::any_of(status.tasks, [](const TaskStatus& t) { return !t.attempts.empty(); });
+    status.reason = "a render manager runs it: ask that what waits or runs";
+    return any ? JobState::kUnknown : JobState::kWaiting;
+  }
+  if (!answer.tasks) {
+    status.reason = "the Slurm controller does not answer; what is done is known from records";
+    return JobState::kUnknown;
+  }
+  bool runs = false, waits = false;
+  std::string waits_for;
+  for (const auto& [name, task] : *answer.tasks) {
+    if (task.stage == "preview" || is_over(task.state)) continue;
+    if (task.state == "PENDING") {
+      waits = true;
+      if (task.stage == "start") waits_for = "it waits for the job before it";
+    } else {
+      runs = true;
+    }
+  }
+  status.reason = waits_for;
+  if (runs) return JobState::kRunning;
+  if (waits) {
+    const bool has_begun = std::ranges::any_of(status.tasks, [](const TaskStatus& t) {
+      return !t.attempts.empty() && t.stage != "measure";
+    });
+    return has_begun ? JobState::kRunning : JobState::kWaiting;
+  }
+  status.reason = "nothing is queued, and the job has no end; raystage farm retry continues it";
+  return JobState::kStalled;
+}
+
+}  // namespace
+
+std::string_view task_state_name(TaskState state) {
+  return kTaskNames[static_cast<std::size_t>(state)];
+}
+std::string_view job_state_name(JobState state) {
+  return kJobNames[static_cast<std::size_t>(state)];
+}
+
+bool JobStatus::is_live() const {
+  return state == JobState::kWaiting || state == JobState::kRunning || state == JobState::kUnknown;
+}
+
+JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
+  JobStatus status;
+  status.job = folder.job();
+  status.excluded_nodes = folder.excluded_nodes();
+  status.rounds = static_cast<int>(folder.rounds().size());
+  std::error_code ignored;
+  // Before the attempts: a job that ends meanwhile has all of them.
+  const bool is_over = std::filesystem::exists(folder.end_file(), ignored);
+  const TaskAttempts attempts = read_attempts(folder);
+  const QueuedTasks queued(folder, answer);
+  const auto add = [&](const std::string& stage, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) {
+      status.tasks.push_back(status_of(folder, answer, queued, attempts, is_over, status.job, stage,
+                                       static_cast<int>(i)));
+    }
+  };
+  if (attempts.contains({"measure", 0})) add("measure", 1);
+  add("prepare", status.job.instants.size());
+  add("render", status.job.chunks.size());
+  add("verify", 1);
+  if (status.job.preview) add("preview", 1);
+  status.state = state_of(folder, answer, status);
+  count_frames(status);
+  return status;
+}
+
+JobStatus job_status(const JobFolder& folder) {
+  SchedulerAnswer answer;
+  const FarmJobDocument job = folder.job();
+  const bool is_over = folder.end().has_value();
+  if (job.engine == FarmJobDocument::Engine::kSlurm && !is_over) answer.tasks = slurm_tasks(job);
+  if (job.engine == FarmJobDocument::Engine::kLocal && !is_over) {
+    const std::vector<FarmRound> rounds = folder.rounds();
+    for (auto round = rounds.rbegin(); round != rounds.rend(); ++round) {
+      if (round->host.empty()) continue;
+      answer.is_running_here = is_running_here(*round);
+      break;
+    }
+    if (rounds.empty() || (rounds.size() == 1 && rounds[0].host.empty())) {
+      answer.is_running_here = false;  // it was never started
+    }
+  }
+  return job_status(folder, answer);
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,82 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "farm/attempts.h"
+#include "farm/job_folder.h"
+#include "farm/slurm_queue.h"
+
+namespace raystage::farm {
+
+/// What a task is doing. What is over is known from its record alone; whether the rest waits or
+/// runs, only the scheduler knows.
+enum class TaskState {
+  kWaiting,  ///< queued
+  kRunning,
+  kDone,
+  kFailed,     ///< its last attempt ended without success; a later round may try again
+  kLost,       ///< its last attempt left no end, and the scheduler no longer has it
+  kNotQueued,  ///< it was never started, and is not queued
+  kUnknown     ///< the scheduler does not answer
+};
+std::string_view task_state_name(TaskState state);
+
+struct TaskStatus {
+  std::string stage;
+  int index = 0;
+  TaskState state = TaskState::kUnknown;
+  std::string frames, node, reason;
+  int percent = 0;  ///< of a running one
+  std::vector<FarmAttempt> attempts;
+};
+
+enum class JobState {
+  kWaiting,
+  kRunning,
+  kUnknown,
+  kStalled,
+  kDone,
+  kFailed,
+  kCancelled,
+  kStopped
+};
+std::string_view job_state_name(JobState state);
+
+struct JobStatus {
+  FarmJobDocument job;
+  JobState state = JobState::kUnknown;
+  std::string reason;
+  std::vector<TaskStatus> tasks;  ///< by stage, then index
+  std::vector<std::pair<std::string, std::string>> excluded_nodes;
+  int rounds = 0;
+  int frames = 0, frames_done = 0, frames_failed = 0;
+  std::string missing_frames;  ///< of a job that is over
+  std::optional<double> seconds_left = {};
+  double cpu_seconds = 0;
+  int instants_solved = 0;
+
+  /// Whether something may still be queued or running.
+  bool is_live() const;
+};
+
+/// A job's status from its records; where it is not over, also from the scheduler.
+JobStatus job_status(const JobFolder& folder);
+
+/// The same from given answers: for tests, and for engines that are asked elsewhere.
+struct SchedulerAnswer {
+  /// By Slurm's name of the task; none: the scheduler does not answer.
+  std::optional<std::map<std::string, SlurmTask>> tasks;
+  std::optional<bool> is_running_here;  ///< engine local; none: on another host
+};
+JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer);
+
+/// For people, for programs, and as a page that is complete in itself.
+std::string status_text(const JobStatus& status, bool all_tasks);
+std::string status_json(const JobStatus& status);
+std::string status_html(const JobStatus& status, const JobFolder& folder);
+
+}  // namespace raystage::farm

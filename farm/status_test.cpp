@@ -1,0 +1,133 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/status.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "farm/test_job.h"
+#include "schemas/test_folder.h"
+
+namespace raystage::farm {
+namespace {
+
+using ::testing::HasSubstr;
+
+class Status : public ::testing::Test {
+ protected:
+  void happened(FarmAttempt attempt) {
+    const auto end = attempt.end;
+    attempt.end.reset();
+    record_start(folder_, attempt);
+    if (end) {
+      attempt.end = end;
+      record_end(folder_, attempt);
+    }
+  }
+  void started(int chunk, const std::string& node) {
+    FarmAttempt attempt = testing::attempt_at(chunk, AttemptResult::kDone, node);
+    attempt.end.reset();
+    happened(attempt);
+  }
+  static SlurmTask slurm(const std::string& stage, const std::string& task,
+                         const std::string& state, const std::string& node = "") {
+    return {stage, task, state, "", node, 0};
+  }
+  static const TaskStatus& render(const JobStatus& status, int chunk) {
+    return *std::ranges::find_if(status.tasks, [&](const TaskStatus& task) {
+      return task.stage == "render" && task.index == chunk;
+    });
+  }
+
+  TestFolder parent_;
+  const JobFolder folder_ = testing::written_job(parent_.path());
+};
+
+TEST_F(Status, IsKnownFromRecordsWhileTheControllerIsDown) {
+  happened(testing::attempt_at(0, AttemptResult::kDone));
+  started(1, "n2");
+  const JobStatus status = job_status(folder_, SchedulerAnswer{});
+  EXPECT_EQ(status.state, JobState::kUnknown);
+  EXPECT_EQ(status.frames_done, 3);
+  EXPECT_EQ(render(status, 0).state, TaskState::kDone);
+  EXPECT_EQ(render(status, 1).state, TaskState::kUnknown) << "it may have died with its node";
+  EXPECT_EQ(render(status, 2).state, TaskState::kUnknown);
+  EXPECT_THAT(status_text(status, false),
+              HasSubstr("unknown (the Slurm controller does not answer"));
+}
+
+TEST_F(Status, AsksSlurmForWhatIsNotOver) {
+  happened(testing::attempt_at(0, AttemptResult::kDone));
+  started(1, "n2");
+  started(2, "n3");
+  std::ofstream(folder_.progress() / "render.0001") << "40\n";
+  SchedulerAnswer answer;
+  answer.tasks.emplace();
+  for (const SlurmTask& task :
+       {slurm("render", "7_1", "RUNNING", "n2"), slurm("render", "7_2", "PENDING"),
+        slurm("render", "7_3", "PENDING"), slurm("verify", "8", "PENDING")}) {
+    (*answer.tasks)[task.task] = task;
+  }
+  const JobStatus status = job_status(folder_, answer);
+  EXPECT_EQ(status.state, JobState::kRunning);
+  EXPECT_EQ(render(status, 1).state, TaskState::kRunning);
+  EXPECT_EQ(render(status, 1).percent, 40);
+  EXPECT_EQ(render(status, 2).state, TaskState::kWaiting) << "its node died; it is queued again";
+  EXPECT_EQ(render(status, 3).state, TaskState::kWaiting);
+  ASSERT_TRUE(status.seconds_left);
+  EXPECT_NEAR(*status.seconds_left, (1.8 + 3 + 3) * 2.0, 1e-9);  // 2 s a frame, one task at a time
+}
+
+TEST_F(Status, ATaskThatNobodyHasIsLost) {
+  started(1, "n2");
+  SchedulerAnswer answer;
+  answer.tasks.emplace();
+  const JobStatus status = job_status(folder_, answer);
+  EXPECT_EQ(render(status, 1).state, TaskState::kLost);
+  EXPECT_EQ(status.state, JobState::kStalled);
+  EXPECT_FALSE(status.is_live());
+}
+
+TEST_F(Status, ArraysThatWereSplitKeepTheirTasks) {
+  std::ofstream(folder_.slurm_ids() / "offset.9") << "2\n";
+  SchedulerAnswer answer;
+  answer.tasks.emplace();
+  (*answer.tasks)["9_1"] = slurm("render", "9_1", "RUNNING", "n1");
+  EXPECT_EQ(render(job_status(folder_, answer), 3).state, TaskState::kRunning);
+}
+
+TEST_F(Status, TheEndIsTheRecordsWhateverSlurmSays) {
+  for (int i = 0; i < 4; ++i) {
+    happened(testing::attempt_at(i, i == 2 ? AttemptResult::kFailed : AttemptResult::kDone));
+  }
+  FarmEnd end;
+  end.state = FarmEnd::State::kFailed;
+  end.missing_frames = "7-9";
+  end.reason = "frames 7-9: it broke";
+  end.frames = 12;
+  end.ended_utc = utc_now();
+  folder_.write_end(end);
+  const JobStatus status = job_status(folder_);
+  EXPECT_EQ(status.state, JobState::kFailed);
+  EXPECT_EQ(status.frames_done, 9);
+  EXPECT_EQ(status.frames_failed, 3);
+  const auto json = nlohmann::json::parse(status_json(status));
+  EXPECT_EQ(json["missing_frames"], "7-9");
+  EXPECT_EQ(json["tasks"][4]["attempts"][0]["end"]["result"], "failed");
+  EXPECT_THAT(status_html(status, folder_), HasSubstr("it broke"));
+}
+
+TEST_F(Status, OfALocalJobIsThatOfItsProcess) {
+  const TestFolder parent;
+  const JobFolder folder = testing::written_job(parent.path(), FarmJobDocument::Engine::kLocal);
+  EXPECT_EQ(job_status(folder).state, JobState::kStalled) << "it was never started";
+  SchedulerAnswer answer;
+  answer.is_running_here = true;
+  EXPECT_EQ(job_status(folder, answer).state, JobState::kRunning);
+  EXPECT_EQ(job_status(folder, SchedulerAnswer{}).state, JobState::kUnknown);
+}
+
+}  // namespace
+}  // namespace raystage::farm

@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "compose/sequence.h"
+#include "farm/job_folder.h"
+#include "farm/path_map.h"
+
+namespace raystage::farm {
+
+struct SubmissionOptions {
+  std::filesystem::path shot;
+  std::string output;  ///< SequenceName pattern
+  std::optional<std::vector<int>> frames = {};
+  FarmJobDocument::Engine engine = FarmJobDocument::Engine::kSlurm;
+  ExistingFiles existing = ExistingFiles::kError;
+  MissingFrames missing = MissingFrames::kError;
+  FarmJobDocument::Picture picture = {};
+  std::filesystem::path color_config = {};
+  std::filesystem::path cache =
+      {};  ///< empty: the takes, or next to the output where they are read-only
+  std::optional<int> chunk = {};  ///< frames per task; none: automatic_chunk()
+  bool preview_first = false;     ///< every tenth frame first
+  bool preview = true;
+  int threads = 0;                  ///< of a task; 0: those of this process, at most 8
+  double memory_gb = 0;             ///< of a task; 0: from the memory plan and the measured frame
+  std::optional<int> minutes = {};  ///< of a task; none: from the measured frame
+  bool measure = true;              ///< render the first frame here, to measure it
+  int attempts = 3;
+  std::string wrap = {};
+  std::string program = {};  ///< on the nodes; empty: as this one, with its path mapped
+  std::string simd = {};     ///< empty: avx2, or the best of this machine where it lacks that
+  std::vector<PathRule> paths = {};
+  std::array<std::vector<std::string>, kFarmStages.size()> sbatch = {};  ///< options by stage
+  bool after = false;  ///< wait for a live job of the same output
+  std::function<void(std::string_view)> say = [](std::string_view) {};
+};
+
+/// A job as it would be queued.
+struct PlannedJob {
+  FarmJobDocument job;
+  FarmRound round;  ///< the first
+  std::string shot_text;
+};
+
+/// Checks everything and plans the job; renders and queues nothing, writes nothing but the output
+/// folder. The job has no folder yet. Throws Error as check_sequence(), and for a live job of the
+/// same output.
+PlannedJob plan_submission(const SubmissionOptions& options);
+
+/// Checks everything, writes the job folder with its scripts, measures the first frame if wanted,
+/// pins what is stored. Queues nothing. Nothing is left where it throws.
+JobFolder write_submission(const SubmissionOptions& options, const std::stop_token& stop);
+
+/// Queues what was written (Slurm), at once or behind the live job. Throws Error (failed) where
+/// Slurm refuses; the job is ended then.
+void queue_job(const JobFolder& folder);
+
+/// Writes and returns a round of the tasks whose frames are missing; of all frames of `frames`
+/// where given. Throws Error (bad input) where the job is live, or nothing is missing.
+FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<int>>& frames);
+
+}  // namespace raystage::farm

@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/task.h"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <xxhash.h>
+
+#include <charconv>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+
+#include "farm/attempts.h"
+#include "farm/child_process.h"
+#include "farm/node.h"
+#include "farm/render_command.h"
+#include "farm/verification.h"
+#include "schemas/atomic_file.h"
+
+namespace raystage::farm {
+namespace {
+
+constexpr int kOutOfMemory = 33;  // the farms' agreed code
+constexpr int kMostFailuresOfNode = 2;
+
+std::string environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value == nullptr ? "" : value;
+}
+
+int number_in(std::string_view text) {
+  int number = 0;
+  std::from_chars(text.data(), text.data() + text.size(), number);
+  return number;
+}
+
+FarmAttempt new_attempt(const TaskRequest& request, const FarmJobDocument& job) {
+  FarmAttempt attempt;
+  attempt.stage = farm_stage_name(request.stage);
+  attempt.index = request.index;
+  attempt.round = request.round;
+  attempt.node = node_name();
+  attempt.process = getpid();
+  const std::string array = environment("SLURM_ARRAY_JOB_ID");
+  attempt.slurm_task = array.empty() ? environment("SLURM_JOB_ID")
+                                     : array + "_" + environment("SLURM_ARRAY_TASK_ID");
+  attempt.restart = number_in(environment("SLURM_RESTART_COUNT"));
+  attempt.build = job.build;
+  attempt.started_utc = utc_now();
+  if (request.stage == FarmStage::kRender) {
+    attempt.frames = job.chunks[static_cast<std::size_t>(request.index)].frames;
+  }
+  return attempt;
+}
+
+void check_index(const TaskRequest& request, const FarmJobDocument& job) {
+  const std::size_t tasks = request.stage == FarmStage::kPrepare  ? job.instants.size()
+                            : request.stage == FarmStage::kRender ? job.chunks.size()
+                                                                  : 1;
+  if (request.index >= 0 && static_cast<std::size_t>(request.index) < tasks) return;
+  throw Error::bad_input(fmt::format("stage {} has {} tasks, there is no task {}",
+                                     farm_stage_name(request.stage), tasks, request.index),
+                         request.folder.job_file().string(), "Name a task from 0 on");
+}
+
+/// How far the command is, for `status`: a file of a few bytes, rewritten at most every percent.
+class ProgressFile {
+ public:
+  ProgressFile(const TaskRequest& request, const FarmAttempt& attempt)
+      : request_(request),
+        file_(request.folder.progress() / fmt::format("{}.{:04}", attempt.stage, attempt.index)) {}
+
+  void look_at(std::string_view line) {
+    constexpr std::string_view kBegin = "Progress: ";
+    if (line.starts_with(kBegin)) report(number_in(line.substr(kBegin.size())));
+  }
+  void report(int percent) {
+    if (percent <= percent_) return;
+    percent_ = percent;
+    std::ofstream(file_, std::ios::trunc) << percent << "\n";
+    request_.progress(percent / 100.0);
+  }
+
+ private:
+  const TaskRequest& request_;
+  std::filesystem::path file_;
+  int percent_ = -1;
+};
+
+/// What the log of a render or a preparation says beside its progress.
+class LogReader {
+ public:
+  void look_at(std::string_view line) {
+    constexpr std::string_view kDepths = "depths of ", kRead = "solved, of ";
+    if (line.starts_with(kDepths)) {
+      solved = number_in(line.substr(kDepths.size()));
+      const std::size_t read_at = line.find(kRead);
+      if (read_at != std::string_view::npos) read = number_in(line.substr(read_at + kRead.size()));
+    }
+    if (line.starts_with("Progress: ")) return;
+    last = line;
+    if (line.find("failed:") != std::string_view::npos && first_failure.empty()) {
+      first_failure = line;
+    }
+  }
+  std::string reason() const { return first_failure.empty() ? last : first_failure; }
+
+  int solved = 0, read = 0;
+  std::string last, first_failure;
+};
+
+AttemptResult result_of(const ChildResult& child, bool stopped) {
+  if (child.exit_code == 0) return AttemptResult::kDone;
+  if (stopped) return AttemptResult::kStopped;
+  if (child.exit_code == 2) return AttemptResult::kBadInput;
+  // The kernel kills what exceeds its memory.
+  if (child.exit_code == kOutOfMemory || child.signal == SIGKILL) {
+    return AttemptResult::kOutOfMemory;
+  }
+  return child.signal == SIGTERM || child.exit_code == 128 + SIGTERM ? AttemptResult::kStopped
+                                                                     : AttemptResult::kFailed;
+}
+
+std::string reason_of(AttemptResult result, const LogReader& log, bool stopped) {
+  switch (result) {
+    case AttemptResult::kDone:
+      return "";
+    case AttemptResult::kStopped:
+      return stopped ? "stopped by a signal: time limit, preemption or cancellation"
+                     : "the command was stopped by a signal";
+    case AttemptResult::kOutOfMemory:
+      return "out of memory";
+    default:
+      return log.reason();
+  }
+}
+
+/// Attempts on this node that failed by themselves.
+int failures_on(const JobFolder& folder, const std::string& node) {
+  int failures = 0;
+  for (const auto& [task, attempts] : read_attempts(folder)) {
+    for (const FarmAttempt& attempt : attempts) {
+      const bool failed = attempt.end && attempt.end->result == AttemptResult::kFailed;
+      if (failed && attempt.node == node && task.first != "verify") ++failures;
+    }
+  }
+  return failures;
+}
+
+std::vector<std::string> command_of(const TaskRequest& request, const MappedJob& mapped,
+                                    const FarmAttempt& attempt) {
+  double memory_factor = 1;
+  if (const auto text = read_record(request.folder.round_file(request.round))) {
+    memory_factor = parse_farm_round(*text, "round").memory_factor;
+  }
+  const FarmJobDocument& job = mapped.job;
+  switch (request.stage) {
+    case FarmStage::kPrepare:
+      return prepare_command(job, mapped.shot, request.index, memory_factor);
+    case FarmStage::kRender:
+      return render_command(job, mapped.shot,
+                            job.chunks[static_cast<std::size_t>(request.index)].frames,
+                            attempt.attempt == 1 ? job.existing : "skip", memory_factor);
+    default:
+      return preview_command(job, request.folder);
+  }
+}
+
+/// One attempt from the record of its start on.
+class Attempt {
+ public:
+  Attempt(const TaskRequest& request, const MappedJob& mapped)
+      : request_(request), mapped_(mapped), attempt_(new_attempt(request, mapped.job)) {
+    record_start(request.folder, attempt_);
+    request.say(fmt::format("{} on {}", attempt_name(attempt_), attempt_.node));
+  }
+
+  ExitCode run(const std::stop_token& stop) {
+    FarmAttempt::End end = declined_or_run(stop);
+    end.ended_utc = utc_now();
+    attempt_.end = end;
+    // The node first: whoever reads the record may rely on it.
+    if (end.node_fault) request_.folder.exclude(attempt_.node, end.reason);
+    record_end(request_.folder, attempt_);
+    if (end.result == AttemptResult::kFailed && !end.node_fault &&
+        request_.stage != FarmStage::kVerify &&
+        failures_on(request_.folder, attempt_.node) >= kMostFailuresOfNode) {
+      request_.folder.exclude(attempt_.node, fmt::format("{} tasks failed here, the last: {}",
+                                                         kMostFailuresOfNode, end.reason));
+    }
+    if (!end.reason.empty()) request_.say(end.reason);
+    switch (end.result) {
+      case AttemptResult::kDone:
+        return ExitCode::kSuccess;
+      case AttemptResult::kBadInput:
+        return ExitCode::kBadInput;
+      default:
+        return end.failed_frames.empty() ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
+    }
+  }
+
+ private:
+  static FarmAttempt::End ended(AttemptResult result, std::string reason) {
+    FarmAttempt::End end;
+    end.result = result;
+    end.reason = std::move(reason);
+    return end;
+  }
+
+  FarmAttempt::End declined_or_run(const std::stop_token& stop) {
+    std::error_code ignored;
+    if (std::filesystem::exists(request_.folder.cancel_file(), ignored)) {
+      return ended(AttemptResult::kDeclined, "the job was cancelled");
+    }
+    const bool uses_node =
+        request_.stage == FarmStage::kPrepare || request_.stage == FarmStage::kRender;
+    if (uses_node && request_.folder.is_excluded(attempt_.node)) {
+      return ended(AttemptResult::kDeclined, "the job does not use this node any more");
+    }
+    if (uses_node) {
+      if (auto fault = node_fault(mapped_.job)) {
+        FarmAttempt::End end = ended(AttemptResult::kFailed, std::move(*fault));
+        end.node_fault = true;
+        return end;
+      }
+    }
+    return request_.stage == FarmStage::kVerify ? verify(stop) : run_command(stop);
+  }
+
+  FarmAttempt::End verify(const std::stop_token& stop) {
+    ProgressFile progress(request_, attempt_);
+    VerificationRequest request{
+        request_.folder,
+        mapped_.job,
+        mapped_.shot,
+        request_.round,
+        request_.patience_seconds,
+        [&](double done) { progress.report(static_cast<int>(100 * done)); }};
+    return verify_job(request, stop);
+  }
+
+  FarmAttempt::End run_command(const std::stop_token& stop) {
+    ProgressFile progress(request_, attempt_);
+    LogReader log;
+    ChildOptions options;
+    options.log = attempt_log(request_.folder, attempt_);
+    options.stop = stop;
+    options.line = [&](std::string_view line) {
+      progress.look_at(line);
+      log.look_at(line);
+    };
+    const ChildResult child = run_child(command_of(request_, mapped_, attempt_), options);
+    FarmAttempt::End end;
+    end.result = result_of(child, stop.stop_requested());
+    end.exit_code = child.exit_code;
+    end.reason = reason_of(end.result, log, stop.stop_requested());
+    end.wall_seconds = child.wall_seconds;
+    end.cpu_seconds = child.cpu_seconds;
+    end.peak_memory_bytes = child.peak_memory_bytes;
+    end.instants_solved = log.solved;
+    end.instants_read = log.read;
+    if (end.result == AttemptResult::kFailed && request_.stage != FarmStage::kPreview) {
+      // What the command met may be the node's fault: a disk that has filled up, a mount that is
+      // gone.
+      if (auto fault = node_fault(mapped_.job)) {
+        end.reason = std::move(*fault);
+        end.node_fault = true;
+      }
+    }
+    return end;
+  }
+
+  const TaskRequest& request_;
+  const MappedJob& mapped_;
+  FarmAttempt attempt_;
+};
+
+}  // namespace
+
+MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathRule> rules) {
+  MappedJob mapped{folder.job(), folder.shot_file()};
+  if (rules.empty()) return mapped;
+  map_paths(mapped.job, rules);
+  const std::string before = read_file(folder.shot_file());
+  const std::string after = map_paths_of_shot(before, folder.shot_file().string(), rules);
+  // Under a name that its content gives: tasks with other rules do not meet.
+  mapped.shot =
+      folder.path() / fmt::format("shot.{:016x}.json", XXH3_64bits(after.data(), after.size()));
+  std::error_code ignored;
+  if (!std::filesystem::exists(mapped.shot, ignored)) write_file_atomically(mapped.shot, after);
+  return mapped;
+}
+
+ExitCode run_task(const TaskRequest& request, const std::stop_token& stop) {
+  const MappedJob mapped = read_mapped_job(request.folder, request.paths);
+  check_index(request, mapped.job);
+  if (mapped.job.umask) umask(static_cast<mode_t>(*mapped.job.umask));
+  return Attempt(request, mapped).run(stop);
+}
+
+}  // namespace raystage::farm

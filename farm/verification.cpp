@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/verification.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+
+#include "compose/frame_range.h"
+#include "compose/preparation.h"
+#include "farm/attempts.h"
+#include "farm/render_command.h"
+#include "farm/rounds.h"
+#include "farm/sequence_check.h"
+#include "farm/slurm_scripts.h"
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+#include "schemas/resources.h"
+
+namespace raystage::farm {
+namespace {
+
+std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
+  const ShotPlan plan(request.shot, plan_options(request.job));
+  const std::vector<int> numbers = frames_of(request.job);
+  std::vector<ExpectedFrame> frames;
+  for (const PlannedFrame& frame : plan.plan(numbers, missing_frames_policy(request.job))) {
+    frames.push_back({frame.frame, plan.fingerprint(frame, request.job.picture.chromaticities)});
+  }
+  return frames;
+}
+
+/// Round N+1 or the preview, as a script that the verification's own batch script runs: sbatch is
+/// outside of a container that wraps the tasks.
+void write_follower(const VerificationRequest& request, const std::string& script) {
+  if (request.job.engine != FarmJobDocument::Engine::kSlurm) return;
+  write_file_atomically(
+      request.folder.path() / fmt::format("after-verify-{}.sh", request.round),
+      fmt::format("#!/bin/sh\n# What round {} is followed by.\ncd \"$(dirname \"$0\")\" && sh {}\n",
+                  request.round, script));
+}
+
+FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<int>& missing) {
+  std::vector<std::string> excluded;
+  for (const auto& [node, reason] : request.folder.excluded_nodes()) excluded.push_back(node);
+  const TaskAttempts attempts = read_attempts(request.folder);
+  int first_round = 1;
+  for (const FarmRound& round : request.folder.rounds()) {
+    if (round.fresh && round.round <= request.round) first_round = round.round;
+  }
+  Verdict verdict = decide({request.job, attempts, missing, excluded, request.round, first_round});
+  FarmAttempt::End end;
+  end.result = missing.empty() ? AttemptResult::kDone : AttemptResult::kFailed;
+  end.exit_code =
+      static_cast<int>(missing.empty() ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed);
+  end.failed_frames = format_frame_range(missing);
+  if (!missing.empty()) {
+    end.reason =
+        fmt::format("{} frames are not whole and true: {}", missing.size(), end.failed_frames);
+  }
+  if (verdict.next) {
+    write_round(request.folder, request.job, *verdict.next);
+    write_follower(request, fmt::format("round-{}.sh", verdict.next->round));
+    return end;
+  }
+  end_job(request.folder, request.job, verdict.end);
+  if (verdict.end.state == FarmEnd::State::kDone && request.job.preview) {
+    if (request.job.engine == FarmJobDocument::Engine::kSlurm) {
+      write_file_atomically(request.folder.path() / "preview.sh", preview_script(request.job));
+    }
+    write_follower(request, "preview.sh");
+  }
+  return end;
+}
+
+}  // namespace
+
+void end_job(const JobFolder& folder, const FarmJobDocument& job, FarmEnd end) {
+  end.ended_utc = utc_now();
+  folder.write_end(end);
+  const std::vector<std::filesystem::path> pinned(job.pinned.begin(), job.pinned.end());
+  unpin_derived(pinned, job.id);
+}
+
+FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_token& stop) {
+  const auto start = std::chrono::steady_clock::now();
+  const double cpu_before = cpu_seconds();
+  FarmAttempt::End end;
+  try {
+    CheckSettings settings;
+    settings.deep = request.job.picture.deep;
+    settings.patience_seconds = request.patience_seconds;
+    settings.progress = request.progress;
+    const std::vector<int> missing =
+        missing_frames(SequenceName(request.job.output), expected_frames(request), settings, stop);
+    if (stop.stop_requested()) {
+      end.result = AttemptResult::kStopped;
+      end.reason = "stopped by a signal";
+    } else {
+      end = conclude(request, missing);
+    }
+  } catch (const Error& error) {
+    // The shot's take is gone or was changed: nothing that another round could mend.
+    end.result = AttemptResult::kBadInput;
+    end.exit_code = static_cast<int>(error.exit_code());
+    end.reason = error.what();
+    FarmEnd failed;
+    failed.state = FarmEnd::State::kFailed;
+    failed.reason = fmt::format("the frames cannot be verified: {}", error.what());
+    failed.frames = static_cast<int>(frames_of(request.job).size());
+    end_job(request.folder, request.job, failed);
+  }
+  end.wall_seconds =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  end.cpu_seconds = cpu_seconds() - cpu_before;
+  end.peak_memory_bytes = static_cast<double>(peak_memory());
+  return end;
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,215 @@
+// SPDX-License-Identifier: Apache-2.0
+// Farm jobs on this machine: the same tasks as on a cluster, one after the other.
+#include <algorithm>
+
+#include "tests/farm/farm_job_test.h"
+
+namespace raystage::testing {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+class FarmLocal : public FarmJobTest {};
+
+TEST_F(FarmLocal, AJobGivesTheFramesOfAPlainRender) {
+  const CommandResult farm = here(
+      "raystage farm submit 'show dir/shot.json' -o 'o u t/s.####.exr' --engine local --chunk 20 "
+      "--preview-first");
+  ASSERT_EQ(farm.exit_code, 0) << farm.err;
+  EXPECT_THAT(farm.out, HasSubstr("o u t/s.farm/job-0001\n"));
+  EXPECT_THAT(farm.err, HasSubstr("Progress: 100%"));
+  ASSERT_EQ(
+      here("raystage render -q 'show dir/shot.json' -o plain/s.####.exr --simd avx2").exit_code, 0);
+  EXPECT_EQ(frames_in(folder_ / "o u t"), frames_in(folder_ / "plain"));
+  const auto job = folder_ / "o u t" / "s.farm" / "job-0001";
+  EXPECT_TRUE(std::filesystem::exists(job / "preview.mp4"));
+  EXPECT_TRUE(std::filesystem::exists(job / "contact-sheet.png"));
+  const auto told = status("o u t/s.####.exr");
+  EXPECT_EQ(told["state"], "done");
+  EXPECT_EQ(told["frames_done"], 48);
+  EXPECT_EQ(told["tasks"][0]["frames"], "1-41x10") << "every tenth frame first";
+  const CommandResult page = here("raystage farm status 'o u t/s.####.exr' --html page.html");
+  EXPECT_THAT(page.out, HasSubstr(": done\n"));
+  EXPECT_THAT(text_of(folder_ / "page.html"), HasSubstr("48 of 48 frames done"));
+  // A stranger finds nothing left half-written.
+  EXPECT_TRUE(files_with(folder_, ".tmp").empty());
+}
+
+TEST_F(FarmLocal, DerivesEachInstantOnce) {
+  write_shot("freeze", 16, 0, "depth");
+  const CommandResult farm = here(
+      "raystage farm submit 'show dir/freeze.json' -o out/s.####.exr --engine local --chunk 2 "
+      "--no-preview");
+  ASSERT_EQ(farm.exit_code, 0) << farm.err;
+  auto told = status("out/s.####.exr");
+  EXPECT_EQ(told["instants_solved"], 1) << "one instant, eight chunks";
+  int prepared = 0;
+  for (const auto& task : told["tasks"]) prepared += task["stage"] == "prepare";
+  EXPECT_EQ(prepared, 1);
+  // Nothing stays pinned, and nothing is prepared that is stored.
+  EXPECT_TRUE(files_with(folder_, "pin.").empty());
+  ASSERT_EQ(here("raystage farm submit 'show dir/freeze.json' -o out2/s.####.exr --engine local "
+                 "--no-preview")
+                .exit_code,
+            0);
+  told = status("out2/s.####.exr");
+  EXPECT_EQ(told["instants_solved"], 0);
+  EXPECT_EQ(told["tasks"][0]["stage"], "render");
+}
+
+TEST_F(FarmLocal, TriesAgainWhatFailsAndWithMoreMemoryWhatRanOutOfIt) {
+  put_in_place_of_render(R"(
+echo "$@" >>'calls'
+case "$*" in
+  *"--frames=11-20 "*) [ -e failed-2 ] || { [ ! -e failed-1 ] || touch failed-2; touch failed-1; exit 1; } ;;
+  *"--frames=21-30 "*) [ -e starved ] || { touch starved; exit 33; } ;;
+esac)");
+  const CommandResult farm = here(
+      "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local --chunk 10 "
+      "--memory 0.4 -j 1 --no-preview");
+  ASSERT_EQ(farm.exit_code, 0) << farm.err;
+  const auto told = status("out/s.####.exr");
+  EXPECT_EQ(told["rounds"], 3);
+  EXPECT_EQ(told["tasks"][1]["attempts"].size(), 3U);
+  EXPECT_EQ(told["tasks"][2]["attempts"].size(), 2U);
+  EXPECT_EQ(told["tasks"][2]["attempts"][0]["end"]["result"], "out_of_memory");
+  const std::string calls = text_of(folder_ / "calls");
+  EXPECT_THAT(calls, HasSubstr("--frames=21-30 --existing skip"));
+  EXPECT_EQ(std::count(calls.begin(), calls.end(), '\n'), 5 + 2 + 1) << calls;
+  EXPECT_THAT(calls, HasSubstr("--memory 0.600"));
+  const CommandResult logs = here("raystage farm logs out/s.####.exr 12");
+  EXPECT_THAT(logs.out, HasSubstr("==> render.0001.01 on "));
+  EXPECT_THAT(logs.out, HasSubstr("==> render.0001.03 on "));
+  EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
+}
+
+TEST_F(FarmLocal, GivesUpWhatFailsForGoodAndRetriesWhenAsked) {
+  put_in_place_of_render(R"(case "$*" in *"--frames=11-20 "*) [ -e mended ] || exit 1 ;; esac)");
+  const CommandResult farm = here(
+      "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local --chunk 10 "
+      "--attempts 2 --no-preview");
+  EXPECT_EQ(farm.exit_code, 3);
+  auto told = status("out/s.####.exr");
+  EXPECT_EQ(told["state"], "failed");
+  EXPECT_EQ(told["missing_frames"], "11-20");
+  EXPECT_EQ(here("raystage farm status out/s.####.exr").exit_code, 3);
+  write_text(folder_ / "mended", "");
+  const CommandResult retried = here("raystage farm retry out/s.####.exr");
+  EXPECT_EQ(retried.exit_code, 0) << retried.err;
+  told = status("out/s.####.exr");
+  EXPECT_EQ(told["state"], "done");
+  EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
+}
+
+TEST_F(FarmLocal, StopsOnASignalAndGoesOnWhenAsked) {
+  put_in_place_of_render("[ -e slow ] && sleep 20");
+  write_text(folder_ / "slow", "");
+  const CommandResult stopped = run_and_signal(
+      "bash -c \"cd '" + folder_.string() +
+          "'; exec bin/raystage farm submit 'show dir/shot.json' "
+          "-o out/s.####.exr --engine local --chunk 24 --no-preview\"",
+      SIGTERM, folder_ / "out" / "s.farm" / "job-0001" / "attempts" / "render.0000.01.json");
+  EXPECT_EQ(stopped.exit_code, 143) << stopped.err;
+  EXPECT_EQ(status("out/s.####.exr")["state"], "stopped");
+  std::filesystem::remove(folder_ / "slow");
+  EXPECT_EQ(here("raystage farm retry out/s.####.exr").exit_code, 0);
+  EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
+}
+
+TEST_F(FarmLocal, RefusesWhatCannotBecomeAJob) {
+  const auto refused = [&](const std::string& options, const std::string& because) {
+    const CommandResult result =
+        here("raystage farm submit 'show dir/shot.json' -o out/s.####.exr " + options);
+    EXPECT_EQ(result.exit_code, 2) << options << result.err;
+    EXPECT_THAT(result.err, HasSubstr(because)) << options;
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out" / "s.farm")) << options;
+  };
+  refused("--engine local --frames 100", "none of the frames");
+  refused("--engine local --map x=y", "two absolute paths");
+  refused("--engine local --sbatch 'a\nb'", "one option of sbatch");
+  write_shot("chosen", 4, 1, "auto", R"({"target_error": 20})");
+  const CommandResult automatic =
+      here("raystage farm submit 'show dir/chosen.json' -o out/s.####.exr --engine local");
+  EXPECT_EQ(automatic.exit_code, 2);
+  EXPECT_THAT(automatic.err, HasSubstr("method auto chooses anew in every task"));
+  EXPECT_EQ(here("raystage farm status nowhere").exit_code, 2);
+  EXPECT_EQ(here("raystage farm task nowhere render 0").exit_code, 2);
+}
+
+TEST_F(FarmLocal, PathsMayHaveOtherNamesOnTheNodes) {
+  std::filesystem::create_directory_symlink(folder_, folder_.string() + ".net");
+  const CommandResult farm = here(
+      "raystage farm submit 'show dir/shot.json' -o out/s.####.exr "
+      "--engine local --no-queue --chunk 48 --map '" +
+      folder_.string() + "=" + folder_.string() + ".net'");
+  ASSERT_EQ(farm.exit_code, 0) << farm.err;
+  const std::string job = text_of(folder_ / "out" / "s.farm" / "job-0001" / "job.json");
+  EXPECT_THAT(job, HasSubstr("\"output\": \"" + folder_.string() + ".net/out/s.####.exr\""));
+  EXPECT_EQ(here("raystage farm task out/s.farm/job-0001 render 0").exit_code, 0);
+  EXPECT_EQ(here("raystage farm task out/s.farm/job-0001 verify").exit_code, 0);
+  EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
+  std::filesystem::remove(folder_.string() + ".net");
+}
+
+TEST_F(FarmLocal, ReadOnlyTakesGetACacheNextToTheOutput) {
+  write_shot("freeze", 2, 0, "depth");
+  std::filesystem::create_directories(folder_ / "out");
+  std::filesystem::permissions(folder_ / "out", std::filesystem::perms::all);
+  const CommandResult farm =
+      run("cd '" + folder_.string() +
+              "' && raystage farm submit 'show dir/freeze.json' -o out/s.####.exr --engine local",
+          {.root = true});
+  ASSERT_EQ(farm.exit_code, 0) << farm.err;
+  EXPECT_THAT(farm.err, HasSubstr("a take is read-only"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "show dir" / "take" / "depth"));
+  EXPECT_EQ(files_with(folder_ / "out" / "s.farm" / "cache" / "depth", ".zst").size(), 1U);
+  EXPECT_EQ(status("out/s.####.exr")["instants_solved"], 1);
+}
+
+TEST_F(FarmLocal, ExportsAJobForOtherRenderManagers) {
+  const CommandResult made =
+      here("raystage farm export --openjd 'show dir/shot.json' -o out/s.####.exr --chunk 24");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  std::string file = made.out;
+  file.pop_back();
+  const auto document = nlohmann::json::parse(text_of(file));
+  // As a session runs it: every step's command in order, for every value of its range.
+  for (const auto& step : document["steps"]) {
+    const int tasks = step.contains("parameterSpace") ? 2 : 1;
+    for (int i = 0; i < tasks; ++i) {
+      std::string command = document["parameterDefinitions"][1]["default"];
+      for (std::string word : step["script"]["actions"]["onRun"]["args"]) {
+        word =
+            replaced(word, "{{Param.JobFolder}}", document["parameterDefinitions"][0]["default"]);
+        word = replaced(word, "{{Task.Param.Task}}", std::to_string(i));
+        word =
+            replaced(word, "{{Session.PathMappingRulesFile}}", (folder_ / "rules.json").string());
+        command += " '" + word + "'";
+      }
+      write_text(folder_ / "rules.json", R"({"version": "pathmapping-1.0"})");
+      const CommandResult ran = here(command);
+      EXPECT_EQ(ran.exit_code, 0) << command << ran.err;
+    }
+  }
+  EXPECT_EQ(status("out/s.####.exr")["state"], "done");
+  EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
+}
+
+TEST_F(FarmLocal, OtherBuildsAreRefused) {
+  ASSERT_EQ(here("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local "
+                 "--no-queue")
+                .exit_code,
+            0);
+  put_in_place_of_render("");
+  const CommandResult other = here("bin/raystage farm task out/s.farm/job-0001 render 0");
+  EXPECT_EQ(other.exit_code, 1);
+  const auto told = status("out/s.####.exr");
+  EXPECT_THAT(told["tasks"][0]["reason"].get<std::string>(),
+              HasSubstr("the job was made with build"));
+  EXPECT_EQ(told["excluded_nodes"].size(), 1U);
+  EXPECT_EQ(here("bin/raystage farm doctor out/s.####.exr").exit_code, 1);
+}
+
+}  // namespace
+}  // namespace raystage::testing

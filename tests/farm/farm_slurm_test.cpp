@@ -1,0 +1,244 @@
+// SPDX-License-Identifier: Apache-2.0
+// Farm jobs on a real Slurm cluster.
+#include <unistd.h>
+
+#include <algorithm>
+#include <set>
+
+#include "tests/farm/farm_job_test.h"
+
+namespace raystage::testing {
+namespace {
+
+using nlohmann::json;
+using ::testing::HasSubstr;
+
+constexpr double kJobSeconds = 240;  // a busy machine is no fault
+
+class FarmSlurm : public FarmJobTest {
+ protected:
+  void SetUp() override {
+    if (geteuid() != 0) GTEST_SKIP() << "a cluster on one host takes root";
+    if (run("command -v slurmctld slurmd munged nsenter").exit_code != 0) {
+      GTEST_SKIP() << "Slurm is not installed (slurm-wlm, munge)";
+    }
+    if (run("unshare --pid --mount --fork --kill-child --mount-proc true").exit_code != 0) {
+      GTEST_SKIP() << "namespaces are refused here";
+    }
+    FarmJobTest::SetUp();
+  }
+  void TearDown() override {
+    if (!folder_.empty()) cluster("stop");
+    FarmJobTest::TearDown();
+  }
+  CommandResult cluster(const std::string& verb) const {
+    return run(RAYSTAGE_SOURCE_DIR "/tests/farm/cluster.sh '" + (folder_ / "c").string() + "' " +
+               verb);
+  }
+  void start(const std::string& more = "") const {
+    const CommandResult started = cluster("start 4 " + more);
+    ASSERT_EQ(started.exit_code, 0) << started.err;
+  }
+  CommandResult on_cluster(const std::string& command) const {
+    return here("export SLURM_CONF='" + (folder_ / "c" / "slurm.conf").string() + "'; " + command);
+  }
+  json told(const std::string& output = "out/s.####.exr") const {
+    return json::parse(on_cluster("raystage farm status --json '" + output + "'").out);
+  }
+  bool is_over(double seconds = kJobSeconds) const {
+    return wait_for(seconds, [&] {
+      const json status = told();
+      return status["state"] != "running" && status["state"] != "waiting" &&
+             status["state"] != "unknown";
+    });
+  }
+  static std::set<std::string> nodes_of(const json& status, const std::string& stage) {
+    std::set<std::string> nodes;
+    for (const json& task : status["tasks"]) {
+      if (task["stage"] != stage) continue;
+      for (const json& attempt : task["attempts"]) nodes.insert(attempt["node"].get<std::string>());
+    }
+    return nodes;
+  }
+  std::string logs() const {
+    std::string text;
+    for (const auto& file : files_with(folder_ / "out" / "s.farm", ".log")) {
+      text += "== " + file.filename().string() + "\n" + text_of(file);
+    }
+    return text;
+  }
+};
+
+TEST_F(FarmSlurm, ASequenceSurvivesWhatHappensToAFarm) {
+  start("MinJobAge=2");  // and no RequeueExit
+  put_in_place_of_render(R"(
+case "$*" in
+  *"--frames=21-24 "*) [ -e ')" +
+                         folder_.string() + R"(/f2' ] || {
+    [ ! -e ')" + folder_.string() +
+                         R"(/f1' ] || touch ')" + folder_.string() + R"(/f2'
+    touch ')" + folder_.string() +
+                         R"(/f1'; exit 1; } ;;
+esac
+sleep 1)");
+  const CommandResult submitted = on_cluster(
+      "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 4 -j 1 --no-measure "
+      "--no-queue");
+  ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
+  // On n3 the output disk is another one, and full; the job folder is where it is.
+  const std::string out = (folder_ / "out").string();
+  const CommandResult filled = cluster("on n3 sh -c \"mkdir /tmp/kept.$$ && mount --bind " + out +
+                                       "/s.farm /tmp/kept.$$ && "
+                                       "mount -t tmpfs -o size=64k none " +
+                                       out + " && mkdir " + out +
+                                       "/s.farm && "
+                                       "mount --bind /tmp/kept.$$ " +
+                                       out + "/s.farm\"");
+  ASSERT_EQ(filled.exit_code, 0) << filled.err;
+  ASSERT_EQ(on_cluster("sh out/s.farm/job-0001/round-1.sh").exit_code, 0);
+
+  // A node dies in the middle of a task.
+  ASSERT_TRUE(wait_for(60, [&] { return nodes_of(told(), "render").contains("n2"); }));
+  cluster("kill-node n2");
+  json status = told();
+  EXPECT_EQ(status["state"], "running");
+  // The controller goes away and comes back; what is done is known all the same.
+  cluster("kill-controller");
+  status = told();
+  EXPECT_EQ(status["state"], "unknown");
+  int done = 0;
+  for (const json& task : status["tasks"]) {
+    if (task["stage"] != "render") continue;
+    const bool has_end = !task["attempts"].empty() && task["attempts"].back().contains("end") &&
+                         task["attempts"].back()["end"]["result"] == "done";
+    EXPECT_EQ(task["state"] == "done", has_end);
+    EXPECT_NE(task["state"], "running") << "nobody can know";
+    done += has_end ? 4 : 0;
+  }
+  EXPECT_EQ(status["frames_done"], done);
+  ASSERT_EQ(cluster("start-controller").exit_code, 0);
+
+  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
+  status = told();
+  EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
+  EXPECT_EQ(status["frames_done"], 48);
+  // The full disk cost no more than two tasks, and each of them went elsewhere.
+  int failed_on_full_disk = 0, failed_twice = 0;
+  for (const json& task : status["tasks"]) {
+    if (task["stage"] != "render") continue;
+    for (const json& attempt : task["attempts"]) {
+      const bool failed = attempt.contains("end") && attempt["end"]["result"] == "failed";
+      failed_on_full_disk += failed && attempt["node"] == "n3";
+      failed_twice += failed && attempt["node"] != "n3";
+    }
+  }
+  EXPECT_GE(failed_on_full_disk, 1) << "the test tests nothing";
+  EXPECT_LE(failed_on_full_disk, 2);
+  EXPECT_EQ(failed_twice, 2);
+  EXPECT_THAT(status["excluded_nodes"]["n3"].get<std::string>(),
+              HasSubstr("the disk has room for"));
+  // Byte for byte what one machine renders.
+  ASSERT_EQ(run("cd '" + folder_.string() +
+                "' && raystage render -q 'show dir/shot.json' "
+                "-o plain/s.####.exr --simd avx2")
+                .exit_code,
+            0);
+  EXPECT_EQ(frames_in(folder_ / "out"), frames_in(folder_ / "plain"));
+  EXPECT_TRUE(wait_for(60, [&] {
+    return std::filesystem::exists(folder_ / "out/s.farm/job-0001/contact-sheet.png");
+  })) << logs();
+}
+
+TEST_F(FarmSlurm, AFreezeDerivesItsInstantOnceAndAMoveItsInstantsSideBySide) {
+  start("RequeueExit=75 MinJobAge=86400");
+  write_shot("freeze", 16, 0, "depth");
+  ASSERT_EQ(
+      on_cluster("raystage farm submit 'show dir/freeze.json' -o out/s.####.exr --chunk 2 -j 1 "
+                 "--no-measure --no-preview")
+          .exit_code,
+      0);
+  ASSERT_TRUE(is_over());
+  json status = told();
+  EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
+  EXPECT_EQ(status["instants_solved"], 1);
+  std::filesystem::remove_all(folder_ / "out");
+  write_shot("move", 16, 2.4, "depth");  // a tick for every frame
+  ASSERT_EQ(on_cluster("raystage farm submit 'show dir/move.json' -o out/s.####.exr --chunk 4 -j 1 "
+                       "--no-measure --no-preview")
+                .exit_code,
+            0);
+  ASSERT_TRUE(is_over());
+  status = told();
+  EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
+  int prepared = 0;
+  for (const json& task : status["tasks"]) prepared += task["stage"] == "prepare";
+  EXPECT_GE(prepared, 14);
+  EXPECT_EQ(status["instants_solved"], prepared);
+  EXPECT_EQ(nodes_of(status, "prepare").size(), 4U);
+  EXPECT_TRUE(files_with(folder_, "pin.").empty());
+}
+
+TEST_F(FarmSlurm, OneLiveJobAnOutputAndTheNextBehindIt) {
+  start();
+  put_in_place_of_render("sleep 2");
+  const std::string submit =
+      "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 24 -j 1 --no-measure "
+      "--no-preview --existing overwrite ";
+  ASSERT_EQ(on_cluster(submit).exit_code, 0);
+  const CommandResult second = on_cluster(submit);
+  EXPECT_EQ(second.exit_code, 2);
+  EXPECT_THAT(second.err, HasSubstr("job-0001"));
+  EXPECT_THAT(second.err, HasSubstr("a job of this output is not over: s-"));
+  const CommandResult after = on_cluster(submit + "--after");
+  ASSERT_EQ(after.exit_code, 0) << after.err;
+  json status = told("out/s.farm/job-0002");
+  EXPECT_EQ(status["state"], "waiting");
+  EXPECT_EQ(status["reason"], "it waits for the job before it");
+  ASSERT_TRUE(wait_for(kJobSeconds, [&] { return told("out/s.farm/job-0002")["state"] == "done"; }))
+      << told("out/s.farm/job-0002").dump(1) << logs();
+  EXPECT_EQ(told("out/s.farm/job-0001")["state"], "done");
+  // And one that is cancelled leaves no task behind.
+  ASSERT_EQ(on_cluster(submit).exit_code, 0);
+  EXPECT_EQ(on_cluster("raystage farm cancel out/s.####.exr").exit_code, 0);
+  EXPECT_EQ(told()["state"], "cancelled");
+  EXPECT_TRUE(wait_for(20, [&] { return on_cluster("squeue -h").out.empty(); }));
+  EXPECT_EQ(on_cluster("raystage farm cancel out/s.####.exr").exit_code, 2);
+}
+
+TEST_F(FarmSlurm, TheDoctorAsksEveryNode) {
+  start();
+  ASSERT_EQ(on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --no-measure "
+                       "--no-queue")
+                .exit_code,
+            0);
+  CommandResult doctor = on_cluster("raystage farm doctor out/s.####.exr --wait 60");
+  EXPECT_EQ(doctor.exit_code, 0) << doctor.out << doctor.err;
+  for (const char* node : {"n1 ", "n2 ", "n3 ", "n4 "}) EXPECT_THAT(doctor.out, HasSubstr(node));
+  cluster("kill-node n2");
+  cluster("on n4 mount -t tmpfs none '" + (folder_ / "show dir").string() + "'");
+  cluster("on n3 mount -t tmpfs -o size=16k none '" + (folder_ / "show dir").string() + "'");
+  doctor = on_cluster("raystage farm doctor out/s.####.exr --nodes n1,n2,n9");
+  EXPECT_EQ(doctor.exit_code, 1);
+  EXPECT_THAT(doctor.out, HasSubstr("Slurm: down"));
+  EXPECT_THAT(doctor.out, HasSubstr("Slurm knows no such node"));
+  EXPECT_THAT(doctor.out, ::testing::Not(HasSubstr("n4")));
+}
+
+TEST_F(FarmSlurm, NodesWithoutTheJobsFolderAreLeft) {
+  start("MinJobAge=2");
+  put_in_place_of_render("sleep 1");
+  ASSERT_EQ(on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 4 -j 1 "
+                       "--no-measure --no-preview --no-queue")
+                .exit_code,
+            0);
+  ASSERT_EQ(cluster("on n1 mount -t tmpfs none '" + (folder_ / "out").string() + "'").exit_code, 0);
+  ASSERT_EQ(on_cluster("sh out/s.farm/job-0001/round-1.sh").exit_code, 0);
+  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
+  const json status = told();
+  EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
+  EXPECT_FALSE(nodes_of(status, "render").contains("n1"));
+  EXPECT_EQ(status["excluded_nodes"]["n1"], "the job folder is not there");
+}
+
+}  // namespace
+}  // namespace raystage::testing

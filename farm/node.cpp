@@ -6,6 +6,7 @@
 #include <xxhash.h>
 
 #include <algorithm>
+#include <array>
 #include <fstream>
 #include <system_error>
 #include <vector>
@@ -22,12 +23,20 @@ namespace fs = std::filesystem;
 
 constexpr std::uintmax_t kProbeBytes = std::uintmax_t{1} << 20;
 
+/// Libraries that pixels and files depend on. Others come and go: what the system loads for user
+/// names, and what a texture makes the program load.
+constexpr std::array<std::string_view, 13> kLibraries{
+    "libOpenEXR", "libImath",     "libIlmThread", "libOpenColorIO", "libembree",
+    "libtbb.so",  "libturbojpeg", "libjpeg",      "libhwy",         "libpng",
+    "libassimp",  "libm.so",      "libc.so"};
+
 int add_library(dl_phdr_info* info, std::size_t /*size*/, void* names) {
-  if (info->dlpi_name != nullptr && info->dlpi_name[0] == '/') {
-    std::error_code ignored;
-    // The link leads to the file whose name has the whole version.
-    static_cast<std::vector<std::string>*>(names)->push_back(
-        fs::canonical(info->dlpi_name, ignored).filename().string());
+  if (info->dlpi_name == nullptr || info->dlpi_name[0] != '/') return 0;
+  std::error_code ignored;
+  // The link leads to the file whose name has the whole version.
+  const std::string name = fs::canonical(info->dlpi_name, ignored).filename().string();
+  if (std::ranges::any_of(kLibraries, [&](auto known) { return name.starts_with(known); })) {
+    static_cast<std::vector<std::string>*>(names)->push_back(name);
   }
   return 0;
 }

@@ -11,7 +11,7 @@
 namespace raystage::farm {
 
 /// Identifies what renders on this machine: a hash of the executable raystage-render next to this
-/// program and of the versions of the shared libraries that this process has loaded. Equal builds
+/// program and of the versions of the shared libraries that pixels depend on. Equal builds
 /// give equal frames at equal SIMD levels. 16 hex digits.
 std::string build_id();
 

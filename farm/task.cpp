@@ -10,6 +10,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
+#include <set>
 
 #include "farm/attempts.h"
 #include "farm/child_process.h"
@@ -22,7 +23,7 @@ namespace raystage::farm {
 namespace {
 
 constexpr int kOutOfMemory = 33;  // the farms' agreed code
-constexpr int kMostFailuresOfNode = 2;
+constexpr std::size_t kMostFailuresOfNode = 2;
 
 std::string environment(const char* name) {
   const char* value = std::getenv(name);
@@ -136,16 +137,17 @@ std::string reason_of(AttemptResult result, const LogReader& log, bool stopped) 
   }
 }
 
-/// Attempts on this node that failed by themselves.
-int failures_on(const JobFolder& folder, const std::string& node) {
-  int failures = 0;
+/// Tasks that failed on this node by themselves. One task that fails again and again is no sign of
+/// a bad node.
+std::size_t failures_on(const JobFolder& folder, const std::string& node) {
+  std::set<std::pair<std::string, int>> failed_tasks;
   for (const auto& [task, attempts] : read_attempts(folder)) {
     for (const FarmAttempt& attempt : attempts) {
       const bool failed = attempt.end && attempt.end->result == AttemptResult::kFailed;
-      if (failed && attempt.node == node && task.first != "verify") ++failures;
+      if (failed && attempt.node == node && task.first != "verify") failed_tasks.insert(task);
     }
   }
-  return failures;
+  return failed_tasks.size();
 }
 
 std::vector<std::string> command_of(const TaskRequest& request, const MappedJob& mapped,
@@ -185,6 +187,7 @@ class Attempt {
     record_end(request_.folder, attempt_);
     if (end.result == AttemptResult::kFailed && !end.node_fault &&
         request_.stage != FarmStage::kVerify &&
+        mapped_.job.engine != FarmJobDocument::Engine::kLocal &&  // which has no other node
         failures_on(request_.folder, attempt_.node) >= kMostFailuresOfNode) {
       request_.folder.exclude(attempt_.node, fmt::format("{} tasks failed here, the last: {}",
                                                          kMostFailuresOfNode, end.reason));

@@ -28,8 +28,9 @@ class FarmJobTest : public ::testing::Test {
     std::filesystem::permissions(folder_, std::filesystem::perms(0755));
     std::filesystem::create_directories(folder_ / "show dir");
     const CommandResult made = here(
-        "raystage simulate stage -q --rows 3 --columns 3 --width 128 --height 96 --fps 10 "
-        "--spacing-mm 60 --seconds 3 --truth-views 0 -o 'show dir/take' && raystage sync -q 'show "
+        "raystage simulate stage -q --rows 2 --columns 2 --width 96 --height 72 --fps 10 "
+        "--spacing-mm 60 --seconds 3.6 --truth-views 0 -o 'show dir/take' && raystage sync -q "
+        "'show "
         "dir/take'");
     ASSERT_EQ(made.exit_code, 0) << made.err;
     write_shot("shot", 48, 1, "focal_plane");

@@ -173,7 +173,7 @@ TEST_F(FarmLocal, ExportsAJobForOtherRenderManagers) {
   ASSERT_EQ(made.exit_code, 0) << made.err;
   std::string file = made.out;
   file.pop_back();
-  const auto document = nlohmann::json::parse(text_of(file));
+  const auto document = nlohmann::json::parse(text_of(folder_ / file));
   // As a session runs it: every step's command in order, for every value of its range.
   for (const auto& step : document["steps"]) {
     const int tasks = step.contains("parameterSpace") ? 2 : 1;

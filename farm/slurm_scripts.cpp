@@ -50,6 +50,32 @@ cd "$JOB" 2>/dev/null && [ -f job.json ] || {
 }
 )sh";
 
+/// sbatch passes SLURM_* variables on, whatever --export says: a task that was queued from within a
+/// task would take itself for that one.
+constexpr std::string_view kForgetOwnTask = R"sh(
+forget_own_task() {
+  for variable in $(env | sed -n 's/^\(SLURM_[A-Za-z0-9_]*\)=.*/\1/p'); do
+    [ "$variable" = SLURM_CONF ] || unset "$variable"
+  done
+}
+)sh";
+
+/// A controller that is killed forgets what it accepted in its last seconds. Where that was the
+/// verification, nothing would end the job: whichever task notices queues it anew, once a round.
+constexpr std::string_view kKeepVerification = R"sh(
+keep_verification() {
+  [ -s "slurm/verify.$ROUND" ] && [ ! -e ended.json ] && [ ! -e cancelled ] || return 0
+  known=$(squeue -h --me --name="$JOB_ID.verify" -o %i) && [ -z "$known" ] || return 0
+  mkdir "slurm/lost-verify.$ROUND" 2>/dev/null || return 0
+  echo 'the verification is no longer queued; it is queued anew'
+  own=$(squeue -h -j "$SLURM_JOB_ID" -o %x | head -n 1)  # nodes that this task was kept from
+  [ "$own" != '(null)' ] || own=
+  forget_own_task
+  id=$(sbatch --parsable ${own:+--exclude="$own"} --dependency=afterany"$(cat slurm/render."$ROUND".* | sed 's/^/:/' | tr -d '\n')" \
+    verify.sbatch "$ROUND" 0) && echo "${id%%;*}" >"slurm/verify.$ROUND"
+}
+)sh";
+
 /// Prints an id once sbatch has accepted a script, and keeps it. A controller that does not answer
 /// is asked again for as long as PATIENCE says, seconds.
 constexpr std::string_view kQueue = R"sh(
@@ -211,7 +237,10 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   }
   text += task_command(job, stage) + "\n";
   if (stage == FarmStage::kPreview) return text;
-  text += "code=$?\n[ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\nexit $code\n";
+  text += "code=$?\n";
+  text += kForgetOwnTask.substr(1);
+  text += kKeepVerification.substr(1);
+  text += "keep_verification\n[ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\nexit $code\n";
   return text;
 }
 
@@ -238,12 +267,13 @@ std::string queue_start_script(const FarmJobDocument& job) {
       "names.\n"
       "# Usage: sh start.sh [SECONDS to wait at least]\n"
       "set -eu\ncd \"$(dirname \"$0\")\"\n"
+      "{}forget_own_task\n"
       "newest=$(ls -v \"$(cat after)\"/slurm/start \"$(cat after)\"/slurm/verify.* 2>/dev/null |\n"
       "  grep -v '[.]new$' | tail -n 1)\n"
       "id=$(sbatch --parsable ${{newest:+--dependency=afterany:$(cat \"$newest\")}} \\\n"
       "  --begin=now+\"${{1:-0}}\" start.sbatch)\n"
       "printf '%s\\n' \"${{id%%;*}}\" >slurm/start.new && mv slurm/start.new slurm/start\n",
-      job.id);
+      job.id, kForgetOwnTask);
 }
 
 std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
@@ -256,7 +286,9 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
       "set -eu\ncd \"$(dirname \"$0\")\"\n",
       round.round, job.id, round.prepare.size(), round.render.size(), round.round);
   text += "[ ! -e cancelled ] || { echo 'the job was cancelled' >&2; exit 1; }\n";
-  text += kQueue;
+  text += kForgetOwnTask;
+  text += "forget_own_task\n";
+  text += kQueue.substr(1);
   // Held until everything is queued: a task that is over and forgotten is no dependency any more.
   for (const QueuedArray& array : prepare) {
     text +=
@@ -293,9 +325,10 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
 
 std::string preview_script(const FarmJobDocument& job) {
   return fmt::format(
-      "#!/bin/sh\n# Queues the preview of farm job {}.\nset -eu\ncd \"$(dirname \"$0\")\"\n{}"
+      "#!/bin/sh\n# Queues the preview of farm job {}.\nset -eu\ncd \"$(dirname "
+      "\"$0\")\"\n{}forget_own_task\n{}"
       "queue preview.1 preview.sbatch 1 0\n",
-      job.id, kQueue);
+      job.id, kForgetOwnTask, kQueue.substr(1));
 }
 
 void write_batch_scripts(const JobFolder& folder, const FarmJobDocument& job) {

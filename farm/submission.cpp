@@ -209,10 +209,11 @@ void add_tasks(const SubmissionOptions& options, const Checked& checked,
   std::vector<const DerivedInstant*> missing;
   std::error_code ignored;
   for (const DerivedInstant& instant : checked.instants) {
-    job.pinned.push_back(instant.file.string());
+    job.pinned.push_back(path_text(instant.file));
     if (fs::exists(instant.file, ignored)) continue;
     missing.push_back(&instant);
-    job.instants.push_back({static_cast<int>(instant.layer), instant.tick, instant.file.string()});
+    job.instants.push_back(
+        {static_cast<int>(instant.layer), instant.tick, path_text(instant.file)});
   }
   const int per_chunk =
       options.chunk.value_or(automatic_chunk(frames.size(), job.seconds_per_frame));

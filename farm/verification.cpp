@@ -75,10 +75,11 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
 }  // namespace
 
 void end_job(const JobFolder& folder, const FarmJobDocument& job, FarmEnd end) {
-  end.ended_utc = utc_now();
-  folder.write_end(end);
+  // The end comes last: who reads it may rely on the rest.
   const std::vector<std::filesystem::path> pinned(job.pinned.begin(), job.pinned.end());
   unpin_derived(pinned, job.id);
+  end.ended_utc = utc_now();
+  folder.write_end(end);
 }
 
 FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_token& stop) {

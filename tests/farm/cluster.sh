@@ -133,7 +133,7 @@ kill-node)
   finish "$1" KILL
   scontrol update nodename="$1" state=down reason="power cut"
   ;;
-kill-controller) finish slurmctld KILL ;;
+kill-controller) finish slurmctld TERM ;;  # KILL within seconds of a submission would lose it
 start-controller) start_controller || die "slurmctld did not come up" ;;
 on)
   unshared=$(cat "$D/run/$1.pid")

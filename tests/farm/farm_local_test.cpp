@@ -21,7 +21,7 @@ TEST_F(FarmLocal, AJobGivesTheFramesOfAPlainRender) {
   EXPECT_THAT(farm.err, HasSubstr("Progress: 100%"));
   ASSERT_EQ(
       here("raystage render -q 'show dir/shot.json' -o plain/s.####.exr --simd avx2").exit_code, 0);
-  EXPECT_EQ(frames_in(folder_ / "o u t"), frames_in(folder_ / "plain"));
+  EXPECT_TRUE(frames_in(folder_ / "o u t") == frames_in(folder_ / "plain"));
   const auto job = folder_ / "o u t" / "s.farm" / "job-0001";
   EXPECT_TRUE(std::filesystem::exists(job / "preview.mp4"));
   EXPECT_TRUE(std::filesystem::exists(job / "contact-sheet.png"));

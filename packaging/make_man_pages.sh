@@ -28,9 +28,12 @@ listed() {
 }
 
 # The help as man pages show it: "-h, --help"; the usage line alone; exit codes in a section of their own.
+# CLI11 begins descriptions in column 34; help2man wants two spaces before them, where one may be all there is.
 page_help() {
-  sed -E -e '/^Exit codes:/,/^$/d' -e 's/^(  -[A-Za-z0-9]),--/\1, --/' \
-      -e '/^  [^ ]/s/ REQUIRED( |$)/ (required)\1/' -e '/^Usage:/s/ {2,}.*//' -e '/^Usage:/s/\[OPTIONS\]/[OPTION...]/' "$1"
+  perl -pe 'substr($_, 33, 0) = " " if length > 34 && /^  -/ && substr($_, 0, 33) !~ /\S  / &&
+      substr($_, 32, 3) =~ /^\S \S/ && substr($_, 34) !~ /^(in \[|- |\.\.\.|REQUIRED|Needs:|Excludes:|\(Env:)/' "$1" |
+    sed -E -e '/^Exit codes:/,/^$/d' -e 's/^(  -[A-Za-z0-9]),--/\1, --/' \
+      -e '/^  [^ ]/s/ REQUIRED( |$)/ (required)\1/' -e '/^Usage:/s/ {2,}.*//' -e '/^Usage:/s/\[OPTIONS\]/[OPTION...]/'
 }
 
 # "Exit codes: 0 done; 1 failed" on stdin as a section of a list.

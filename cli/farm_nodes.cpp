@@ -17,7 +17,6 @@
 namespace raystage {
 namespace {
 
-
 struct TaskOptions {
   std::string job, stage;
   int index = 0, round = 1;
@@ -57,7 +56,8 @@ struct EstimateOptions {
   std::string job, page;
   std::vector<int> nodes{1, 2, 4, 10, 100, 1000};
   farm::SiteCosts site;
-  double read_mb = 1000, write_mb = 1000, frame_read_mb = 0, task_cpu_s = 0;
+  double read_mb = 1000, write_mb = 1000, frame_read_mb = 0, task_s = 0;
+  double latency_s = -1;  ///< negative: as measured
   int frames = 0, chunks = 0, instants = -1;
 };
 
@@ -72,7 +72,12 @@ ExitCode estimate(EstimateOptions options) {
   options.site.storage_read_bytes_per_s = options.read_mb * 1e6;
   options.site.storage_write_bytes_per_s = options.write_mb * 1e6;
   costs->frame_read_bytes = options.frame_read_mb * 1e6;
-  costs->task_cpu_s = options.task_cpu_s;
+  costs->task_s = options.task_s;
+  if (options.latency_s >= 0) {
+    options.site.start_latency_s = options.latency_s;
+  } else if (costs->gap_s) {
+    options.site.start_latency_s = *costs->gap_s;
+  }
   if (options.frames > 0) costs->frames = options.frames;
   if (options.chunks > 0) costs->chunks = options.chunks;
   if (options.instants >= 0) costs->instants = options.instants;
@@ -149,12 +154,12 @@ FarmCommand declare_farm_estimate(CLI::App& farm) {
                   "JPEG data that a frame reads, MB (default: 0)")
       ->check(CLI::NonNegativeNumber)
       ->type_name("MB");
-  app->add_option("--task-cpu", options->task_cpu_s,
-                  "processor seconds of a task besides its frames (default: 0)")
+  app->add_option("--task-seconds", options->task_s,
+                  "seconds of a task besides its frames and the latency (default: 0)")
       ->check(CLI::NonNegativeNumber)
       ->type_name("S");
-  app->add_option("--latency", options->site.start_latency_s,
-                  "seconds from a free slot to a running task (default: 0.5)")
+  app->add_option("--latency", options->latency_s,
+                  "seconds from a free slot to a running task (default: as the job's records show)")
       ->check(CLI::NonNegativeNumber)
       ->type_name("S");
   app->add_option("--starts", options->site.starts_per_s,

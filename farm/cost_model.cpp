@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <map>
 
 #include "compose/frame_range.h"
 #include "compose/sequence_name.h"
@@ -31,11 +32,11 @@ struct StageTime {
   }
 };
 
-/// `tasks` of `cpu_s` processor seconds each on `slots` slots of `threads` cores.
-StageTime stage_time(int tasks, double cpu_s, int threads, int slots, const SiteCosts& site) {
+/// `tasks` of `seconds` each on `slots` slots.
+StageTime stage_time(int tasks, double seconds, int slots, const SiteCosts& site) {
   StageTime time;
   if (tasks == 0) return time;
-  const double task_s = cpu_s / threads + site.start_latency_s;
+  const double task_s = seconds + site.start_latency_s;
   const double waves = std::ceil(static_cast<double>(tasks) / slots);
   time.seconds = waves * task_s;
   time.limit = tasks < 2 * slots ? CostLimit::kTooFewTasks : CostLimit::kProcessors;
@@ -45,10 +46,9 @@ StageTime stage_time(int tasks, double cpu_s, int threads, int slots, const Site
 
 double seconds_on(const JobCosts& job, const SiteCosts& site, int nodes, Prediction& result) {
   const int slots = std::max(1, nodes * site.cores_per_node / job.threads);
-  const StageTime prepare = stage_time(job.instants, job.solve_cpu_s, job.threads, slots, site);
+  const StageTime prepare = stage_time(job.instants, job.solve_s, slots, site);
   StageTime render =
-      stage_time(job.chunks, job.task_cpu_s + job.frame_cpu_s * job.frames / job.chunks,
-                 job.threads, slots, site);
+      stage_time(job.chunks, job.task_s + job.frame_s * job.frames / job.chunks, slots, site);
   render.at_least(job.frames * job.frame_read_bytes / site.storage_read_bytes_per_s,
                   CostLimit::kStorageRead);
   render.at_least(job.frames * job.frame_write_bytes / site.storage_write_bytes_per_s,
@@ -61,6 +61,30 @@ double seconds_on(const JobCosts& job, const SiteCosts& site, int nodes, Predict
   if (result.serial_s > std::max(prepare.seconds, render.seconds))
     result.limit = CostLimit::kSerial;
   return result.prepare_s + result.render_s + result.serial_s;
+}
+
+/// Both times are by the node's own clock; clocks of different nodes are never compared.
+std::optional<double> median_gap(const TaskAttempts& attempts) {
+  std::map<std::string, std::vector<std::pair<Nanoseconds, Nanoseconds>>> runs;  // by node
+  for (const auto& [task, list] : attempts) {
+    if (task.first != "render" && task.first != "prepare") continue;
+    for (const FarmAttempt& attempt : list) {
+      if (!attempt.end || !attempt.end->ended_utc) continue;
+      runs[attempt.node].emplace_back(attempt.started_utc, *attempt.end->ended_utc);
+    }
+  }
+  std::vector<double> gaps;
+  for (auto& [node, times] : runs) {
+    std::ranges::sort(times);
+    for (std::size_t i = 1; i < times.size(); ++i) {
+      // Of nodes that run several tasks at once the gap is hidden: those count as none.
+      gaps.push_back(
+          std::max(0.0, 1e-9 * static_cast<double>(times[i].first - times[i - 1].second)));
+    }
+  }
+  if (gaps.empty()) return std::nullopt;
+  std::ranges::nth_element(gaps, gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2));
+  return gaps[gaps.size() / 2];
 }
 
 }  // namespace
@@ -85,7 +109,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
   costs.threads = job.of(FarmStage::kRender).threads;
   costs.frames = 0;
   const SequenceName name(job.output);
-  double cpu = 0, bytes = 0, solve_cpu = 0;
+  double cpu = 0, wall = 0, bytes = 0, solve = 0;
   int timed = 0, files = 0, solved = 0;
   std::error_code error;
   for (std::size_t i = 0; i < job.chunks.size(); ++i) {
@@ -102,34 +126,38 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     const FarmAttempt::End& end = *found->second.back().end;
     if (end.result != AttemptResult::kDone) continue;
     cpu += end.cpu_seconds;
+    wall += end.wall_seconds;
     timed += static_cast<int>(frames.size());
   }
   for (const auto& [task, list] : attempts) {
     const bool done = list.back().end && list.back().end->result == AttemptResult::kDone;
     if (!done) continue;
     if (task.first == "prepare") {
-      solve_cpu += list.back().end->cpu_seconds;
+      solve += list.back().end->wall_seconds;
       ++solved;
     }
     if (task.first == "verify") costs.verify_s = list.back().end->wall_seconds;
   }
   if (timed == 0) return std::nullopt;
   costs.frame_cpu_s = cpu / timed;
+  costs.frame_s = wall / timed;
+  costs.gap_s = median_gap(attempts);
   costs.verify_s /= std::max(1, costs.frames);
   if (files > 0) costs.frame_write_bytes = bytes / files;
-  if (solved > 0) costs.solve_cpu_s = solve_cpu / solved;
+  if (solved > 0) costs.solve_s = solve / solved;
   return costs;
 }
 
 std::string cost_text(const JobCosts& job, const SiteCosts& site, std::span<const int> nodes) {
   std::string text = fmt::format(
       "{} frames in {} tasks of {} threads, {} instants to prepare\n"
-      "processor seconds: {:.3f} a frame, {:.3f} an instant, {:.3f} a task; {:.2f} MB read and "
+      "seconds: {:.3f} a frame ({:.3f} of processors), {:.3f} an instant, {:.3f} a task besides, "
       "{:.2f} "
-      "MB written a frame\n\n{:>6} {:>12} {:>12} {:>12} {:>12} {:>11}  {}\n",
-      job.frames, job.chunks, job.threads, job.instants, job.frame_cpu_s, job.solve_cpu_s,
-      job.task_cpu_s, job.frame_read_bytes * 1e-6, job.frame_write_bytes * 1e-6, "nodes",
-      "prepare, s", "render, s", "serial, s", "in all, s", "efficiency", "limited by");
+      "between tasks;\n{:.2f} MB read and {:.2f} MB written a frame\n\n"
+      "{:>6} {:>12} {:>12} {:>12} {:>12} {:>11}  {}\n",
+      job.frames, job.chunks, job.threads, job.instants, job.frame_s, job.frame_cpu_s, job.solve_s,
+      job.task_s, site.start_latency_s, job.frame_read_bytes * 1e-6, job.frame_write_bytes * 1e-6,
+      "nodes", "prepare, s", "render, s", "serial, s", "in all, s", "efficiency", "limited by");
   for (const int count : nodes) {
     const Prediction p = predict(job, site, count);
     text += fmt::format("{:>6} {:>12.1f} {:>12.1f} {:>12.1f} {:>12.1f} {:>10.0f}%  {}\n", p.nodes,

@@ -12,13 +12,17 @@
 
 namespace raystage::farm {
 
-/// What a job takes, measured on one node. Processor times are of one core, in seconds.
+/// What a job takes, measured by its tasks. Times are wall-clock seconds of a slot, which runs one
+/// task of `threads` threads at a time.
 struct JobCosts {
   int frames = 1, chunks = 1, instants = 0;
-  int threads = 1;               ///< of a task
-  double solve_cpu_s = 0;        ///< of an instant, stage prepare
-  double frame_cpu_s = 0;        ///< of a frame: decode, render, encode
-  double task_cpu_s = 0;         ///< of a task besides: start, opening the take
+  int threads = 1;         ///< of a task
+  double solve_s = 0;      ///< of an instant, stage prepare
+  double frame_s = 0;      ///< of a frame: decode, render, encode, write
+  double frame_cpu_s = 0;  ///< processor time of a frame
+  double task_s = 0;       ///< of a task besides its frames
+  std::optional<double> gap_s =
+      {};                        ///< from the end of a task to the next on the same node, median
   double frame_read_bytes = 0;   ///< JPEG data that a frame needs
   double frame_write_bytes = 0;  ///< its files
   double verify_s = 0;           ///< wall-clock, of a frame
@@ -30,7 +34,7 @@ struct JobCosts {
 struct SiteCosts {
   int cores_per_node = 2;
   double storage_read_bytes_per_s = 1e9, storage_write_bytes_per_s = 1e9;  ///< shared by all nodes
-  double start_latency_s = 0.5;
+  double start_latency_s = 1;
   double starts_per_s = 10;
 };
 

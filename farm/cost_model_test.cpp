@@ -4,6 +4,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "farm/test_job.h"
+
 namespace raystage::farm {
 namespace {
 
@@ -12,7 +14,7 @@ JobCosts costs() {
   job.frames = 1000;
   job.chunks = 500;
   job.threads = 2;
-  job.frame_cpu_s = 4;
+  job.frame_s = 2;
   return job;
 }
 
@@ -55,6 +57,29 @@ TEST(CostModel, LatencyCountsForEveryWaveAndThroughputForTheWhole) {
   SiteCosts late = site();
   late.start_latency_s = 1;
   EXPECT_DOUBLE_EQ(predict(costs(), late, 10).render_s, 50 * (4 + 1));
+}
+
+TEST(CostModel, MeasuresAJobByItsRecords) {
+  FarmJobDocument job = testing::small_job();
+  TaskAttempts attempts;
+  EXPECT_FALSE(measured_costs(job, attempts)) << "nothing has run";
+  Nanoseconds now = 0;
+  for (int i = 0; i < 3; ++i) {
+    FarmAttempt attempt = testing::attempt_at(i, AttemptResult::kDone);
+    attempt.started_utc = now;
+    attempt.end->cpu_seconds = 9;
+    now += 6 * kNanosecondsPerSecond;
+    attempt.end->ended_utc = now;
+    now += kNanosecondsPerSecond;
+    attempts[{"render", i}].push_back(attempt);
+  }
+  const auto costs = measured_costs(job, attempts);
+  ASSERT_TRUE(costs);
+  EXPECT_EQ(costs->frames, 12);
+  EXPECT_DOUBLE_EQ(costs->frame_s, 2);
+  EXPECT_DOUBLE_EQ(costs->frame_cpu_s, 3);
+  ASSERT_TRUE(costs->gap_s);
+  EXPECT_DOUBLE_EQ(*costs->gap_s, 1);
 }
 
 TEST(CostModel, ThePageHasTheCurveAndTheNumbers) {

@@ -149,8 +149,9 @@ TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {
   EXPECT_THAT(version.out, ::testing::MatchesRegex(
                                "raystage [0-9.]+\nkernels: [a-z0-9_]+ \\(compiled: [a-z0-9_ ]+\\)\n"
                                "libraries: FFmpeg [^\n]+\ncompiler: [^\n]+\n"));
-  for (const char* command : {"record", "join", "import", "simulate", "sync", "info", "verify",
-                              "repair", "render", "camera", "evaluate", "bench", "preview"}) {
+  for (const char* command :
+       {"record", "join", "import", "simulate", "sync", "info", "verify", "repair", "render",
+        "prepare", "farm", "camera", "evaluate", "bench", "preview"}) {
     SCOPED_TRACE(command);
     EXPECT_EQ(run(std::string("raystage ") + command + " --no-such-option").exit_code, 2);
     EXPECT_EQ(run(std::string("raystage ") + command).exit_code, 2);

@@ -3,7 +3,8 @@
 # Carries out packaging/Containerfile without a container engine: each stage in a root of its own
 # (debootstrap), its COPY, WORKDIR, RUN, USER and ENTRYPOINT lines by cp and chroot. For checking the recipe
 # where no engine runs; knows no other instructions. Needs root.
-# Usage: packaging/run_containerfile.sh EMPTY_FOLDER MIRROR [ARGUMENT...]     (of the image's entry point)
+# A second run goes on in the first one's roots.
+# Usage: packaging/run_containerfile.sh FOLDER MIRROR [ARGUMENT...]     (of the image's entry point)
 set -euo pipefail
 source="$(cd "$(dirname "$0")/.." && pwd)"
 mkdir -p "$1"
@@ -34,7 +35,7 @@ while IFS= read -r line; do
       stage=$((stage + 1))
       root="$work/stage$stage"
       folder=/ user=root
-      debootstrap --variant=minbase bookworm "$root" "$mirror" >"$work/debootstrap.log"
+      [ -e "$root/etc/debian_version" ] || debootstrap --variant=minbase bookworm "$root" "$mirror" >"$work/debootstrap.log"
       cp /etc/resolv.conf "$root/etc/resolv.conf"
       mount -t proc proc "$root/proc"
       [[ $rest != *' AS '* ]] || ln -sfn "stage$stage" "$work/${rest##* AS }"

@@ -12,7 +12,7 @@ skip() { echo "SKIP: $1"; exit 77; }
 fail() { echo "FAILED: $1" >&2; exit 1; }
 
 [ "$(id -u)" -eq 0 ] || skip "only root may make a root folder and change into it"
-for program in debootstrap unshare apt-get dpkg-shlibdeps help2man; do
+for program in debootstrap unshare apt-get dpkg-shlibdeps file help2man; do
   command -v "$program" >/dev/null || skip "$program is not installed (scripts/packages.txt)"
 done
 if [ -z "${RAYSTAGE_INSTALL_TEST_MOUNTS:-}" ]; then

@@ -163,7 +163,7 @@ FarmCommand declare_farm_estimate(CLI::App& farm) {
       ->check(CLI::NonNegativeNumber)
       ->type_name("S");
   app->add_option("--starts", options->site.starts_per_s,
-                  "tasks that the scheduler starts in a second (default: 10)")
+                  "tasks that the scheduler starts in a second (default: 50)")
       ->check(CLI::PositiveNumber)
       ->type_name("N/S");
   app->add_option("-o,--output", options->page, "page with a chart to write")->type_name("HTML");

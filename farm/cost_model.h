@@ -35,7 +35,7 @@ struct SiteCosts {
   int cores_per_node = 2;
   double storage_read_bytes_per_s = 1e9, storage_write_bytes_per_s = 1e9;  ///< shared by all nodes
   double start_latency_s = 1;
-  double starts_per_s = 10;
+  double starts_per_s = 50;
 };
 
 /// What keeps a job from being faster on so many nodes.

@@ -53,7 +53,7 @@ std::string cost_page(const JobCosts& job, const SiteCosts& site, std::span<cons
   return html_page(
       title,
       fmt::format("{} cores a node, storage {:.0f} MB/s read, {:.0f} MB/s written, {:g} "
-                  "task starts a second, {:g} s latency",
+                  "task starts a second, {:.2g} s latency",
                   site.cores_per_node, site.storage_read_bytes_per_s * 1e-6,
                   site.storage_write_bytes_per_s * 1e-6, site.starts_per_s, site.start_latency_s),
       body, kStyle);

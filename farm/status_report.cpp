@@ -18,6 +18,8 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 std::string time_text(double seconds) {
+  constexpr double kMinute = 60;
+  if (seconds < kMinute) return fmt::format("{:.1f} s", seconds);
   const auto s = static_cast<long long>(seconds + 0.5);
   return fmt::format("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60);
 }

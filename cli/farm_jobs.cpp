@@ -21,7 +21,6 @@
 namespace raystage {
 namespace {
 
-
 struct StatusOptions {
   std::string job, html;
   bool watch = false, json = false, all = false;
@@ -99,6 +98,7 @@ ExitCode cancel(const std::string& job_name) {
   // First of all: a verification that ends now must queue nothing more.
   write_file_atomically(folder.cancel_file(), "");
   if (job.engine == FarmJobDocument::Engine::kSlurm) farm::slurm_cancel(job);
+  if (job.engine == FarmJobDocument::Engine::kLocal) farm::stop_running_here(folder);
   FarmEnd end;
   end.state = FarmEnd::State::kCancelled;
   end.frames = static_cast<int>(farm::frames_of(job).size());

@@ -36,7 +36,7 @@ ExitCode run_task(const TaskOptions& options, const std::stop_token& stop) {
   }
   if (options.stage == "doctor") {
     const farm::MappedJob mapped = farm::read_mapped_job(request.folder, request.paths);
-    print(farm::format_node_report(farm::examine_node(mapped.job)));
+    print(farm::format_node_report(farm::examine_node(mapped.job, options.job)));
     return ExitCode::kSuccess;
   }
   request.stage = parse_farm_stage(options.stage);

@@ -181,7 +181,6 @@ SubmissionOptions completed(Options& options, Progress& progress) {
   return submission;
 }
 
-
 ExitCode show_plan(const SubmissionOptions& submission) {
   const farm::PlannedJob planned = farm::plan_submission(submission);
   const FarmJobDocument& job = planned.job;

@@ -22,7 +22,7 @@ extern char** environ;  // NOLINT: POSIX's name
 namespace raystage::farm {
 namespace {
 
-constexpr std::size_t kMostKept = std::size_t{1} << 20;
+constexpr std::size_t kLongestLine = std::size_t{1} << 20;
 constexpr int kPollMs = 50;
 
 class Descriptor {
@@ -98,7 +98,7 @@ class Lines {
     for (const char c : text) {
       if (c == '\n' || c == '\r') {
         flush();
-      } else if (rest_.size() < kMostKept) {
+      } else if (rest_.size() < kLongestLine) {
         rest_ += c;
       }
     }
@@ -159,7 +159,8 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
         if (log.number() >= 0) {
           [[maybe_unused]] const ssize_t kept = write(log.number(), text.data(), text.size());
         }
-        result.out.append(text.substr(0, kMostKept - std::min(kMostKept, result.out.size())));
+        result.out.append(
+            text.substr(0, options.kept_bytes - std::min(options.kept_bytes, result.out.size())));
         lines.add(text);
         continue;
       }

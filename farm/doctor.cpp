@@ -125,11 +125,11 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
 
 }  // namespace
 
-NodeReport examine_node(const FarmJobDocument& job) {
+NodeReport examine_node(const FarmJobDocument& job, const fs::path& folder) {
   NodeReport report;
   report.node = node_name();
   report.answered = true;
-  report.fault = node_fault(job).value_or("");
+  report.fault = node_fault(job, folder).value_or("");
   report.version = RAYSTAGE_VERSION;
   report.build = build_id();
   report.simd = simd_level_name(best_simd_level());
@@ -193,7 +193,7 @@ std::vector<NodeReport> examine_nodes(const JobFolder& folder,
                                       const std::vector<std::string>& nodes,
                                       double patience_seconds, const std::stop_token& stop) {
   const FarmJobDocument job = folder.job();
-  if (job.engine != FarmJobDocument::Engine::kSlurm) return {examine_node(job)};
+  if (job.engine != FarmJobDocument::Engine::kSlurm) return {examine_node(job, folder.path())};
   return ask_slurm(folder, job, nodes, patience_seconds, stop);
 }
 

@@ -22,7 +22,7 @@ struct NodeReport {
 };
 
 /// This machine's answer.
-NodeReport examine_node(const FarmJobDocument& job);
+NodeReport examine_node(const FarmJobDocument& job, const std::filesystem::path& folder);
 
 /// As one line of JSON, and back. Throws Error (bad input).
 std::string format_node_report(const NodeReport& report);

@@ -45,6 +45,14 @@ std::string as_file_name(std::string_view node) {
   return name.empty() || name.front() == '.' ? "_" + name : name;
 }
 
+/// Whether two patterns name the same files; "s.####.exr" and "s.%04d.exr" do.
+bool is_same_sequence(const std::string& a, const std::string& b) {
+  constexpr std::array kFrames{1, 12345};
+  return std::ranges::all_of(kFrames, [&](int frame) {
+    return SequenceName(a).path(frame).filename() == SequenceName(b).path(frame).filename();
+  });
+}
+
 }  // namespace
 
 std::optional<std::string> read_record(const fs::path& file) {
@@ -171,14 +179,15 @@ std::vector<JobFolder> jobs_in(const fs::path& farm_folder) {
   return jobs;
 }
 
-std::optional<JobFolder> live_job(const std::string& output) {
+std::optional<JobFolder> live_job(const std::string& output, const fs::path& before) {
   std::optional<JobFolder> live;
   for (const JobFolder& folder : jobs_in(farm_folder(output))) {
     std::error_code ignored;
+    if (!before.empty() && folder.path().filename() == before.filename()) break;
     if (fs::exists(folder.end_file(), ignored)) continue;
     const auto text = read_record(folder.job_file());
     // Without a document it is just being created: its output may be this one.
-    if (!text || fs::path(folder.job().output).filename() == fs::path(output).filename()) {
+    if (!text || is_same_sequence(folder.job().output, output)) {
       live = folder;
     }
   }
@@ -215,6 +224,10 @@ JobFolder find_job(const fs::path& named) {
   if (jobs.empty() && !fs::is_directory(path, ignored)) {
     try {
       jobs = jobs_in(farm_folder(path.string()));
+      std::erase_if(jobs, [&](const JobFolder& folder) {
+        return read_record(folder.job_file()) &&
+               !is_same_sequence(folder.job().output, path.string());
+      });
     } catch (const Error&) {  // no name of a sequence
       jobs.clear();
     }

@@ -60,7 +60,9 @@ std::filesystem::path farm_folder(const std::string& output);
 std::vector<JobFolder> jobs_in(const std::filesystem::path& farm_folder);
 
 /// The newest job of this output that is not over; none where every one is.
-std::optional<JobFolder> live_job(const std::string& output);
+/// `before`: only jobs with a lower number than this folder's.
+std::optional<JobFolder> live_job(const std::string& output,
+                                  const std::filesystem::path& before = {});
 
 /// Creates the next folder OUT/NAME.farm/job-NNNN with its subfolders. Two processes never get the
 /// same one. Throws Error (failed) for the disk.

@@ -41,6 +41,8 @@ TEST(JobFolder, ALiveJobIsFoundByItsOutput) {
   ASSERT_TRUE(live_job(output));
   EXPECT_EQ(live_job(output)->path(), folder.path());
   EXPECT_FALSE(live_job((parent.path() / "f_####.exr").string())) << "another sequence";
+  EXPECT_TRUE(live_job((parent.path() / "f.%04d.exr").string())) << "the same files";
+  EXPECT_FALSE(live_job(output, folder.path())) << "no job before it";
   FarmEnd end;
   end.ended_utc = utc_now();
   folder.write_end(end);

@@ -11,6 +11,7 @@ namespace {
 constexpr int kPreviewStep = 10;
 constexpr double kSecondsPerTask = 300, kWorthSharing = 30;
 constexpr int kLeastTasks = 16;
+constexpr std::size_t kMostGroups = 100;
 
 void append_chunks(std::span<const int> frames, int per_chunk,
                    std::vector<std::vector<int>>& chunks) {
@@ -19,6 +20,27 @@ void append_chunks(std::span<const int> frames, int per_chunk,
     const auto part = frames.subspan(begin, std::min(step, frames.size() - begin));
     chunks.emplace_back(part.begin(), part.end());
   }
+}
+
+/// Neighbours put together until no more than kMostGroups are left: each is a call of sbatch.
+std::vector<ChunkGroup> merged(std::vector<ChunkGroup> groups) {
+  if (groups.size() <= kMostGroups) return groups;
+  std::vector<ChunkGroup> result;
+  const std::size_t step = (groups.size() + kMostGroups - 1) / kMostGroups;
+  for (std::size_t i = 0; i < groups.size(); ++i) {
+    if (i % step == 0) result.emplace_back();
+    ChunkGroup& group = result.back();
+    group.instants.insert(group.instants.end(), groups[i].instants.begin(),
+                          groups[i].instants.end());
+    group.chunks.insert(group.chunks.end(), groups[i].chunks.begin(), groups[i].chunks.end());
+  }
+  for (ChunkGroup& group : result) {
+    std::ranges::sort(group.chunks);
+    std::ranges::sort(group.instants);
+    const auto doubles = std::unique(group.instants.begin(), group.instants.end());
+    group.instants.erase(doubles, group.instants.end());
+  }
+  return result;
 }
 
 }  // namespace
@@ -65,7 +87,7 @@ std::vector<ChunkGroup> group_chunks(const FarmJobDocument& job, std::span<const
   for (auto& [instants, chunks] : groups) result.push_back({instants, chunks});
   // In the order of their first chunks, so that previews stay first.
   std::ranges::sort(result, {}, [](const ChunkGroup& group) { return group.chunks.front(); });
-  return result;
+  return merged(std::move(result));
 }
 
 std::vector<ArrayPart> split_array(std::span<const int> indices, int max_array) {

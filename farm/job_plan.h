@@ -31,7 +31,8 @@ struct ChunkGroup {
 };
 
 /// The chunks of a round by what they wait for; instants that are not prepared in this round are
-/// left out. One submission for each group, so that a chunk waits only for its instants.
+/// left out. One submission for each group, so that a chunk waits only for its instants; where
+/// there would be more than 100, neighbouring groups wait together.
 std::vector<ChunkGroup> group_chunks(const FarmJobDocument& job, std::span<const int> prepare,
                                      std::span<const int> render);
 

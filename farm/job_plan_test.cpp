@@ -65,6 +65,23 @@ TEST(JobPlan, AChunkWaitsOnlyForItsInstants) {
   EXPECT_THAT(later[0].chunks, ElementsAre(0, 1, 3));
 }
 
+TEST(JobPlan, LongMovesTakeABoundedNumberOfSubmissions) {
+  FarmJobDocument job = testing::small_job();
+  job.chunks.clear();
+  job.instants.assign(1000, job.instants[0]);
+  std::vector<int> all(1000);
+  std::iota(all.begin(), all.end(), 0);
+  for (int i = 0; i < 1000; ++i) job.chunks.push_back({std::to_string(i), {i}});
+  const auto groups = group_chunks(job, all, all);
+  EXPECT_EQ(groups.size(), 100U);
+  std::vector<int> seen;
+  for (const ChunkGroup& group : groups) {
+    EXPECT_EQ(group.instants, group.chunks);
+    seen.insert(seen.end(), group.chunks.begin(), group.chunks.end());
+  }
+  EXPECT_EQ(seen, all);
+}
+
 TEST(JobPlan, ArraysAreSplitAtTheLargestIndex) {
   const std::vector<int> indices{0, 1, 9, 10, 11, 25};
   const auto parts = split_array(indices, 10);

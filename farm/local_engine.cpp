@@ -5,8 +5,11 @@
 #include <unistd.h>
 
 #include <array>
+#include <chrono>
+#include <csignal>
 #include <fstream>
 #include <sstream>
+#include <thread>
 
 #include "farm/rounds.h"
 #include "farm/task.h"
@@ -58,9 +61,8 @@ class LocalRun {
         options_.say(fmt::format("frames {} are missing. {}", end->missing_frames, end->reason));
       return end && end->missing_frames.empty() ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
     }
-    if (job_.preview) run_task_of(FarmStage::kPreview, 0, 1);
     options_.progress(1);
-    return ExitCode::kSuccess;
+    return job_.preview ? run_task_of(FarmStage::kPreview, 0, 1) : ExitCode::kSuccess;
   }
 
  private:
@@ -115,6 +117,21 @@ class LocalRun {
 ExitCode run_locally(const JobFolder& folder, const LocalOptions& options,
                      const std::stop_token& stop) {
   return LocalRun(folder, options, stop).run();
+}
+
+void stop_running_here(const JobFolder& folder) {
+  constexpr int kMostLooks = 600;
+  constexpr std::chrono::milliseconds kBetweenLooks{100};
+  for (const FarmRound& round : folder.rounds()) {
+    if (round.host.empty()) continue;
+    for (int looks = 0; is_running_here(round) != false; ++looks) {
+      if (!is_running_here(round) || looks == kMostLooks) {
+        throw Error::failed("the job's process runs on", round.host, "Stop it there first");
+      }
+      if (looks == 0) kill(static_cast<pid_t>(round.process), SIGTERM);
+      std::this_thread::sleep_for(kBetweenLooks);
+    }
+  }
 }
 
 std::optional<bool> is_running_here(const FarmRound& round) {

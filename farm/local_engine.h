@@ -24,4 +24,8 @@ ExitCode run_locally(const JobFolder& folder, const LocalOptions& options,
 /// Whether the process that runs the job (engine local) lives; none: it runs on another host.
 std::optional<bool> is_running_here(const FarmRound& round);
 
+/// Stops the process that runs the job, if it lives on this host, and waits up to a minute for its
+/// end. Throws Error (failed) where it does not end, or lives on another host.
+void stop_running_here(const JobFolder& folder);
+
 }  // namespace raystage::farm

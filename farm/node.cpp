@@ -1,18 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "farm/node.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <link.h>
+#include <unistd.h>
 #include <xxhash.h>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <fstream>
 #include <system_error>
 #include <vector>
 
 #include "compose/sequence_name.h"
 #include "farm/child_process.h"
+#include "farm/job_folder.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 
@@ -52,6 +56,19 @@ std::uint64_t hash_of_file(const fs::path& file) {
   const std::uint64_t hash = XXH3_64bits_digest(state);
   XXH3_freeState(state);
   return hash;
+}
+
+/// What the file says; the first to ask writes its own.
+std::string first_build(const fs::path& file) {
+  const std::string own = build_id();
+  const int created = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
+  if (created >= 0) {
+    const bool written = write(created, own.data(), own.size()) == static_cast<ssize_t>(own.size());
+    close(created);
+    if (written) return own;
+  }
+  const std::string first = read_record(file).value_or("");
+  return first.empty() ? own : first;  // being written by another node
 }
 
 }  // namespace
@@ -94,15 +111,19 @@ std::optional<std::string> write_fault(const fs::path& folder, std::uintmax_t by
   return std::nullopt;
 }
 
-std::optional<std::string> node_fault(const FarmJobDocument& job) {
+std::optional<std::string> node_fault(const FarmJobDocument& job, const fs::path& folder) {
   std::error_code error;
-  if (!job.build.empty()) {
-    if (const std::string build = build_id(); build != job.build) {
-      return fmt::format("build {} is installed, the job was made with build {}", build, job.build);
-    }
+  const std::string wanted = job.build.empty() ? first_build(folder / "build") : job.build;
+  if (const std::string build = build_id(); build != wanted) {
+    return fmt::format("build {} is installed, the job was made with build {}", build, wanted);
   }
   if (!fs::is_directory(job.shot_folder, error)) {
     return fmt::format("{}: the shot's folder is not there", job.shot_folder);
+  }
+  for (const std::string& input : job.inputs) {
+    if (access(input.c_str(), R_OK) != 0) {
+      return fmt::format("{}: cannot be read: {}", input, std::generic_category().message(errno));
+    }
   }
   return write_fault(SequenceName(job.output).folder(),
                      static_cast<std::uintmax_t>(job.frame_bytes));

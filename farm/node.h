@@ -16,9 +16,11 @@ namespace raystage::farm {
 std::string build_id();
 
 /// What keeps this node from carrying out tasks of the job, although other nodes may: a folder that
-/// is not there, an output folder that cannot be written to, no room for a frame, another build.
-/// None: nothing.
-std::optional<std::string> node_fault(const FarmJobDocument& job);
+/// is not there, an output folder that cannot be written to, an input that cannot be read, no room
+/// for a frame, another build. None: nothing. A job without a build (its tasks run in a container)
+/// gets that of the first node that is asked: `folder`/build.
+std::optional<std::string> node_fault(const FarmJobDocument& job,
+                                      const std::filesystem::path& folder);
 
 /// Whether a file of `bytes` could be written to this folder and flushed; the reason why not, else
 /// none. Leaves nothing.

@@ -74,6 +74,7 @@ void map_paths(FarmJobDocument& job, std::span<const PathRule> rules) {
     *path = mapped(*path, rules);
   }
   for (FarmJobDocument::Instant& instant : job.instants) instant.file = mapped(instant.file, rules);
+  for (std::string& file : job.inputs) file = mapped(file, rules);
   for (std::string& file : job.pinned) file = mapped(file, rules);
 }
 

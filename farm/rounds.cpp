@@ -14,7 +14,7 @@ namespace raystage::farm {
 namespace {
 
 constexpr double kMoreMemory = 1.5, kMoreTime = 2;
-/// Attempts that nobody can blame the task for, beyond which it is given up all the same.
+/// Attempts that the task is not to blame for, beyond which it is given up all the same.
 constexpr int kMostLost = 10;
 constexpr std::size_t kMostExcluded = 3;
 constexpr std::size_t kLongestReason = 3000;
@@ -55,6 +55,20 @@ bool may_try_again(const FarmJobDocument& job, const TaskHistory& history) {
          history.without_blame < kMostLost;
 }
 
+/// Instants of a chunk whose preparation failed are prepared again, once.
+void add_instants(const RoundOutcome& state, int chunk, FarmRound& next) {
+  for (const int instant : state.job.chunks[static_cast<std::size_t>(chunk)].instants) {
+    const auto found = state.attempts.find({"prepare", instant});
+    if (found == state.attempts.end() || is_prepared_or_given_up(found->second)) continue;
+    if (std::ranges::find(next.prepare, instant) != next.prepare.end()) continue;
+    next.prepare.push_back(instant);
+    if (history_of(found->second, state.first_round).out_of_memory > 0) {
+      next.memory_factor = kMoreMemory;
+    }
+  }
+  std::ranges::sort(next.prepare);
+}
+
 /// Whether no node is left that is worth trying.
 bool is_every_node_at_fault(const RoundOutcome& state) {
   if (state.excluded.size() > kMostExcluded) return true;
@@ -69,6 +83,17 @@ bool is_every_node_at_fault(const RoundOutcome& state) {
 }
 
 }  // namespace
+
+bool is_prepared_or_given_up(const std::vector<FarmAttempt>& attempts) {
+  int failed = 0;
+  for (const FarmAttempt& attempt : attempts) {
+    if (!attempt.end || attempt.end->node_fault) continue;
+    if (attempt.end->result == AttemptResult::kDone) return true;
+    if (attempt.end->result == AttemptResult::kDeclined) continue;
+    ++failed;
+  }
+  return failed >= 2;
+}
 
 std::vector<int> chunks_with(const FarmJobDocument& job, std::span<const int> frames) {
   std::vector<int> chunks;
@@ -111,11 +136,13 @@ Verdict decide(const RoundOutcome& state) {
       continue;
     }
     next.render.push_back(chunk);
+    add_instants(state, chunk, next);
     if (history.out_of_memory > 0) next.memory_factor = kMoreMemory;
     if (history.stopped) next.time_factor = kMoreTime;
   }
   const bool no_node = is_every_node_at_fault(state);
-  if (!next.render.empty() && !no_node && state.round < state.job.attempts + kMostLost) {
+  if (!next.render.empty() && !no_node &&
+      state.round - state.first_round < state.job.attempts + kMostLost) {
     verdict.next = next;
     return verdict;
   }
@@ -130,9 +157,9 @@ Verdict decide(const RoundOutcome& state) {
     if (verdict.end.reason.size() > kLongestReason) break;
   }
   if (no_node) {
-    verdict.end.reason +=
-        fmt::format("{}{} nodes were at fault, so the nodes are not: see the reasons of each",
-                    verdict.end.reason.empty() ? "" : "; ", state.excluded.size());
+    verdict.end.reason += fmt::format(
+        "{}{} nodes failed; the cause is probably not the nodes. See the reason of each",
+        verdict.end.reason.empty() ? "" : "; ", state.excluded.size());
   }
   return verdict;
 }

@@ -36,6 +36,10 @@ struct RoundOutcome {
 /// the job fails.
 Verdict decide(const RoundOutcome& state);
 
+/// Whether a chunk need not wait for an instant any longer: it was prepared, or its preparation
+/// failed twice, and the chunk derives it itself.
+bool is_prepared_or_given_up(const std::vector<FarmAttempt>& attempts);
+
 /// The chunks that hold any of the frames, sorted.
 std::vector<int> chunks_with(const FarmJobDocument& job, std::span<const int> frames);
 

@@ -71,6 +71,20 @@ TEST_F(Rounds, RaiseMemoryOnce) {
   EXPECT_FALSE(verdict({1}, 2).next);
 }
 
+TEST_F(Rounds, PrepareAgainOnceWhatRanOutOfMemory) {
+  FarmAttempt prepare = attempt_at(0, AttemptResult::kOutOfMemory);
+  prepare.stage = "prepare";
+  happened(prepare);
+  happened(attempt_at(0, AttemptResult::kDeclined));
+  happened(attempt_at(1, AttemptResult::kDeclined));
+  const Verdict next = verdict({1, 2, 3, 4});
+  ASSERT_TRUE(next.next);
+  EXPECT_THAT(next.next->prepare, ElementsAre(0)) << "one task for both chunks";
+  EXPECT_EQ(next.next->memory_factor, 1.5);
+  happened(prepare);
+  EXPECT_TRUE(verdict({1}, 2).next->prepare.empty()) << "the chunk derives it itself";
+}
+
 TEST_F(Rounds, DoubleTheTimeOfWhatWasStopped) {
   happened(attempt_at(0, AttemptResult::kStopped));
   ASSERT_TRUE(verdict({1}).next);
@@ -96,7 +110,7 @@ TEST_F(Rounds, BlameNoNodesWhereAllAreAtFault) {
   excluded_ = {"n1", "n2"};
   const Verdict over = verdict({1, 4});
   EXPECT_FALSE(over.next) << "it would wait for ever for a node";
-  EXPECT_THAT(over.end.reason, HasSubstr("2 nodes were at fault"));
+  EXPECT_THAT(over.end.reason, HasSubstr("2 nodes failed"));
 }
 
 }  // namespace

@@ -36,31 +36,36 @@ void look_again(const std::filesystem::path& folder) {
 std::vector<int> missing_frames(const SequenceName& name, std::span<const ExpectedFrame> frames,
                                 const CheckSettings& settings, const std::stop_token& stop) {
   const SequenceName deep = name.with("deep");
+  std::vector<char> is_missing(frames.size(), 0);
+  const auto is_whole = [&](const ExpectedFrame& frame) {
+    return exr_is_whole(name.path(frame.frame), frame.fingerprint) &&
+           (!settings.deep || exr_is_whole(deep.path(frame.frame), frame.fingerprint));
+  };
+  const auto may_come = [&](const ExpectedFrame& frame) {
+    return may_appear(name.path(frame.frame)) ||
+           (settings.deep && may_appear(deep.path(frame.frame)));
+  };
+  std::atomic<std::size_t> done = 0;
+  raystage::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
+    is_missing[i] = stop.stop_requested() || is_whole(frames[i]) ? 0 : 1;
+    settings.progress(static_cast<double>(++done) / static_cast<double>(frames.size()));
+  });
+  // The time counts from the end of the first look, however long that took.
   const Clock::time_point start = Clock::now();
   const auto time_left = [&] {
     return std::chrono::duration<double>(Clock::now() - start).count() < settings.patience_seconds;
   };
-  std::vector<char> is_missing(frames.size(), 0);
-  std::atomic<std::size_t> done = 0;
-  const auto check = [&](std::size_t i) {
-    const auto is_whole = [&](const std::filesystem::path& file) {
-      return exr_is_whole(file, frames[i].fingerprint);
-    };
-    while (!stop.stop_requested()) {
-      const std::filesystem::path file = name.path(frames[i].frame);
-      const std::filesystem::path deep_file = deep.path(frames[i].frame);
-      const bool whole = is_whole(file);
-      if (whole && (!settings.deep || is_whole(deep_file))) return true;
-      if (!may_appear(whole ? deep_file : file) || !time_left()) return false;
-      std::this_thread::sleep_for(kBetweenLooks);
-      look_again(name.folder());
+  const auto is_awaited = [&](std::size_t i) { return is_missing[i] != 0 && may_come(frames[i]); };
+  while (time_left() && !stop.stop_requested()) {
+    bool any = false;
+    for (std::size_t i = 0; i < frames.size(); ++i) any = any || is_awaited(i);
+    if (!any) break;
+    std::this_thread::sleep_for(kBetweenLooks);
+    look_again(name.folder());
+    for (std::size_t i = 0; i < frames.size(); ++i) {
+      if (is_missing[i] != 0 && is_whole(frames[i])) is_missing[i] = 0;
     }
-    return false;
-  };
-  raystage::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
-    is_missing[i] = check(i) ? 0 : 1;
-    settings.progress(static_cast<double>(++done) / static_cast<double>(frames.size()));
-  });
+  }
   std::vector<int> missing;
   for (std::size_t i = 0; i < frames.size(); ++i) {
     if (is_missing[i] != 0) missing.push_back(frames[i].frame);

@@ -21,6 +21,7 @@ constexpr std::array<std::string_view, 5> kStages{"prepare", "render", "verify",
 ChildResult ask(const std::vector<std::string>& command) {
   ChildOptions options;
   options.timeout_seconds = kPatience;
+  options.kept_bytes = std::size_t{1} << 28;  // of the largest arrays, half a kilobyte a task
   return run_child(command, options);
 }
 
@@ -121,28 +122,15 @@ void run_queue_script(const JobFolder& folder, const std::string& script) {
   for (char& c : said) {
     if (c == '\n') c = ' ';
   }
-  throw Error::failed("Slurm accepted not all tasks: " + said, (folder.path() / script).string(),
-                      "Mend what it says and submit again");
+  throw Error::failed("sbatch rejected a task: " + said, (folder.path() / script).string(),
+                      "Correct the option that it names and submit again");
 }
 
 void slurm_cancel(const FarmJobDocument& job) {
-  std::vector<std::string> ids;
-  const auto tasks = slurm_tasks(job);
-  if (!tasks) {
-    throw Error::failed("the Slurm controller does not answer, so nothing was cancelled",
-                        "scontrol ping", "Try again when it does");
+  for (const std::string_view stage : kStages) {
+    const ChildResult result = ask({"scancel", "--quiet", "--name=" + slurm_job_name(job, stage)});
+    if (result.exit_code != 0) throw unavailable(result, "scancel");
   }
-  for (const auto& [id, task] : *tasks) {
-    const bool over = task.state == "COMPLETED" || task.state == "FAILED" ||
-                      task.state == "CANCELLED" || task.state == "TIMEOUT" ||
-                      task.state == "NODE_FAIL" || task.state == "OUT_OF_MEMORY";
-    if (!over) ids.push_back(id);
-  }
-  if (ids.empty()) return;
-  std::vector<std::string> command{"scancel", "--quiet"};
-  command.insert(command.end(), ids.begin(), ids.end());
-  const ChildResult result = ask(command);
-  if (result.exit_code != 0) throw unavailable(result, "scancel");
 }
 
 }  // namespace raystage::farm

@@ -23,14 +23,19 @@ constexpr double kMemoryFactor = 1.1, kMemoryBesideBytes = 400e6;
 /// than three, would be left.
 constexpr std::string_view kLeaveNode = R"sh(
 leave_node() {
+  task=${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}${SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}
+  own=$(squeue -h -j "$task" -o %x | head -n 1)
+  [ "$own" != '(null)' ] || own=
+  # Without the job folder only Slurm knows how many nodes were left before; this one counts, too.
   bad=$(ls excluded 2>/dev/null | wc -l)
+  left=$(($([ -z "$own" ] || scontrol show hostnames "$own" | wc -l) + 1))
+  [ "$bad" -ge "$left" ] || bad=$left
   [ "$bad" -lt "$(sinfo -h -N -o %N | sort -u | wc -l)" ] && [ "$bad" -le 3 ] || return 0
   squeue -h --me --states=PENDING --name="$JOB_ID.prepare,$JOB_ID.render,$JOB_ID.verify" -o '%A %x' |
     sort -u | while read -r id nodes; do exclude_for "$id" "$nodes"; done
-  task=${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}${SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}
   trap '' TERM  # of the requeueing; KILL follows
   scontrol requeue "$task" || return 0
-  nodes=$(squeue -h -j "$task" -o %x | head -n 1)
+  nodes=$own
   for try in 1 2 3 4 5 6 7 8 9 10; do
     ! exclude_for "$task" "$nodes" || break
     sleep 0.3
@@ -132,9 +137,7 @@ std::string round_options(const FarmJobDocument& job, FarmStage stage, const Far
     options += fmt::format(" --time={}",
                            static_cast<int>(std::ceil(*resources.minutes * round.time_factor)));
   }
-  if (!round.exclude.empty()) {
-    options += " --exclude=" + shell_word(fmt::format("{}", fmt::join(round.exclude, ",")));
-  }
+  if (!round.exclude.empty()) options += " $exclude";
   return options;
 }
 
@@ -143,6 +146,26 @@ struct QueuedArray {
   std::string name;
   ArrayPart part;
 };
+
+/// "prepare_1": the shell variable of its id.
+std::string variable_of(const QueuedArray& array) {
+  return "prepare_" + array.name.substr(array.name.rfind('.') + 1);
+}
+
+/// Sets $exclude: the nodes that the round and the submission leave out. An --exclude on the
+/// command line replaces that of the script. Where no node would be left, all are tried again.
+std::string exclude_lines(const FarmJobDocument& job, const FarmRound& round) {
+  if (round.exclude.empty()) return "";
+  constexpr std::string_view kOption = "--exclude=";
+  std::string nodes = fmt::format("{}", fmt::join(round.exclude, ","));
+  for (const std::string& option : job.of(FarmStage::kRender).options) {
+    if (option.starts_with(kOption)) nodes += "," + option.substr(kOption.size());
+  }
+  return fmt::format(
+      "exclude={}\n"
+      "[ \"$(sinfo -h -N -o %N | sort -u | wc -l)\" -gt {} ] || exclude=\n",
+      shell_word(std::string(kOption) + nodes), round.exclude.size());
+}
 
 std::vector<QueuedArray> prepare_arrays(const FarmJobDocument& job, const FarmRound& round) {
   std::vector<QueuedArray> arrays;
@@ -163,7 +186,7 @@ std::string dependency_on(const std::vector<int>& instants,
     for (const QueuedArray& array : arrays) {
       const int index = instant - array.part.offset;
       if (!std::ranges::binary_search(array.part.indices, index)) continue;
-      text += fmt::format(":$(cat slurm/{})_{}", array.name, index);
+      text += fmt::format(":${{{}}}_{}", variable_of(array), index);
     }
   }
   return text;
@@ -222,16 +245,29 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   text += kLeaveNode;
   text += fmt::format("exec >>\"logs/slurm.{}.$INDEX.log\" 2>&1\n", farm_stage_name(stage));
   if (stage == FarmStage::kVerify) {
-    text += "# Nodes that found no job folder could say so only here.\n";
-    text +=
-        "squeue -h -j \"$SLURM_JOB_ID\" -o '%x' | grep -v null | xargs -r scontrol show hostnames "
-        "|\n"
-        "  while read -r node; do\n"
-        "    [ -e \"excluded/$node\" ] || echo 'the job folder is not there' >\"excluded/$node\"\n"
-        "  done\n";
+    const bool excludes_itself = std::ranges::any_of(resources.options, [](const std::string& o) {
+      return o.starts_with("--exclude") || o.starts_with("-x");
+    });
+    if (!excludes_itself) text += "# Nodes that found no job folder could say so only here.\n";
+    if (!excludes_itself)
+      text +=
+          "squeue -h -j \"$SLURM_JOB_ID\" -o '%x' | grep -v null | xargs -r scontrol show "
+          "hostnames "
+          "|\n"
+          "  while read -r node; do\n"
+          "    [ -e \"excluded/$node\" ] || echo 'the job folder is not there' "
+          ">\"excluded/$node\"\n"
+          "  done\n";
     text += task_command(job, stage) + "\n";
     text += "code=$?\nnext=after-verify-$ROUND.sh\n";
-    text += "[ ! -f \"$next\" ] || PATIENCE=3600 sh \"$next\"\n";
+    text +=
+        "[ ! -f \"$next\" ] || PATIENCE=3600 sh \"$next\" || [ -e ended.json ] || {\n"
+        "  printf '{\"schema\": \"raystage/farm_end/1\", \"state\": \"failed\", \"reason\": "
+        "\"%s\", "
+        "\"ended_utc\": \"%s\"}\\n' \\\n"
+        "    'the next round could not be queued: see logs/slurm.verify.0.log' \\\n"
+        "    \"$(date -u +%Y-%m-%dT%H:%M:%SZ)\" >ended.new && mv ended.new ended.json\n"
+        "}\n";
     text += "exit $code\n";
     return text;
   }
@@ -240,7 +276,9 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   text += "code=$?\n";
   text += kForgetOwnTask.substr(1);
   text += kKeepVerification.substr(1);
-  text += "keep_verification\n[ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\nexit $code\n";
+  text +=
+      "keep_verification\n"
+      "[ \"$code\" -eq 0 ] || [ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\nexit $code\n";
   return text;
 }
 
@@ -289,12 +327,14 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
   text += kForgetOwnTask;
   text += "forget_own_task\n";
   text += kQueue.substr(1);
+  text += exclude_lines(job, round);
   // Held until everything is queued: a task that is over and forgotten is no dependency any more.
   for (const QueuedArray& array : prepare) {
     text +=
         fmt::format("queue {} --hold --array={}{} prepare.sbatch {} {} >/dev/null\n", array.name,
                     array_text(array.part.indices), round_options(job, FarmStage::kPrepare, round),
                     round.round, array.part.offset);
+    text += fmt::format("{}=$(cat slurm/{})\n", variable_of(array), array.name);
   }
   std::string all;
   int arrays = 0;
@@ -311,10 +351,7 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
       all += fmt::format(":$(cat slurm/{})", name);
     }
   }
-  std::string exclude =
-      round.exclude.empty()
-          ? ""
-          : " --exclude=" + shell_word(fmt::format("{}", fmt::join(round.exclude, ",")));
+  const std::string exclude = round.exclude.empty() ? "" : " $exclude";
   text += fmt::format("queue verify.{} --dependency=afterany{}{} verify.sbatch {} 0\n", round.round,
                       all, exclude, round.round);
   for (const QueuedArray& array : prepare) {

@@ -62,6 +62,7 @@ class RoundScript : public ::testing::Test {
     write_tool(bin / "sbatch",
                "n=$(($(cat ../n 2>/dev/null || echo 100) + 1)); echo $n >../n\n"
                "echo \"$@\" >>../calls; echo $n");
+    write_tool(bin / "sinfo", "printf 'n1\\nn2\\nn3\\nn4\\n'");
     write_tool(bin / "scontrol", "echo scontrol \"$@\" >>../calls");
     std::filesystem::create_directories(folder_.path() / "job" / "slurm");
     std::ofstream(folder_.path() / "job" / "round.sh") << round_script(job, round);

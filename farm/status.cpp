@@ -158,11 +158,16 @@ void count_frames(JobStatus& status) {
       continue;
     }
     if (task.state == TaskState::kFailed) {
-      const FarmAttempt::End& end = *task.attempts.back().end;
-      const int failed = end.failed_frames.empty()
-                             ? own
-                             : static_cast<int>(parse_frame_range(end.failed_frames).size());
-      status.frames_failed += std::min(failed, own);
+      // A task that Slurm could not start has left no record.
+      const bool has_end = !task.attempts.empty() && task.attempts.back().end;
+      const std::string failed_frames =
+          has_end ? task.attempts.back().end->failed_frames : std::string();
+      const int failed =
+          failed_frames.empty()
+              ? own
+              : std::min(own, static_cast<int>(parse_frame_range(failed_frames).size()));
+      status.frames_failed += failed;
+      status.frames_done += own - failed;
     }
     const double done = task.state == TaskState::kRunning ? own * task.percent / 100.0 : 0;
     if (task.state == TaskState::kRunning) ++running;
@@ -266,6 +271,10 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
   if (status.job.preview) add("preview", 1);
   status.state = state_of(folder, answer, status);
   count_frames(status);
+  if (!status.missing_frames.empty()) {  // the verification knows best
+    status.frames_failed = static_cast<int>(parse_frame_range(status.missing_frames).size());
+    status.frames_done = status.frames - status.frames_failed;
+  }
   return status;
 }
 

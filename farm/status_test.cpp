@@ -90,6 +90,26 @@ TEST_F(Status, ATaskThatNobodyHasIsLost) {
   EXPECT_FALSE(status.is_live());
 }
 
+TEST_F(Status, ATaskThatSlurmCouldNotStartHasFailedWithoutARecord) {
+  SchedulerAnswer answer;
+  answer.tasks.emplace();
+  (*answer.tasks)["7_1"] = slurm("render", "7_1", "FAILED", "n1");
+  const JobStatus status = job_status(folder_, answer);
+  EXPECT_EQ(render(status, 1).state, TaskState::kFailed);
+  EXPECT_EQ(status.frames_failed, 3);
+  EXPECT_THAT(status_text(status, true), HasSubstr("Slurm: FAILED"));
+}
+
+TEST_F(Status, AFrameThatIsMissingIsNotDoneWhateverItsTaskSaid) {
+  for (int i = 0; i < 4; ++i) happened(testing::attempt_at(i, AttemptResult::kDone));
+  FarmEnd end;
+  end.state = FarmEnd::State::kFailed;
+  end.missing_frames = "3";
+  end.ended_utc = utc_now();
+  folder_.write_end(end);
+  EXPECT_EQ(job_status(folder_).frames_done, 11);
+}
+
 TEST_F(Status, ArraysThatWereSplitKeepTheirTasks) {
   std::ofstream(folder_.slurm_ids() / "offset.9") << "2\n";
   SchedulerAnswer answer;

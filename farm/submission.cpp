@@ -130,6 +130,10 @@ Checked check(const SubmissionOptions& options) {
 }
 
 void check_not_live(const SubmissionOptions& options) {
+  if (options.after && options.engine != Engine::kSlurm) {
+    throw Error::bad_input("only Slurm's jobs can wait for others", "",
+                           "Leave --after out, or submit once the other job is over");
+  }
   const auto live = live_job(options.output);
   if (!live || options.after) return;
   std::error_code ignored;
@@ -165,6 +169,17 @@ std::string path_text(const fs::path& path) {
   return path.empty() ? "" : fs::absolute(path).lexically_normal().string();
 }
 
+/// What a node must see: takes and meshes; plates may be thousands of files.
+std::vector<std::string> inputs_of(const ShotPlan& plan) {
+  std::set<std::string> inputs;
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.light_field(i) != nullptr) {
+      inputs.insert(path_text(plan.light_field(i)->take().folder() / "take.json"));
+    }
+  }
+  return {inputs.begin(), inputs.end()};
+}
+
 FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked) {
   FarmJobDocument job;
   job.id = new_job_id(options.output);
@@ -173,7 +188,8 @@ FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked
   job.submitted_by = user_name();
   job.submitted_on = node_name();
   job.program_version = RAYSTAGE_VERSION;
-  job.build = build_id();
+  // In a container other libraries may be installed: the first task says which.
+  if (options.wrap.empty()) job.build = build_id();
   const SimdLevel best = best_simd_level();
   job.simd =
       options.simd.empty() ? simd_level_name(std::min(best, SimdLevel::kAvx2)) : options.simd;
@@ -194,6 +210,8 @@ FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked
                 : options.missing == MissingFrames::kBlack ? "black"
                                                            : "error";
   job.picture = options.picture;
+  job.inputs = inputs_of(*checked.sequence.plan);
+  if (!job.color_config.empty()) job.inputs.push_back(job.color_config);
   job.attempts = options.attempts;
   job.preview = options.preview;
   job.frame_bytes = frame_room(*checked.sequence.plan, options.picture.deep);
@@ -251,9 +269,9 @@ bool wants_measure(const SubmissionOptions& options) {
 }
 
 /// Renders the first frame here, into its place; the job's tasks keep it.
-FarmAttempt::End measure(const SubmissionOptions& options, const Checked& checked,
-                         FarmJobDocument job, const JobFolder& folder,
-                         const std::stop_token& stop) {
+std::optional<FarmAttempt::End> measure(const SubmissionOptions& options, const Checked& checked,
+                                        FarmJobDocument job, const JobFolder& folder,
+                                        const std::stop_token& stop) {
   add_tasks(options, checked, std::nullopt, job);
   const int first = checked.sequence.frames.front().frame;
   options.say(fmt::format("rendering frame {} to measure it", first));
@@ -268,8 +286,10 @@ FarmAttempt::End measure(const SubmissionOptions& options, const Checked& checke
   child_options.log = attempt_log(folder, attempt);
   child_options.stop = stop;
   std::string last;
+  bool rendered = true;
   child_options.line = [&](std::string_view line) {
     if (!line.starts_with("Progress: ")) last = line;
+    if (line.starts_with("0 of 1 frames rendered")) rendered = false;
   };
   const ChildResult child =
       run_child(render_command(job, options.shot, attempt.frames, job.existing, 1), child_options);
@@ -282,7 +302,8 @@ FarmAttempt::End measure(const SubmissionOptions& options, const Checked& checke
   end.ended_utc = utc_now();
   attempt.end = end;
   record_end(folder, attempt);
-  if (child.exit_code == 0) return end;
+  // A frame that was there already measures nothing.
+  if (child.exit_code == 0) return rendered ? std::optional(end) : std::nullopt;
   const std::string what =
       fmt::format("the first frame (frame {}) cannot be rendered: {}", first, last);
   const std::string mend = "Mend what it says, or submit without measuring";
@@ -336,6 +357,11 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
   const auto live = live_job(options.output);
   NewFolder folder(options.output);
   job.folder = path_text(folder->path());
+  // Of two submissions at a time the one with the lower number stays.
+  if (const auto other = live_job(options.output, folder->path()); other && !options.after) {
+    throw Error::bad_input("another job of this output is being submitted", other->path().string(),
+                           "Wait for it, or queue this one behind it with --after");
+  }
   std::optional<FarmAttempt::End> measured;
   if (wants_measure(options)) measured = measure(options, checked, job, *folder, stop);
   add_tasks(options, checked, measured, job);

@@ -6,16 +6,19 @@
 #include <unistd.h>
 #include <xxhash.h>
 
+#include <algorithm>
 #include <charconv>
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <set>
 
+#include "compose/frame_range.h"
 #include "farm/attempts.h"
 #include "farm/child_process.h"
 #include "farm/node.h"
 #include "farm/render_command.h"
+#include "farm/rounds.h"
 #include "farm/verification.h"
 #include "schemas/atomic_file.h"
 
@@ -101,14 +104,21 @@ class LogReader {
     }
     if (line.starts_with("Progress: ")) return;
     last = line;
-    if (line.find("failed:") != std::string_view::npos && first_failure.empty()) {
-      first_failure = line;
-    }
+    constexpr std::string_view kFrame = "frame ", kFailed = " failed:";
+    const std::size_t failed_at = line.find(kFailed);
+    if (failed_at == std::string_view::npos) return;
+    if (first_failure.empty()) first_failure = line;
+    if (!line.starts_with(kFrame)) return;
+    int frame = 0;
+    const char* end = line.data() + failed_at;
+    const auto number = std::from_chars(line.data() + kFrame.size(), end, frame);
+    if (number.ec == std::errc() && number.ptr == end) failed_frames.insert(frame);
   }
   std::string reason() const { return first_failure.empty() ? last : first_failure; }
 
   int solved = 0, read = 0;
   std::string last, first_failure;
+  std::set<int> failed_frames;
 };
 
 AttemptResult result_of(const ChildResult& child, bool stopped) {
@@ -141,10 +151,15 @@ std::string reason_of(AttemptResult result, const LogReader& log, bool stopped) 
 /// a bad node.
 std::size_t failures_on(const JobFolder& folder, const std::string& node) {
   std::set<std::pair<std::string, int>> failed_tasks;
+  int first_round = 1;
+  for (const FarmRound& round : folder.rounds()) {
+    if (round.fresh) first_round = round.round;
+  }
   for (const auto& [task, attempts] : read_attempts(folder)) {
     for (const FarmAttempt& attempt : attempts) {
       const bool failed = attempt.end && attempt.end->result == AttemptResult::kFailed;
-      if (failed && attempt.node == node && task.first != "verify") failed_tasks.insert(task);
+      const bool counts = failed && attempt.node == node && attempt.round >= first_round;
+      if (counts && task.first != "verify") failed_tasks.insert(task);
     }
   }
   return failed_tasks.size();
@@ -193,14 +208,8 @@ class Attempt {
                                                          kMostFailuresOfNode, end.reason));
     }
     if (!end.reason.empty()) request_.say(end.reason);
-    switch (end.result) {
-      case AttemptResult::kDone:
-        return ExitCode::kSuccess;
-      case AttemptResult::kBadInput:
-        return ExitCode::kBadInput;
-      default:
-        return end.failed_frames.empty() ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
-    }
+    // As the command's own, also 33 (out of memory) and 128 + n (signal n).
+    return static_cast<ExitCode>(end.exit_code);
   }
 
  private:
@@ -214,21 +223,46 @@ class Attempt {
   FarmAttempt::End declined_or_run(const std::stop_token& stop) {
     std::error_code ignored;
     if (std::filesystem::exists(request_.folder.cancel_file(), ignored)) {
+      if (request_.stage == FarmStage::kVerify && !request_.folder.end()) {
+        // Whoever cancelled may not have reached the scheduler.
+        FarmEnd cancelled;
+        cancelled.state = FarmEnd::State::kCancelled;
+        cancelled.frames = static_cast<int>(frames_of(mapped_.job).size());
+        end_job(request_.folder, mapped_.job, cancelled);
+      }
       return ended(AttemptResult::kDeclined, "the job was cancelled");
     }
     const bool uses_node =
         request_.stage == FarmStage::kPrepare || request_.stage == FarmStage::kRender;
     if (uses_node && request_.folder.is_excluded(attempt_.node)) {
-      return ended(AttemptResult::kDeclined, "the job does not use this node any more");
+      return ended(AttemptResult::kDeclined, "this node is excluded from the job");
+    }
+    if (request_.stage == FarmStage::kRender && lacks_an_instant()) {
+      return ended(AttemptResult::kDeclined,
+                   "a light field frame could not be prepared; the next round tries again");
     }
     if (uses_node) {
-      if (auto fault = node_fault(mapped_.job)) {
-        FarmAttempt::End end = ended(AttemptResult::kFailed, std::move(*fault));
+      if (auto fault = node_fault(mapped_.job, request_.folder.path())) {
+        FarmAttempt::End end = ended(AttemptResult::kDeclined, std::move(*fault));
         end.node_fault = true;
         return end;
       }
     }
     return request_.stage == FarmStage::kVerify ? verify(stop) : run_command(stop);
+  }
+
+  /// Whether the verification will have an instant of this chunk prepared once more.
+  bool lacks_an_instant() const {
+    const auto& instants = mapped_.job.chunks[static_cast<std::size_t>(request_.index)].instants;
+    if (instants.empty()) return false;
+    const TaskAttempts attempts = read_attempts(request_.folder);
+    std::error_code ignored;
+    return std::ranges::any_of(instants, [&](int instant) {
+      const auto found = attempts.find({"prepare", instant});
+      return found != attempts.end() && !is_prepared_or_given_up(found->second) &&
+             !std::filesystem::exists(mapped_.job.instants[static_cast<std::size_t>(instant)].file,
+                                      ignored);
+    });
   }
 
   FarmAttempt::End verify(const std::stop_token& stop) {
@@ -261,12 +295,17 @@ class Attempt {
     end.wall_seconds = child.wall_seconds;
     end.cpu_seconds = child.cpu_seconds;
     end.peak_memory_bytes = child.peak_memory_bytes;
+    end.failed_frames =
+        format_frame_range(std::vector<int>(log.failed_frames.begin(), log.failed_frames.end()));
     end.instants_solved = log.solved;
     end.instants_read = log.read;
-    if (end.result == AttemptResult::kFailed && request_.stage != FarmStage::kPreview) {
+    const bool may_be_the_node =
+        end.result == AttemptResult::kFailed || end.result == AttemptResult::kBadInput;
+    if (may_be_the_node && request_.stage != FarmStage::kPreview) {
       // What the command met may be the node's fault: a disk that has filled up, a mount that is
       // gone.
-      if (auto fault = node_fault(mapped_.job)) {
+      if (auto fault = node_fault(mapped_.job, request_.folder.path())) {
+        end.result = AttemptResult::kFailed;
         end.reason = std::move(*fault);
         end.node_fault = true;
       }

@@ -41,6 +41,7 @@ FarmJobDocument full_job() {
   job.frame_bytes = 1e6;
   job.instants = {{0, 7, "/take/depth/a/b.zst"}};
   job.chunks = {{"1-10", {0}}, {"11-20", {}}};
+  job.inputs = {"/take/take.json"};
   job.pinned = {"/take/depth/a/b.zst"};
   return job;
 }
@@ -96,6 +97,16 @@ TEST(FarmDocuments, RecordsAreTheSameAfterReading) {
     EXPECT_EQ(format_farm_end(parse_farm_end(text, "x")), text);
     EXPECT_EQ(parse_farm_end(text, "x").state, state);
   }
+}
+
+TEST(FarmDocuments, ReasonsInOtherEncodingsDoNotHinderARecord) {
+  FarmAttempt attempt;
+  attempt.stage = "render";
+  attempt.node = "n\351";
+  attempt.end = FarmAttempt::End{};
+  attempt.end->reason = "caf\351";
+  EXPECT_EQ(parse_farm_attempt(format_farm_attempt(attempt), "x").end->reason, "caf\xEF\xBF\xBD");
+  EXPECT_NO_THROW(format_farm_end({FarmEnd::State::kFailed, "caf\351", "", 1, 0}));
 }
 
 TEST(FarmDocuments, StagesHaveNames) {

@@ -142,6 +142,7 @@ FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
   job.frame_bytes = document.get("frame_bytes", 0.0);
   job.instants = instants_from(document);
   job.chunks = chunks_from(document, job.instants.size());
+  job.inputs = document.get<std::vector<std::string>>("inputs", {});
   job.pinned = document.get<std::vector<std::string>>("pinned", {});
   return job;
 }
@@ -186,6 +187,7 @@ std::string format_farm_job(const FarmJobDocument& job) {
     if (!chunk.instants.empty()) object["instants"] = chunk.instants;
     chunks.push_back(std::move(object));
   }
+  if (!job.inputs.empty()) json["inputs"] = job.inputs;
   if (!job.pinned.empty()) json["pinned"] = job.pinned;
   return format_json(json);
 }

@@ -74,6 +74,7 @@ struct FarmJobDocument {
   std::vector<Instant> instants = {};
   std::vector<Chunk> chunks = {};
   std::vector<std::string> pinned = {};
+  std::vector<std::string> inputs = {};  ///< files that a node must be able to read
 
   const FarmResources& of(FarmStage stage) const {
     return resources[static_cast<std::size_t>(stage)];

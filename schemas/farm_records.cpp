@@ -22,6 +22,12 @@ Enum enum_from(const std::array<std::string_view, n>& names, const std::string& 
   return static_cast<Enum>(i);
 }
 
+/// Messages of other programs need not be UTF-8, and may be cut within a character.
+std::string as_utf8(const std::string& text) {
+  const std::string dumped = Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
+  return Json::parse(dumped).get<std::string>();
+}
+
 FarmAttempt::End end_from(const Located& object) {
   FarmAttempt::End end;
   end.result = enum_from<AttemptResult>(kResultNames, object.at("result").get<std::string>());
@@ -40,7 +46,7 @@ FarmAttempt::End end_from(const Located& object) {
 
 Json json_from(const FarmAttempt::End& end) {
   Json json{{"result", attempt_result_name(end.result)}, {"exit_code", end.exit_code}};
-  if (!end.reason.empty()) json["reason"] = end.reason;
+  if (!end.reason.empty()) json["reason"] = as_utf8(end.reason);
   if (end.node_fault) json["node_fault"] = true;
   if (!end.failed_frames.empty()) json["failed_frames"] = end.failed_frames;
   json["wall_seconds"] = end.wall_seconds;
@@ -83,7 +89,7 @@ std::string format_farm_attempt(const FarmAttempt& attempt) {
   json["index"] = attempt.index;
   json["attempt"] = attempt.attempt;
   json["round"] = attempt.round;
-  json["node"] = attempt.node;
+  json["node"] = as_utf8(attempt.node);
   json["process"] = attempt.process;
   if (!attempt.slurm_task.empty()) {
     json["slurm_task"] = attempt.slurm_task;
@@ -145,7 +151,7 @@ FarmEnd parse_farm_end(std::string_view text, std::string_view name) {
 std::string format_farm_end(const FarmEnd& end) {
   Json json = new_document("farm_end");
   json["state"] = farm_end_name(end.state);
-  if (!end.reason.empty()) json["reason"] = end.reason;
+  if (!end.reason.empty()) json["reason"] = as_utf8(end.reason);
   if (!end.missing_frames.empty()) json["missing_frames"] = end.missing_frames;
   json["frames"] = end.frames;
   json["ended_utc"] = format_utc(end.ended_utc);

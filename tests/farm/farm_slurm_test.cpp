@@ -128,7 +128,8 @@ sleep 1)");
     if (task["stage"] != "render") continue;
     for (const json& attempt : task["attempts"]) {
       const bool failed = attempt.contains("end") && attempt["end"]["result"] == "failed";
-      failed_on_full_disk += failed && attempt["node"] == "n3";
+      failed_on_full_disk += attempt.contains("end") && attempt["node"] == "n3" &&
+                             attempt["end"].value("node_fault", false);
       failed_twice += failed && attempt["node"] != "n3";
     }
   }
@@ -221,7 +222,11 @@ TEST_F(FarmSlurm, TheDoctorAsksEveryNode) {
   EXPECT_EQ(doctor.exit_code, 1);
   EXPECT_THAT(doctor.out, HasSubstr("Slurm: down"));
   EXPECT_THAT(doctor.out, HasSubstr("Slurm knows no such node"));
-  EXPECT_THAT(doctor.out, ::testing::Not(HasSubstr("n4")));
+  doctor = on_cluster("raystage farm doctor out/s.####.exr --nodes n1,n3,n4");
+  EXPECT_EQ(doctor.exit_code, 1);
+  EXPECT_THAT(doctor.out, ::testing::ContainsRegex("n1 .*ready"));
+  EXPECT_THAT(doctor.out, ::testing::ContainsRegex("n3 .*take.json: cannot be read"));
+  EXPECT_THAT(doctor.out, ::testing::ContainsRegex("n4 .*take.json: cannot be read"));
 }
 
 TEST_F(FarmSlurm, NodesWithoutTheJobsFolderAreLeftAndALostVerificationIsQueuedAnew) {

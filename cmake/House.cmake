@@ -23,13 +23,18 @@ function(raystage_library NAME)
   raystage_precompiled(raystage_${NAME} raystage_library_headers)
 endfunction()
 
-# raystage_test(NAME SOURCES ... [ALONE ...] LINKS ... [LABELS ...])
+# raystage_test(NAME SOURCES ... [ALONE ...] LINKS ... [LABELS ...] [LOCK NAME])
 #   One GoogleTest executable for a folder's tests; every TEST becomes a ctest of its own. ALONE as above.
+#   Tests with the same LOCK run one after the other.
 function(raystage_test NAME)
   if(NOT RAYSTAGE_TESTS)
     return()
   endif()
-  cmake_parse_arguments(ARG "" "" "SOURCES;ALONE;LINKS;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "" "LOCK" "SOURCES;ALONE;LINKS;LABELS" ${ARGN})
+  set(lock)
+  if(ARG_LOCK)
+    set(lock RESOURCE_LOCK ${ARG_LOCK})
+  endif()
   set_source_files_properties(${ARG_ALONE} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   add_executable(raystage_${NAME}_test ${ARG_SOURCES} ${ARG_ALONE})
   target_link_libraries(raystage_${NAME}_test PRIVATE raystage_compiler ${ARG_LINKS}
@@ -39,7 +44,7 @@ function(raystage_test NAME)
   target_compile_definitions(raystage_${NAME}_test PRIVATE
     RAYSTAGE_SOURCE_DIR="${PROJECT_SOURCE_DIR}" RAYSTAGE_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   gtest_discover_tests(raystage_${NAME}_test DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
-    PROPERTIES LABELS "${NAME};${ARG_LABELS}" TIMEOUT 600)  # a busy machine is no fault
+    PROPERTIES LABELS "${NAME};${ARG_LABELS}" TIMEOUT 600 ${lock})  # a busy machine is no fault
 endfunction()
 include(GoogleTest)
 

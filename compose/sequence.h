@@ -43,7 +43,7 @@ struct SequenceOptions {
   /// Beside each file one of the samples that it is made of: SequenceName::with("deep").
   bool deep = false;
   std::filesystem::path cache_folder;  ///< as ShotPlanOptions
-  std::filesystem::path folder;  ///< as ShotPlanOptions
+  std::filesystem::path folder;        ///< as ShotPlanOptions
   std::string program_version;
   /// Rising from 0 to 1; called from many threads.
   std::function<void(double)> progress = [](double) {};

@@ -12,6 +12,9 @@
 #include "schemas/error.h"
 
 #if HWY_ARCH_X86 && defined(__GLIBC__) && __has_include(<sys/platform/x86.h>)
+#ifdef __clang__  // the header is C and uses _Bool, which only GCC knows in C++
+using _Bool = bool;
+#endif
 #include <sys/platform/x86.h>
 #define RAYSTAGE_LIBM_HAS_VARIANTS 1
 #endif

@@ -7,7 +7,7 @@ set -euo pipefail
 build="$(cd "$1" && pwd)"
 here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 export PATH="$build/bin:$PATH"
-work="$(mktemp -d /tmp/farm-bench-XXXX)"
+work="$(mktemp -d /tmp/rs-bench-XXXX)"
 chmod 755 "$work"
 cluster() { "$here/../farm/cluster.sh" "$work/c" "$@"; }
 trap 'cluster stop >/dev/null 2>&1 || true; rm -rf "$work"' EXIT

@@ -58,7 +58,7 @@ TEST(JobPlan, AChunkWaitsOnlyForItsInstants) {
   EXPECT_THAT(groups[1].instants, ElementsAre(1));
   EXPECT_THAT(groups[2].instants, ElementsAre());
   EXPECT_THAT(groups[2].chunks, ElementsAre(3));
-  // What is prepared already holds nobody up.
+  // Chunks do not wait for what is stored already.
   const std::vector<int> only_second{1};
   const auto later = group_chunks(job, only_second, round.render);
   ASSERT_EQ(later.size(), 2U);

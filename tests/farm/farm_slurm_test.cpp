@@ -112,7 +112,7 @@ sleep 1)");
     const bool has_end = !task["attempts"].empty() && task["attempts"].back().contains("end") &&
                          task["attempts"].back()["end"]["result"] == "done";
     EXPECT_EQ(task["state"] == "done", has_end);
-    EXPECT_NE(task["state"], "running") << "nobody can know";
+    EXPECT_NE(task["state"], "running") << "only the controller could know";
     done += has_end ? 4 : 0;
   }
   EXPECT_EQ(status["frames_done"], done);

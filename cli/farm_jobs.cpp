@@ -11,10 +11,10 @@
 #include "cli/farm.h"
 #include "compose/frame_range.h"
 #include "farm/local_engine.h"
+#include "farm/retry.h"
 #include "farm/rounds.h"
 #include "farm/slurm_queue.h"
 #include "farm/status.h"
-#include "farm/submission.h"
 #include "farm/verification.h"
 #include "schemas/atomic_file.h"
 
@@ -36,6 +36,8 @@ ExitCode exit_code_of(const farm::JobStatus& status) {
     case farm::JobState::kCancelled:
     case farm::JobState::kStopped:
       return ExitCode::kFailed;
+    case farm::JobState::kDone:
+      return status.missing_frames.empty() ? ExitCode::kSuccess : ExitCode::kSomeFramesFailed;
     default:
       return ExitCode::kSuccess;
   }
@@ -52,7 +54,8 @@ ExitCode show_status(const StatusOptions& options, const std::stop_token& stop) 
     if (redraw) print("\033[H\033[2J");
     print(options.json ? farm::status_json(status) + "\n" : farm::status_text(status, options.all));
     std::fflush(stdout);
-    if (!options.watch || !status.is_live() || stop.stop_requested()) return exit_code_of(status);
+    const bool goes_on = status.is_live() || status.is_preview_under_way();
+    if (!options.watch || !goes_on || stop.stop_requested()) return exit_code_of(status);
     const auto until =
         std::chrono::steady_clock::now() + std::chrono::duration<double>(options.interval_s);
     while (!stop.stop_requested() && std::chrono::steady_clock::now() < until) {
@@ -67,13 +70,13 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
   const farm::JobFolder folder = farm::find_job(job_name);
   std::optional<std::vector<int>> wanted;
   if (!frames.empty()) wanted = parse_frame_range(frames);
-  const FarmRound round = farm::write_retry(folder, wanted);
+  const FarmRound round = farm::write_retry(folder, wanted, stop);
   print(fmt::format("round {}: {} tasks to render, {} to prepare\n", round.round,
                     round.render.size(), round.prepare.size()));
   std::fflush(stdout);
   switch (folder.job().engine) {
     case FarmJobDocument::Engine::kSlurm:
-      farm::run_queue_script(folder, fmt::format("round-{}.sh", round.round));
+      farm::queue_round(folder, round);
       return ExitCode::kSuccess;
     case FarmJobDocument::Engine::kLocal: {
       Progress progress;
@@ -83,14 +86,15 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
       return farm::run_locally(folder, local, stop);
     }
     default:
-      print("the render manager has to queue these tasks again\n");
+      print(fmt::format("the render manager has to run these tasks again, with --round {}\n",
+                        round.round));
       return ExitCode::kSuccess;
   }
 }
 
 ExitCode cancel(const std::string& job_name) {
   const farm::JobFolder folder = farm::find_job(job_name);
-  const FarmJobDocument job = folder.job();
+  const FarmJobDocument job = folder.job_here();
   if (const auto end = folder.end()) {
     throw Error::bad_input("the job is over: it is " + std::string(farm_end_name(end->state)),
                            folder.path().string(), "Nothing is left to cancel");
@@ -140,7 +144,18 @@ ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
     }
     show("render", chunk);
   }
-  if (!any) print(fmt::format("no attempt at frame {} has started\n", frame));
+  if (!any && only_attempt > 0) {
+    throw Error::bad_input(fmt::format("there is no attempt {} at frame {}", only_attempt, frame),
+                           folder.path().string(), "Leave --attempt out to see all");
+  }
+  if (any) return ExitCode::kSuccess;
+  print(fmt::format("no attempt at frame {} has started\n", frame));
+  for (const int chunk : chunks) {  // what the shell said of a command that it could not start
+    const auto file = folder.logs() / fmt::format("slurm.render.{}.log", chunk);
+    if (const auto log = farm::read_record(file)) {
+      print(fmt::format("==> {}\n{}", file.filename().string(), *log));
+    }
+  }
   return ExitCode::kSuccess;
 }
 
@@ -168,7 +183,8 @@ FarmCommand declare_farm_retry(CLI::App& farm) {
   CLI::App* app = farm.add_subcommand("retry", "try the missing frames of a job again");
   auto job = std::make_shared<std::string>(), frames = std::make_shared<std::string>();
   add_job(*app, *job);
-  app->add_option("--frames", *frames, "these frames (default: those that are missing)")
+  app->add_option("--frames", *frames,
+                  "render these frames anew, whole or not (default: all that\nare not whole)")
       ->type_name("RANGE");
   return {app, [job, frames](std::stop_token stop) { return retry(*job, *frames, stop); }};
 }

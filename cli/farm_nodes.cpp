@@ -56,14 +56,14 @@ struct EstimateOptions {
   std::string job, page;
   std::vector<int> nodes{1, 2, 4, 10, 100, 1000};
   farm::SiteCosts site;
-  double read_mb = 1000, write_mb = 1000, frame_read_mb = 0, task_s = 0;
-  double latency_s = -1;  ///< negative: as measured
+  double read_mb = 1000, write_mb = 1000;
+  double frame_read_mb = -1, task_s = -1, latency_s = -1;  ///< negative: as measured
   int frames = 0, chunks = 0, instants = -1;
 };
 
 ExitCode estimate(EstimateOptions options) {
   const farm::JobFolder folder = farm::find_job(options.job);
-  const FarmJobDocument job = folder.job();
+  const FarmJobDocument job = folder.job_here();
   auto costs = farm::measured_costs(job, farm::read_attempts(folder));
   if (!costs) {
     throw Error::bad_input("no task of stage render is done, so nothing is measured",
@@ -71,8 +71,8 @@ ExitCode estimate(EstimateOptions options) {
   }
   options.site.storage_read_bytes_per_s = options.read_mb * 1e6;
   options.site.storage_write_bytes_per_s = options.write_mb * 1e6;
-  costs->frame_read_bytes = options.frame_read_mb * 1e6;
-  costs->task_s = options.task_s;
+  if (options.frame_read_mb >= 0) costs->frame_read_bytes = options.frame_read_mb * 1e6;
+  if (options.task_s >= 0) costs->task_s = options.task_s;
   if (options.latency_s >= 0) {
     options.site.start_latency_s = options.latency_s;
   } else if (costs->gap_s) {
@@ -151,11 +151,12 @@ FarmCommand declare_farm_estimate(CLI::App& farm) {
       ->check(CLI::PositiveNumber)
       ->type_name("MB/S");
   app->add_option("--frame-read", options->frame_read_mb,
-                  "JPEG data that a frame reads, MB (default: 0)")
+                  "JPEG data that a frame reads, MB (default: as the job's records show)")
       ->check(CLI::NonNegativeNumber)
       ->type_name("MB");
   app->add_option("--task-seconds", options->task_s,
-                  "seconds of a task besides its frames and the latency (default: 0)")
+                  "seconds of a task besides its frames and the latency (default: as the job's "
+                  "records show)")
       ->check(CLI::NonNegativeNumber)
       ->type_name("S");
   app->add_option("--latency", options->latency_s,

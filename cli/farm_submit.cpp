@@ -10,6 +10,7 @@
 #include "compose/frame_range.h"
 #include "farm/local_engine.h"
 #include "farm/openjd.h"
+#include "farm/retry.h"
 #include "farm/rounds.h"
 #include "farm/slurm_scripts.h"
 #include "farm/submission.h"
@@ -45,6 +46,13 @@ void add_to_stages(const std::vector<std::string>& values, const std::string& pr
       is_for_one = true;
     }
     if (is_for_one) continue;
+    // A licence's number follows a colon; nothing else has one.
+    const std::size_t colon = value.find(':');
+    if (colon != std::string::npos && !prefix.empty() && prefix != "--licenses=") {
+      throw Error::bad_input("there is no stage \"" + value.substr(0, colon) + "\"",
+                             prefix.substr(0, prefix.size() - 1),
+                             "Write prepare:, render:, verify: or preview: before the value");
+    }
     for (auto& options : submission.sbatch) options.push_back(prefix + value);
   }
 }
@@ -177,21 +185,40 @@ SubmissionOptions completed(Options& options, Progress& progress) {
   add_to_stages(options.licenses, "--licenses=", submission);
   add_to_stages(options.constraint, "--constraint=", submission);
   add_to_stages(options.sbatch, "", submission);
-  submission.say = [&progress](std::string_view line) { progress.say(line); };
+  if (!options.quiet) submission.say = [&progress](std::string_view line) { progress.say(line); };
   return submission;
+}
+
+std::string resources_line(const FarmJobDocument& job, FarmStage stage, std::size_t tasks) {
+  const FarmResources& resources = job.of(stage);
+  return fmt::format("{:<8} {:>6} {:>8} {:>8.2f} GB {:>9} {:>10}  {}\n", farm_stage_name(stage),
+                     tasks, resources.threads, resources.memory_gb,
+                     fmt::format("{} MiB", farm::slurm_megabytes(resources, 1)),
+                     resources.minutes ? fmt::format("{} min", *resources.minutes) : "-",
+                     fmt::join(resources.options, " "));
 }
 
 ExitCode show_plan(const SubmissionOptions& submission) {
   const farm::PlannedJob planned = farm::plan_submission(submission);
   const FarmJobDocument& job = planned.job;
-  print(
-      fmt::format("{} frames in {} tasks, {} light field frames to prepare; nothing was queued\n\n",
-                  farm::frames_of(job).size(), job.chunks.size(), job.instants.size()));
-  if (job.engine == Engine::kSlurm) {
-    print(farm::round_script(job, planned.round) + "\n");
-    for (const FarmStage stage : kFarmStages) print(farm::batch_script(job, stage) + "\n");
+  print(fmt::format("frames   {} ({}) in tasks of {}\n", farm::frames_of(job).size(),
+                    format_frame_range(farm::frames_of(job)), job.chunks.front().frames));
+  print(fmt::format("output   {}\nprogram  {}{}{}\nsimd     {}\n\n", job.output, job.wrap,
+                    job.wrap.empty() ? "" : " ", job.program, job.simd));
+  print(fmt::format("{:<8} {:>6} {:>8} {:>11} {:>9} {:>10}  {}\n", "stage", "tasks", "threads",
+                    "memory", "of Slurm", "time", "options of sbatch"));
+  if (!job.instants.empty()) print(resources_line(job, FarmStage::kPrepare, job.instants.size()));
+  print(resources_line(job, FarmStage::kRender, job.chunks.size()));
+  print(resources_line(job, FarmStage::kVerify, 1));
+  if (job.preview) print(resources_line(job, FarmStage::kPreview, 1));
+  const bool all_given = submission.chunk && submission.memory_gb > 0 && submission.minutes;
+  if (submission.measure && !all_given && job.engine == Engine::kSlurm) {
+    print(
+        fmt::format("\nA submission renders frame {} here first: chunk, memory and time that are "
+                    "not given follow from it.\n",
+                    farm::frames_of(job).front()));
   }
-  print(format_farm_job(job));
+  print("\nNothing was written or queued. --no-queue writes the job with its scripts.\n");
   return ExitCode::kSuccess;
 }
 
@@ -199,16 +226,20 @@ ExitCode submit(Options& options, std::stop_token stop) {
   Progress progress(!options.quiet);
   const SubmissionOptions submission = completed(options, progress);
   if (options.dry_run) return show_plan(submission);
+  if (submission.engine == Engine::kLocal && !submission.paths.empty() && !options.no_queue) {
+    throw Error::bad_input("this host runs the tasks itself, by its own paths", "--map",
+                           "Leave --map out, or use --engine slurm");
+  }
   const farm::JobFolder folder = farm::write_submission(submission, stop);
   print(folder.path().string() + "\n");
   std::fflush(stdout);
   if (submission.engine == Engine::kLocal && !options.no_queue) {
     farm::LocalOptions local;
     local.progress = [&](double done) { progress.report(done); };
-    local.say = [&](std::string_view line) { progress.say(line); };
+    if (!options.quiet) local.say = [&](std::string_view line) { progress.say(line); };
     return farm::run_locally(folder, local, stop);
   }
-  if (!options.no_queue) farm::queue_job(folder);
+  if (!options.no_queue) farm::queue_round(folder, folder.rounds().front());
   return ExitCode::kSuccess;
 }
 
@@ -247,10 +278,11 @@ FarmCommand declare_farm_submit(CLI::App& farm) {
   app->add_flag("--after", options->submission.after,
                 "wait for a job of the same output that is not over");
   app->add_flag("--dry-run", options->dry_run,
-                "check everything, print the job and its scripts, write nothing but the output "
+                "check everything and print tasks and resources; write nothing but the output "
                 "folder");
   app->add_flag("--no-queue", options->no_queue,
-                "write the job folder only; `sh JOB/round-1.sh` queues it");
+                "write the job folder only; `sh JOB/round-1.sh` queues it (engine local: `raystage "
+                "farm\nretry JOB` starts it)");
   app->footer("Prints the job folder. It holds the job (job.json), its scripts, records and logs.");
   return {app, [options](std::stop_token stop) { return submit(*options, stop); }};
 }

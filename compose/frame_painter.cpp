@@ -394,6 +394,14 @@ int FramePainter::frames_read_ahead() const {
   return frames;
 }
 
+DecodeCosts FramePainter::decode_costs() const {
+  DecodeCosts costs;
+  for (const auto& renderer : renderers_) {
+    if (renderer) costs += renderer->decode_costs();
+  }
+  return costs;
+}
+
 std::size_t FramePainter::decoded_bytes_held() const {
   std::size_t bytes = 0;
   for (const auto& renderer : renderers_) bytes += renderer ? renderer->decoded_bytes_held() : 0;

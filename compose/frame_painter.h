@@ -44,6 +44,7 @@ class FramePainter {
   void read_ahead(const PlannedFrame& frame) const;
   int frames_read_ahead() const;
   std::size_t decoded_bytes_held() const;
+  DecodeCosts decode_costs() const;
   /// Counts over all light fields and all views painted so far.
   const StoredDataCounts& stored_data() const { return *stored_data_; }
 

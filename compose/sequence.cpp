@@ -69,6 +69,7 @@ class SequenceRun {
     report_.in_flight = in_flight;
     report_.asked = static_cast<int>(frames_.size());
     report_.frames_read_ahead = painter_.frames_read_ahead();
+    report_.decoding = painter_.decode_costs();
     report_.instants_solved = painter_.stored_data().derived;
     report_.instants_read = painter_.stored_data().read;
     const std::size_t done =

@@ -79,7 +79,8 @@ struct SequenceReport {
   int frames_read_ahead = 0;           ///< of cameras, asked of the disk before they were decoded
   std::size_t decoded_bytes_held = 0;  ///< the most that was kept of decoded frames after a frame
   StageTimes milliseconds;
-  int in_flight = 1;  ///< frames under way at once, at most
+  DecodeCosts decoding;  ///< a part of what light fields take
+  int in_flight = 1;     ///< frames under way at once, at most
 
   /// kSuccess only if every frame asked for is there, whole; kBadInput where all failed by it.
   ExitCode exit_code() const;

@@ -42,10 +42,12 @@ std::string SequenceReport::stages() const {
   const auto of_frame = [&](double ms) { return ms / std::max(rendered, 1); };
   const StageTimes& ms = milliseconds;
   std::string text = fmt::format(
-      "milliseconds a frame, {} at once: light fields {:.0f}, geometry {:.0f}, merging {:.0f}, "
-      "encoding {:.0f}; beside them writing {:.0f}",
+      "milliseconds a frame, {} at once: light fields {:.1f}, geometry {:.1f}, merging {:.1f}, "
+      "encoding {:.1f}; next to them writing {:.1f}; decoding {:.1f} of processors for {:.3f} MB "
+      "of JPEG",
       in_flight, of_frame(ms.light_fields), of_frame(ms.geometry), of_frame(ms.merge),
-      of_frame(ms.encode), of_frame(ms.write));
+      of_frame(ms.encode), of_frame(ms.write), of_frame(1e3 * decoding.seconds),
+      of_frame(1e-6 * static_cast<double>(decoding.jpeg_bytes)));
   if (of_frame(ms.held_up) >= 10) {
     text += fmt::format("; the disk held frames up for {:.0f}", of_frame(ms.held_up));
   }

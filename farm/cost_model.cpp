@@ -87,6 +87,39 @@ std::optional<double> median_gap(const TaskAttempts& attempts) {
   return gaps[gaps.size() / 2];
 }
 
+/// Stages are seconds a frame in `from`, seconds of all frames in `to`.
+void add_stages(const RenderingCosts& from, RenderingCosts& to) {
+  const double frames = from.frames;
+  to.frames += from.frames;
+  to.at_once = std::max(to.at_once, from.at_once);
+  to.seconds += from.seconds;
+  to.light_fields_s += frames * from.light_fields_s;
+  to.geometry_s += frames * from.geometry_s;
+  to.merge_s += frames * from.merge_s;
+  to.encode_s += frames * from.encode_s;
+  to.write_s += frames * from.write_s;
+  to.decode_s += frames * from.decode_s;
+  to.read_bytes += frames * from.read_bytes;
+}
+
+void divide_stages(int frames, RenderingCosts& stages) {
+  for (double* sum : {&stages.light_fields_s, &stages.geometry_s, &stages.merge_s, &stages.encode_s,
+                      &stages.write_s, &stages.decode_s, &stages.read_bytes}) {
+    *sum /= frames;
+  }
+}
+
+std::string stages_text(const JobCosts& job) {
+  const RenderingCosts& stages = job.stages;
+  if (stages.frames == 0) return "";
+  const double write_rate = stages.write_s > 0 ? job.frame_write_bytes / stages.write_s * 1e-6 : 0;
+  return fmt::format(
+      "stages of a frame, s, {} at once: light fields {:.4f} (decoding {:.4f} of processors), "
+      "geometry {:.4f},\nmerging {:.4f}, encoding {:.4f}, writing {:.4f} ({:.0f} MB/s)\n",
+      stages.at_once, stages.light_fields_s, stages.decode_s, stages.geometry_s, stages.merge_s,
+      stages.encode_s, stages.write_s, write_rate);
+}
+
 }  // namespace
 
 std::string_view cost_limit_name(CostLimit limit) {
@@ -110,7 +143,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
   costs.frames = 0;
   const SequenceName name(job.output);
   double cpu = 0, wall = 0, bytes = 0, solve = 0;
-  int timed = 0, files = 0, solved = 0;
+  int timed = 0, files = 0, solved = 0, tasks = 0;
   std::error_code error;
   for (std::size_t i = 0; i < job.chunks.size(); ++i) {
     const std::vector<int> frames = parse_frame_range(job.chunks[i].frames);
@@ -128,6 +161,8 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     cpu += end.cpu_seconds;
     wall += end.wall_seconds;
     timed += static_cast<int>(frames.size());
+    ++tasks;
+    if (end.rendering) add_stages(*end.rendering, costs.stages);
   }
   for (const auto& [task, list] : attempts) {
     const bool done = list.back().end && list.back().end->result == AttemptResult::kDone;
@@ -141,6 +176,15 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
   if (timed == 0) return std::nullopt;
   costs.frame_cpu_s = cpu / timed;
   costs.frame_s = wall / timed;
+  if (costs.stages.frames == timed) {
+    // What the frames themselves took is known, and so is what a task takes besides.
+    costs.frame_s = costs.stages.seconds / timed;
+    costs.task_s = (wall - costs.stages.seconds) / tasks;
+  }
+  if (costs.stages.frames > 0) {
+    divide_stages(costs.stages.frames, costs.stages);
+    costs.frame_read_bytes = costs.stages.read_bytes;
+  }
   costs.gap_s = median_gap(attempts);
   costs.verify_s /= std::max(1, costs.frames);
   if (files > 0) costs.frame_write_bytes = bytes / files;
@@ -152,12 +196,12 @@ std::string cost_text(const JobCosts& job, const SiteCosts& site, std::span<cons
   std::string text = fmt::format(
       "{} frames in {} tasks of {} threads, {} instants to prepare\n"
       "seconds: {:.3f} a frame ({:.3f} of processors), {:.3f} an instant, {:.3f} a task besides, "
-      "{:.2f} "
-      "between tasks;\n{:.2f} MB read and {:.2f} MB written a frame\n\n"
+      "{:.2f} between tasks;\n{:.2f} MB read and {:.2f} MB written a frame\n{}\n"
       "{:>6} {:>12} {:>12} {:>12} {:>12} {:>11}  {}\n",
       job.frames, job.chunks, job.threads, job.instants, job.frame_s, job.frame_cpu_s, job.solve_s,
       job.task_s, site.start_latency_s, job.frame_read_bytes * 1e-6, job.frame_write_bytes * 1e-6,
-      "nodes", "prepare, s", "render, s", "serial, s", "in all, s", "efficiency", "limited by");
+      stages_text(job), "nodes", "prepare, s", "render, s", "serial, s", "in all, s", "efficiency",
+      "limited by");
   for (const int count : nodes) {
     const Prediction p = predict(job, site, count);
     text += fmt::format("{:>6} {:>12.1f} {:>12.1f} {:>12.1f} {:>12.1f} {:>10.0f}%  {}\n", p.nodes,

@@ -82,6 +82,28 @@ TEST(CostModel, MeasuresAJobByItsRecords) {
   EXPECT_DOUBLE_EQ(*costs->gap_s, 1);
 }
 
+TEST(CostModel, TellsFramesFromTheRestOfATask) {
+  FarmJobDocument job = testing::small_job();
+  TaskAttempts attempts;
+  for (int i = 0; i < 2; ++i) {
+    FarmAttempt attempt = testing::attempt_at(i, AttemptResult::kDone);  // 6 s, three frames
+    RenderingCosts& stages = attempt.end->rendering.emplace();
+    stages.frames = 3;
+    stages.seconds = 4.5;
+    stages.encode_s = i == 0 ? 1.0 : 2.0;
+    stages.read_bytes = 1e6;
+    attempts[{"render", i}].push_back(attempt);
+  }
+  const auto costs = measured_costs(job, attempts);
+  ASSERT_TRUE(costs);
+  EXPECT_DOUBLE_EQ(costs->frame_s, 1.5);
+  EXPECT_DOUBLE_EQ(costs->task_s, 1.5);
+  EXPECT_DOUBLE_EQ(costs->stages.encode_s, 1.5);
+  EXPECT_DOUBLE_EQ(costs->frame_read_bytes, 1e6);
+  const std::vector<int> nodes{1};
+  EXPECT_THAT(cost_text(*costs, site(), nodes), ::testing::HasSubstr("encoding 1.5000"));
+}
+
 TEST(CostModel, ThePageHasTheCurveAndTheNumbers) {
   const std::vector<int> nodes{1, 10, 100};
   const std::string page = cost_page(costs(), site(), nodes, "Job <x>");

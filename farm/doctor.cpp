@@ -52,24 +52,38 @@ bool can_be_asked(const std::string& state) {
          state.starts_with("comp");
 }
 
-std::string partition_of(const FarmJobDocument& job) {
-  constexpr std::string_view kOption = "--partition=";
-  for (const std::string& option : job.of(FarmStage::kRender).options) {
-    if (option.starts_with(kOption)) return option.substr(kOption.size());
+/// Empty: Slurm can give a task of stage render to a node of this size.
+std::string size_fault(const FarmJobDocument& job, const SlurmNode& node) {
+  const FarmResources& needed = job.of(FarmStage::kRender);
+  const int mebibytes = slurm_megabytes(needed, 1);
+  if (node.processors < needed.threads) {
+    return fmt::format("Slurm has {} processors there, a task asks for {}", node.processors,
+                       needed.threads);
+  }
+  if (node.memory_mebibytes < mebibytes) {
+    return fmt::format("Slurm has {:.0f} MiB there, a task asks for {} MiB", node.memory_mebibytes,
+                       mebibytes);
   }
   return "";
+}
+
+/// What became of the questions without an answer: "PENDING" and so on, by Slurm's id.
+std::string fate_of(const std::string& id) {
+  const ChildResult asked = run_child({"squeue", "-h", "-j", id, "-o", "%T"});
+  return asked.exit_code == 0 ? asked.out : std::string();
 }
 
 std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument& job,
                                   const std::vector<std::string>& wanted, double patience_seconds,
                                   const std::stop_token& stop) {
   std::map<std::string, NodeReport> reports;
-  std::vector<std::string> asked;
+  std::map<std::string, std::string> asked, sizes;  // Slurm's id, and the fault, by node
   const std::string answers = fmt::format("doctor.{:x}", static_cast<std::uint64_t>(utc_now()));
   create_folder(folder.path() / answers);
   write_file_atomically(folder.path() / "doctor.sbatch", doctor_script(job, answers));
-  for (const SlurmNode& node : slurm_nodes(partition_of(job))) {
+  for (const SlurmNode& node : slurm_nodes(partition_of(job.of(FarmStage::kRender).options))) {
     if (!wanted.empty() && std::ranges::find(wanted, node.name) == wanted.end()) continue;
+    sizes[node.name] = size_fault(job, node);
     if (!can_be_asked(node.state)) {
       reports[node.name] = silent(node.name, "Slurm: " + node.state);
       continue;
@@ -83,22 +97,24 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
       reports[node.name] = silent(node.name, "Slurm does not start a task there: " +
                                                  result.out.substr(0, result.out.find('\n')));
     } else {
-      asked.push_back(node.name);
+      asked[node.name] = result.out.substr(0, result.out.find_first_of(";\n"));
     }
   }
   for (const std::string& node : wanted) {
-    if (!reports.contains(node) && std::ranges::find(asked, node) == asked.end()) {
+    if (!reports.contains(node) && !asked.contains(node)) {
       reports[node] = silent(node, "Slurm knows no such node");
     }
   }
   const auto start = std::chrono::steady_clock::now();
   while (!asked.empty() && !stop.stop_requested()) {
-    std::erase_if(asked, [&](const std::string& node) {
+    std::erase_if(asked, [&](const auto& question) {
+      const std::string& node = question.first;
       const auto text = read_record(folder.path() / answers / node);
       if (!text) return false;
       try {
         reports[node] = parse_node_report(*text, node);
         reports[node].node = node;
+        if (reports[node].fault.empty()) reports[node].fault = sizes[node];
       } catch (const Error&) {
         reports[node] = silent(node, text->substr(0, text->find('\n')));
       }
@@ -109,11 +125,15 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
     if (waited > patience_seconds) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
-  for (const std::string& node : asked) {
-    reports[node] =
-        silent(node, fmt::format("no answer within {:.0f} s: busy, or the job folder is "
-                                 "not there",
-                                 patience_seconds));
+  for (const auto& [node, id] : asked) {
+    if (fate_of(id).starts_with("PENDING")) {
+      reports[node] = silent(node, "");
+      reports[node].is_busy = true;
+    } else {
+      reports[node] = silent(node, fmt::format("no answer within {:.0f} s: the job folder is not "
+                                               "there, or the command of a task does not start",
+                                               patience_seconds));
+    }
   }
   if (!asked.empty()) run_child({"scancel", "--quiet", "--name=" + slurm_job_name(job, "doctor")});
   std::error_code ignored;
@@ -203,8 +223,9 @@ std::string doctor_text(const std::vector<NodeReport>& reports) {
                   "simd", "threads", "memory", "output free", "verdict");
   for (const NodeReport& report : reports) {
     if (!report.answered) {
+      const std::string verdict = report.is_busy ? "not examined: busy" : report.fault;
       text += fmt::format("{:<16} {:<9} {:<17} {:<7} {:>7} {:>10} {:>12}  {}\n", report.node, "-",
-                          "-", "-", "-", "-", "-", report.fault);
+                          "-", "-", "-", "-", "-", verdict);
       continue;
     }
     text += fmt::format("{:<16} {:<9} {:<17} {:<7} {:>7} {:>7.1f} GB {:>9.1f} GB  {}\n",

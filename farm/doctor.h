@@ -14,7 +14,8 @@ namespace raystage::farm {
 struct NodeReport {
   std::string node;
   bool answered = false;
-  std::string fault;  ///< empty: it can; where it did not answer, why
+  bool is_busy = false;  ///< its question still waits in the queue: nothing is known
+  std::string fault;     ///< empty: it can; where it did not answer, why
   std::string version, build, simd;
   int threads = 0;
   double memory_bytes = 0, free_bytes = 0;  ///< of the output disk
@@ -30,7 +31,8 @@ NodeReport parse_node_report(std::string_view text, std::string_view name);
 
 /// Asks every node that Slurm could use for the job's tasks, by a task on each; of engine local
 /// this machine. A node that is down is not asked; one that has not answered in time is reported
-/// so.
+/// so, and one whose question is still queued as busy, which is no fault. A node that is smaller
+/// than a task is at fault.
 std::vector<NodeReport> examine_nodes(const JobFolder& folder,
                                       const std::vector<std::string>& nodes,
                                       double patience_seconds, const std::stop_token& stop);

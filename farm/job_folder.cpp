@@ -3,6 +3,7 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -13,8 +14,10 @@
 #include <chrono>
 #include <cstdlib>
 #include <system_error>
+#include <thread>
 
 #include "compose/sequence_name.h"
+#include "farm/path_map.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 
@@ -89,6 +92,12 @@ FarmJobDocument JobFolder::job() const {
   return parse_farm_job(*text, job_file().string());
 }
 
+FarmJobDocument JobFolder::job_here() const {
+  FarmJobDocument here = job();
+  map_paths(here, rules_of_this_host(here, path_));
+  return here;
+}
+
 std::vector<FarmRound> JobFolder::rounds() const {
   std::vector<FarmRound> rounds;
   for (int n = 1;; ++n) {
@@ -148,6 +157,21 @@ void JobFolder::exclude(std::string_view node, std::string_view reason) const {
   const std::string line = fmt::format("{}\n", reason);
   [[maybe_unused]] const ssize_t written = write(descriptor, line.data(), line.size());
   close(descriptor);
+}
+
+NodeTurn::NodeTurn(const JobFolder& folder, std::string_view node) {
+  constexpr int kMostTries = 200;
+  constexpr std::chrono::milliseconds kBetweenTries{50};
+  const fs::path file = folder.excluded() / ("." + as_file_name(node) + ".lock");
+  descriptor_ = open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
+  for (int i = 0; descriptor_ >= 0 && i < kMostTries; ++i) {
+    if (flock(descriptor_, LOCK_EX | LOCK_NB) == 0 || errno != EWOULDBLOCK) return;
+    std::this_thread::sleep_for(kBetweenTries);
+  }
+}
+
+NodeTurn::~NodeTurn() {
+  if (descriptor_ >= 0) close(descriptor_);
 }
 
 fs::path farm_folder(const std::string& output) {

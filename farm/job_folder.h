@@ -34,8 +34,11 @@ class JobFolder {
   /// Names the job folder that this job waits for; exists only where it waits for one.
   std::filesystem::path after_file() const { return path_ / "after"; }
 
-  /// Throws Error (bad input) where there is no job, or its document is damaged.
+  /// The job with paths as the nodes see them. Throws Error (bad input) where there is no job, or
+  /// its document is damaged.
   FarmJobDocument job() const;
+  /// The same with paths as this host sees them, which may be the submitting host or a node.
+  FarmJobDocument job_here() const;
   /// The rounds that were written, by number.
   std::vector<FarmRound> rounds() const;
   /// None: the job is not over.
@@ -51,6 +54,20 @@ class JobFolder {
 
  private:
   std::filesystem::path path_;
+};
+
+/// While it lives no other task of the job that runs on this node has one: a lock in JOB/excluded,
+/// which goes with the process. Where the file system has no locks, or one is held for too long
+/// (10 s), it is none.
+class NodeTurn {
+ public:
+  NodeTurn(const JobFolder& folder, std::string_view node);
+  ~NodeTurn();
+  NodeTurn(const NodeTurn&) = delete;
+  NodeTurn& operator=(const NodeTurn&) = delete;
+
+ private:
+  int descriptor_ = -1;
 };
 
 /// OUT/NAME.farm: the folder of an output's jobs.

@@ -24,11 +24,22 @@ Json host_requirements(const FarmResources& resources) {
            Json::array({{{"name", "attr.worker.os.family"}, {"anyOf", Json::array({"linux"})}}})}};
 }
 
-Json script(FarmStage stage, const std::string& index, const FarmResources& resources) {
-  Json on_run{{"command", "{{Param.Raystage}}"},
-              {"args",
-               {"farm", "task", "{{Param.JobFolder}}", farm_stage_name(stage), index, "--progress",
-                "openjd", "--path-mapping", "{{Session.PathMappingRulesFile}}"}},
+/// With `wrap`, a shell runs its words before the command: they are quoted for one.
+Json script(const std::string& wrap, FarmStage stage, const std::string& index,
+            const FarmResources& resources) {
+  Json arguments = Json::array();
+  if (!wrap.empty()) arguments = {"-c", wrap + " \"$@\"", "sh", "{{Param.Raystage}}"};
+  for (const std::string_view word : {"farm", "task", "{{Param.JobFolder}}"}) {
+    arguments.push_back(word);
+  }
+  arguments.push_back(farm_stage_name(stage));
+  arguments.push_back(index);
+  for (const std::string_view word :
+       {"--progress", "openjd", "--path-mapping", "{{Session.PathMappingRulesFile}}"}) {
+    arguments.push_back(word);
+  }
+  Json on_run{{"command", wrap.empty() ? "{{Param.Raystage}}" : "sh"},
+              {"args", std::move(arguments)},
               // The command gets SIGTERM, and its time to drop the frames in flight.
               {"cancelation", {{"mode", "NOTIFY_THEN_TERMINATE"}, {"notifyPeriodInSeconds", 90}}}};
   if (resources.minutes) on_run["timeout"] = *resources.minutes * 60;
@@ -52,7 +63,8 @@ Json step(const FarmJobDocument& job, FarmStage stage, std::size_t tasks) {
                        {"type", "INT"},
                        {"range", tasks == 1 ? "0" : fmt::format("0-{}", tasks - 1)}}})}};
   }
-  result["script"] = script(stage, has_space ? "{{Task.Param.Task}}" : "0", job.of(stage));
+  result["script"] =
+      script(job.wrap, stage, has_space ? "{{Task.Param.Task}}" : "0", job.of(stage));
   return result;
 }
 

@@ -40,6 +40,18 @@ TEST(OpenJd, StagesThatAJobLacksAreNoSteps) {
   EXPECT_EQ(json::parse(text)["steps"].size(), 2U);
 }
 
+TEST(OpenJd, WordsBeforeTheCommandAreTheShells) {
+  FarmJobDocument job = testing::small_job();
+  job.wrap = "apptainer exec -B '/a b' /net/x.sif";
+  const std::string text = openjd_template(job);
+  EXPECT_THAT(openjd_faults(text), IsEmpty()) << text;
+  const json run = json::parse(text)["steps"][1]["script"]["actions"]["onRun"];
+  EXPECT_EQ(run["command"], "sh");
+  EXPECT_THAT(json(run["args"]).dump(),
+              HasSubstr(R"(["-c","apptainer exec -B '/a b' /net/x.sif \"$@\"","sh",)"
+                        R"("{{Param.Raystage}}","farm","task")"));
+}
+
 TEST(OpenJd, EveryRuleIsChecked) {
   const json good = json::parse(openjd_template(testing::small_job()));
   const auto faults_with = [&](const char* pointer, const json& value) {

@@ -86,4 +86,13 @@ std::string map_paths_of_shot(std::string_view shot_text, std::string_view name,
   return format_json(json);
 }
 
+std::vector<PathRule> rules_of_this_host(const FarmJobDocument& job,
+                                         const std::filesystem::path& folder) {
+  std::error_code ignored;
+  std::vector<PathRule> reversed;
+  if (std::filesystem::equivalent(job.folder, folder, ignored)) return reversed;
+  for (const PathRule& rule : job.paths) reversed.push_back({rule.to, rule.from});
+  return reversed;
+}
+
 }  // namespace raystage::farm

@@ -11,10 +11,7 @@
 
 namespace raystage::farm {
 
-/// A folder that has another name on the nodes.
-struct PathRule {
-  std::string from, to;
-};
+using PathRule = FarmJobDocument::PathRule;
 
 /// Reads "FROM=TO", both absolute. Throws Error (bad input).
 PathRule parse_path_rule(std::string_view text);
@@ -30,5 +27,10 @@ std::string mapped(const std::string& path, std::span<const PathRule> rules);
 void map_paths(FarmJobDocument& job, std::span<const PathRule> rules);
 std::string map_paths_of_shot(std::string_view shot_text, std::string_view name,
                               std::span<const PathRule> rules);
+
+/// The rules from the paths of a job's document to those of this host, whose job folder is
+/// `folder`: none where that is the nodes' name of the folder, else the job's own mapping reversed.
+std::vector<PathRule> rules_of_this_host(const FarmJobDocument& job,
+                                         const std::filesystem::path& folder);
 
 }  // namespace raystage::farm

@@ -37,6 +37,18 @@ TEST(PathMap, ReachesEveryPathOfAJobAndAShot) {
             "{\n  \"a\": [\"/net/take/1\", \"take\"],\n  \"b\": 1.5\n}\n");
 }
 
+TEST(PathMap, KnowsWhichHostsNamesApply) {
+  const TestFolder folder;
+  FarmJobDocument job = testing::small_job();
+  job.paths = {{"/mnt/show", "/net/show"}};
+  job.folder = folder.path().string();
+  EXPECT_TRUE(rules_of_this_host(job, folder.path() / ".").empty()) << "the nodes' names";
+  job.folder = "/net/show/s.farm/job-0001";
+  const auto rules = rules_of_this_host(job, folder.path());
+  ASSERT_EQ(rules.size(), 1U);
+  EXPECT_EQ(mapped("/net/show/x", rules), "/mnt/show/x");
+}
+
 TEST(PathMap, ReadsASessionsRules) {
   const TestFolder folder;
   const auto file = folder.path() / "rules.json";

@@ -69,12 +69,8 @@ Command preview_command(const FarmJobDocument& job, const JobFolder& folder) {
 
 ShotPlanOptions plan_options(const FarmJobDocument& job) {
   ShotPlanOptions options;
-  if (job.picture.fill == "none") options.fill = HoleFill::kNone;
-  if (job.picture.fill == "push-pull") options.fill = HoleFill::kPushPull;
-  options.layout = job.picture.layout;
+  set_picture(job.picture, options);
   options.color_config = job.color_config;
-  if (job.picture.coverage) options.aovs = {"lf.cameras", "lf.nearest"};
-  if (job.picture.confidence) options.aovs.emplace_back("lf.confidence");
   options.frames = frames_of(job);
   options.folder = job.shot_folder;
   options.cache_folder = job.cache;

@@ -24,6 +24,16 @@ std::vector<std::string> render_command(const FarmJobDocument& job,
 /// `raystage-preview` of all frames: a movie and a contact sheet in the job folder.
 std::vector<std::string> preview_command(const FarmJobDocument& job, const JobFolder& folder);
 
+/// What a job asks for in place of what its shot says, as options of a library call.
+template <class Options>
+void set_picture(const FarmJobDocument::Picture& picture, Options& options) {
+  if (picture.fill == "none") options.fill = HoleFill::kNone;
+  if (picture.fill == "push-pull") options.fill = HoleFill::kPushPull;
+  options.layout = picture.layout;
+  if (picture.coverage) options.aovs = {"lf.cameras", "lf.nearest"};
+  if (picture.confidence) options.aovs.emplace_back("lf.confidence");
+}
+
 /// What ShotPlan needs to compute the fingerprints that those commands write.
 ShotPlanOptions plan_options(const FarmJobDocument& job);
 MissingFrames missing_frames_policy(const FarmJobDocument& job);

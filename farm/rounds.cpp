@@ -16,7 +16,8 @@ namespace {
 constexpr double kMoreMemory = 1.5, kMoreTime = 2;
 /// Attempts that the task is not to blame for, beyond which it is given up all the same.
 constexpr int kMostLost = 10;
-constexpr std::size_t kMostExcluded = 3;
+/// More nodes than this, and than this part of those that were tried, are no accident.
+constexpr std::size_t kMostExcluded = 3, kMostExcludedPart = 4;
 constexpr std::size_t kLongestReason = 3000;
 
 struct TaskHistory {
@@ -71,12 +72,13 @@ void add_instants(const RoundOutcome& state, int chunk, FarmRound& next) {
 
 /// Whether no node is left that is worth trying.
 bool is_every_node_at_fault(const RoundOutcome& state) {
-  if (state.excluded.size() > kMostExcluded) return true;
   std::set<std::string> tried;
   for (const auto& [task, attempts] : state.attempts) {
     if (task.first != "prepare" && task.first != "render") continue;
     for (const FarmAttempt& attempt : attempts) tried.insert(attempt.node);
   }
+  if (state.excluded.size() > std::max(kMostExcluded, tried.size() / kMostExcludedPart))
+    return true;
   return tried.size() > 1 && std::ranges::all_of(tried, [&](const std::string& node) {
            return std::ranges::find(state.excluded, node) != state.excluded.end();
          });
@@ -140,8 +142,8 @@ Verdict decide(const RoundOutcome& state) {
     if (history.out_of_memory > 0) next.memory_factor = kMoreMemory;
     if (history.stopped) next.time_factor = kMoreTime;
   }
-  const bool no_node = is_every_node_at_fault(state);
-  if (!next.render.empty() && !no_node &&
+  verdict.no_node_left = is_every_node_at_fault(state);
+  if (!next.render.empty() && !verdict.no_node_left &&
       state.round - state.first_round < state.job.attempts + kMostLost) {
     verdict.next = next;
     return verdict;
@@ -156,10 +158,10 @@ Verdict decide(const RoundOutcome& state) {
                                       reason.empty() ? "no attempt left a reason" : reason);
     if (verdict.end.reason.size() > kLongestReason) break;
   }
-  if (no_node) {
-    verdict.end.reason += fmt::format(
-        "{}{} nodes failed; the cause is probably not the nodes. See the reason of each",
-        verdict.end.reason.empty() ? "" : "; ", state.excluded.size());
+  if (verdict.no_node_left) {
+    verdict.end.reason +=
+        fmt::format("{}{} nodes failed; the cause is probably not the nodes",
+                    verdict.end.reason.empty() ? "" : "; ", state.excluded.size());
   }
   return verdict;
 }

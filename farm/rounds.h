@@ -16,6 +16,7 @@ namespace raystage::farm {
 struct Verdict {
   std::optional<FarmRound> next;  ///< none: the job is over
   FarmEnd end = {};               ///< where it is
+  bool no_node_left = false;      ///< why it is: no node is worth trying
 };
 
 /// What is known when a round is over.
@@ -32,8 +33,8 @@ struct RoundOutcome {
 /// `attempts` times, fails by its inputs, or ran out of memory again with 1.5 times the memory. A
 /// task that did not end by itself (its node died, it was declined) is tried further. Tasks that
 /// ran out of memory, or were stopped, bring 1.5 times the memory, or twice the time, to their
-/// round. Where every node that was tried is at fault, or more than three are, it is not the nodes:
-/// the job fails.
+/// round. Where every node that was tried is at fault, or more than three and a quarter of them
+/// are, it is not the nodes: the job fails.
 Verdict decide(const RoundOutcome& state);
 
 /// Whether a chunk need not wait for an instant any longer: it was prepared, or its preparation

@@ -113,5 +113,15 @@ TEST_F(Rounds, BlameNoNodesWhereAllAreAtFault) {
   EXPECT_THAT(over.end.reason, HasSubstr("2 nodes failed"));
 }
 
+TEST_F(Rounds, LargeFarmsMayLoseMoreNodes) {
+  for (int i = 0; i < 40; ++i) {
+    happened(attempt_at(1 + i % 3, AttemptResult::kDone, "n" + std::to_string(i)));
+  }
+  excluded_ = {"n1", "n2", "n3", "n4", "n5", "n6"};
+  EXPECT_TRUE(verdict({1}).next) << "6 of 40";
+  for (int i = 7; i < 12; ++i) excluded_.push_back("n" + std::to_string(i));
+  EXPECT_FALSE(verdict({1}).next) << "11 of 40";
+}
+
 }  // namespace
 }  // namespace raystage::farm

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "farm/sequence_check.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <atomic>
+#include <cerrno>
 #include <chrono>
 #include <system_error>
 #include <thread>
@@ -16,12 +20,15 @@ namespace {
 using Clock = std::chrono::steady_clock;
 constexpr std::chrono::milliseconds kBetweenLooks{500};
 
-/// ENOENT and ESTALE pass with time on a network file system; a damaged file does not.
+/// ENOENT and ESTALE pass with time on a network file system; a damaged file does not. The handle
+/// may be found stale when the file is opened, or not before it is read.
 bool may_appear(const std::filesystem::path& file) {
-  std::error_code error;
-  const auto status = std::filesystem::status(file, error);
-  if (status.type() == std::filesystem::file_type::not_found) return true;
-  return error.value() == ESTALE;
+  const int descriptor = open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+  if (descriptor < 0) return errno == ENOENT || errno == ESTALE;
+  char first = 0;
+  const bool is_stale = pread(descriptor, &first, 1, 0) < 0 && errno == ESTALE;
+  close(descriptor);
+  return is_stale;
 }
 
 /// Asks the server for the folder's entries: a client may remember that a name was not there.
@@ -55,7 +62,9 @@ std::vector<int> missing_frames(const SequenceName& name, std::span<const Expect
   const auto time_left = [&] {
     return std::chrono::duration<double>(Clock::now() - start).count() < settings.patience_seconds;
   };
-  const auto is_awaited = [&](std::size_t i) { return is_missing[i] != 0 && may_come(frames[i]); };
+  const auto is_awaited = [&](std::size_t i) {
+    return is_missing[i] != 0 && frames[i].is_awaited && may_come(frames[i]);
+  };
   while (time_left() && !stop.stop_requested()) {
     bool any = false;
     for (std::size_t i = 0; i < frames.size(); ++i) any = any || is_awaited(i);

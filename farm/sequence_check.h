@@ -16,13 +16,14 @@ namespace raystage::farm {
 struct ExpectedFrame {
   int frame = 0;
   std::string fingerprint;
+  bool is_awaited = true;  ///< somebody says that it was written: it may take time to appear
 };
 
 struct CheckSettings {
   bool deep = false;  ///< the deep files count, too
-  /// How long a frame that is missing, or whose handle is stale, is looked for: another host's file
-  /// may take so long to appear on a network file system. By this process' own steady clock, never
-  /// by times of files.
+  /// How long an awaited frame that is missing, or whose handle is stale, is looked for: another
+  /// host's file may take so long to appear on a network file system. By this process' own steady
+  /// clock, never by times of files.
   double patience_seconds = 60;
   std::function<void(double)> progress = [](double) {};
 };

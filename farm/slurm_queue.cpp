@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <sstream>
@@ -25,13 +26,17 @@ ChildResult ask(const std::vector<std::string>& command) {
   return run_child(command, options);
 }
 
+/// What a command printed, on one line.
+std::string one_line(const std::string& text) {
+  constexpr std::size_t kLongest = 600;
+  std::string line = text.substr(0, kLongest);
+  while (!line.empty() && line.back() == '\n') line.pop_back();
+  std::ranges::replace(line, '\n', ' ');
+  return line;
+}
+
 Error unavailable(const ChildResult& result, const std::string& command) {
-  std::string said = result.out.substr(0, 300);
-  while (!said.empty() && said.back() == '\n') said.pop_back();
-  for (char& c : said) {
-    if (c == '\n') c = ' ';
-  }
-  return Error::failed("Slurm does not answer: " + said, command,
+  return Error::failed("Slurm does not answer: " + one_line(result.out), command,
                        "Check `scontrol ping` and SLURM_CONF, or use --engine local");
 }
 
@@ -99,30 +104,57 @@ int slurm_max_array() {
 }
 
 std::vector<SlurmNode> slurm_nodes(const std::string& partition) {
-  std::vector<std::string> command{"sinfo", "-h", "-N", "-o", "%N|%T"};
+  std::vector<std::string> command{"sinfo", "-h", "-N", "-o", "%N|%T|%c|%m"};
   if (!partition.empty()) command.push_back("--partition=" + partition);
   const ChildResult result = ask(command);
   if (result.exit_code != 0) throw unavailable(result, "sinfo");
-  std::map<std::string, std::string> states;  // a node may be in several partitions
+  std::map<std::string, SlurmNode> by_name;  // a node may be in several partitions
   std::istringstream lines(result.out);
   for (std::string line; std::getline(lines, line);) {
     const std::vector<std::string> words = words_of(line, '|');
-    if (words.size() == 2) states[words[0]] = words[1];
+    if (words.size() != 4) continue;
+    SlurmNode node{words[0], words[1]};
+    std::from_chars(words[2].data(), words[2].data() + words[2].size(), node.processors);
+    std::from_chars(words[3].data(), words[3].data() + words[3].size(), node.memory_mebibytes);
+    by_name[node.name] = node;
   }
   std::vector<SlurmNode> nodes;
-  for (auto& [name, state] : states) nodes.push_back({name, state});
+  for (auto& [name, node] : by_name) nodes.push_back(std::move(node));
   return nodes;
+}
+
+std::string partition_of(std::span<const std::string> sbatch_options) {
+  constexpr std::string_view kLong = "--partition=", kShort = "-p";
+  std::string partition;
+  for (const std::string& option : sbatch_options) {
+    if (option.starts_with(kLong)) partition = option.substr(kLong.size());
+    if (option.starts_with(kShort)) partition = option.substr(kShort.size());
+  }
+  return partition;
+}
+
+void check_scripts(const JobFolder& folder, const FarmJobDocument& job) {
+  for (const FarmStage stage : kFarmStages) {
+    if (stage == FarmStage::kPrepare && job.instants.empty()) continue;
+    if (stage == FarmStage::kPreview && !job.preview) continue;
+    const std::string script = fmt::format("{}.sbatch", farm_stage_name(stage));
+    const ChildResult result =
+        ask({"sbatch", "--test-only", (folder.path() / script).string(), "1", "0"});
+    const bool is_down = result.out.find("Required node not available") != std::string::npos;
+    if (result.exit_code == 0 || is_down) continue;
+    throw Error::bad_input(
+        fmt::format("Slurm would reject a task of stage {} ({} threads, {} MiB): {}",
+                    farm_stage_name(stage), job.of(stage).threads,
+                    slurm_megabytes(job.of(stage), 1), one_line(result.out)),
+        "sbatch", "Correct the option that it names, or give a task fewer threads or less memory");
+  }
 }
 
 void run_queue_script(const JobFolder& folder, const std::string& script) {
   const ChildResult result = run_child({"sh", (folder.path() / script).string()});
   if (result.exit_code == 0) return;
-  std::string said = result.out.substr(0, 600);
-  while (!said.empty() && said.back() == '\n') said.pop_back();
-  for (char& c : said) {
-    if (c == '\n') c = ' ';
-  }
-  throw Error::failed("sbatch rejected a task: " + said, (folder.path() / script).string(),
+  throw Error::failed("sbatch rejected a task: " + one_line(result.out),
+                      (folder.path() / script).string(),
                       "Correct the option that it names and submit again");
 }
 

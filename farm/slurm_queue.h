@@ -3,6 +3,7 @@
 
 #include <map>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,11 +28,21 @@ std::optional<std::map<std::string, SlurmTask>> slurm_tasks(const FarmJobDocumen
 /// MaxArraySize. Throws Error (failed) where Slurm does not answer.
 int slurm_max_array();
 
-/// Nodes of the default partition, or of this one, with their states.
+/// Nodes of the default partition, or of this one.
 struct SlurmNode {
   std::string name, state;
+  int processors = 0;
+  double memory_mebibytes = 0;
 };
 std::vector<SlurmNode> slurm_nodes(const std::string& partition);
+
+/// "fast" of "--partition=fast"; empty: the default partition.
+std::string partition_of(std::span<const std::string> sbatch_options);
+
+/// Asks Slurm whether it would accept the job's scripts, without queueing them (sbatch
+/// --test-only). Throws Error (bad input) with its answer where it would not; nodes that are down
+/// at present are no reason.
+void check_scripts(const JobFolder& folder, const FarmJobDocument& job);
 
 /// Runs a script of the job folder (round-N.sh). Throws Error (failed) with what it printed.
 void run_queue_script(const JobFolder& folder, const std::string& script);

@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "farm/job_plan.h"
+#include "farm/slurm_shell.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 
@@ -16,92 +17,6 @@ namespace {
 
 /// Beside what the renderer accounts for: the program, its libraries, what the allocator keeps.
 constexpr double kMemoryFactor = 1.1, kMemoryBesideBytes = 400e6;
-
-/// Excludes this node for every task of the job that has not started, the verification included (so
-/// the exclusion outlives Slurm's memory of the tasks), and moves this task elsewhere: requeued, it
-/// is pending, and only pending tasks can be given nodes to avoid. Not where every node, or more
-/// than three, would be left.
-constexpr std::string_view kLeaveNode = R"sh(
-leave_node() {
-  task=${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}${SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}
-  own=$(squeue -h -j "$task" -o %x | head -n 1)
-  [ "$own" != '(null)' ] || own=
-  # Without the job folder only Slurm knows how many nodes were left before; this one counts, too.
-  bad=$(ls excluded 2>/dev/null | wc -l)
-  left=$(($([ -z "$own" ] || scontrol show hostnames "$own" | wc -l) + 1))
-  [ "$bad" -ge "$left" ] || bad=$left
-  [ "$bad" -lt "$(sinfo -h -N -o %N | sort -u | wc -l)" ] && [ "$bad" -le 3 ] || return 0
-  squeue -h --me --states=PENDING --name="$JOB_ID.prepare,$JOB_ID.render,$JOB_ID.verify" -o '%A %x' |
-    sort -u | while read -r id nodes; do exclude_for "$id" "$nodes"; done
-  trap '' TERM  # of the requeueing; KILL follows
-  scontrol requeue "$task" || return 0
-  nodes=$own
-  for try in 1 2 3 4 5 6 7 8 9 10; do
-    ! exclude_for "$task" "$nodes" || break
-    sleep 0.3
-  done
-  sleep 60
-}
-exclude_for() {  # JOB NODES-EXCLUDED-SO-FAR
-  nodes=$2
-  case ",$nodes," in *",$SLURMD_NODENAME,"*) return 0 ;; esac
-  [ "$nodes" != '(null)' ] || nodes=
-  scontrol update JobId="$1" ExcNodeList="${nodes:+$nodes,}$SLURMD_NODENAME"
-}
-cd "$JOB" 2>/dev/null && [ -f job.json ] || {
-  leave_node
-  echo "$SLURMD_NODENAME: the job folder is not there: $JOB" >&2
-  exit 1
-}
-)sh";
-
-/// sbatch passes SLURM_* variables on, whatever --export says: a task that was queued from within a
-/// task would take itself for that one.
-constexpr std::string_view kForgetOwnTask = R"sh(
-forget_own_task() {
-  for variable in $(env | sed -n 's/^\(SLURM_[A-Za-z0-9_]*\)=.*/\1/p'); do
-    [ "$variable" = SLURM_CONF ] || unset "$variable"
-  done
-}
-)sh";
-
-/// A controller that is killed forgets what it accepted in its last seconds. Where that was the
-/// verification, nothing would end the job: whichever task notices queues it anew, once a round.
-constexpr std::string_view kKeepVerification = R"sh(
-keep_verification() {
-  [ -s "slurm/verify.$ROUND" ] && [ ! -e ended.json ] && [ ! -e cancelled ] || return 0
-  known=$(squeue -h --me --name="$JOB_ID.verify" -o %i) && [ -z "$known" ] || return 0
-  mkdir "slurm/lost-verify.$ROUND" 2>/dev/null || return 0
-  echo 'the verification is no longer queued; it is queued anew'
-  own=$(squeue -h -j "$SLURM_JOB_ID" -o %x | head -n 1)  # nodes that this task was kept from
-  [ "$own" != '(null)' ] || own=
-  forget_own_task
-  id=$(sbatch --parsable ${own:+--exclude="$own"} --dependency=afterany"$(cat slurm/render."$ROUND".* | sed 's/^/:/' | tr -d '\n')" \
-    verify.sbatch "$ROUND" 0) && echo "${id%%;*}" >"slurm/verify.$ROUND"
-}
-)sh";
-
-/// Prints an id once sbatch has accepted a script, and keeps it. A controller that does not answer
-/// is asked again for as long as PATIENCE says, seconds.
-constexpr std::string_view kQueue = R"sh(
-queue() {  # NAME SBATCH-ARGUMENT... SCRIPT ROUND OFFSET
-  name=$1
-  shift
-  if [ ! -s "slurm/$name" ]; then
-    waited=0
-    until id=$(sbatch --parsable "$@"); do
-      [ "$waited" -lt "${PATIENCE:-0}" ] || return 1
-      sleep 10
-      waited=$((waited + 10))
-    done
-    id=${id%%;*}
-    for offset; do :; done  # the last argument: which task of the stage is array index 0
-    echo "$offset" >"slurm/offset.$id"
-    echo "$id" >"slurm/$name.new" && mv "slurm/$name.new" "slurm/$name"
-  fi
-  cat "slurm/$name"
-}
-)sh";
 
 std::string folder_lines(const FarmJobDocument& job) {
   return fmt::format("JOB={}\nJOB_ID={}\n", shell_word(job.folder), shell_word(job.id));
@@ -248,32 +163,17 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
     const bool excludes_itself = std::ranges::any_of(resources.options, [](const std::string& o) {
       return o.starts_with("--exclude") || o.starts_with("-x");
     });
-    if (!excludes_itself) text += "# Nodes that found no job folder could say so only here.\n";
-    if (!excludes_itself)
-      text +=
-          "squeue -h -j \"$SLURM_JOB_ID\" -o '%x' | grep -v null | xargs -r scontrol show "
-          "hostnames "
-          "|\n"
-          "  while read -r node; do\n"
-          "    [ -e \"excluded/$node\" ] || echo 'the job folder is not there' "
-          ">\"excluded/$node\"\n"
-          "  done\n";
-    text += task_command(job, stage) + "\n";
-    text += "code=$?\nnext=after-verify-$ROUND.sh\n";
-    text +=
-        "[ ! -f \"$next\" ] || PATIENCE=3600 sh \"$next\" || [ -e ended.json ] || {\n"
-        "  printf '{\"schema\": \"raystage/farm_end/1\", \"state\": \"failed\", \"reason\": "
-        "\"%s\", "
-        "\"ended_utc\": \"%s\"}\\n' \\\n"
-        "    'the next round could not be queued: see logs/slurm.verify.0.log' \\\n"
-        "    \"$(date -u +%Y-%m-%dT%H:%M:%SZ)\" >ended.new && mv ended.new ended.json\n"
-        "}\n";
-    text += "exit $code\n";
+    if (!excludes_itself) text += kNoteExcluded.substr(1);
+    text += kFailJob.substr(1);
+    text += task_command(job, stage) + "\ncode=$?\n";
+    text += kStartFailure.substr(1);
+    text += kAfterVerification.substr(1);
     return text;
   }
   text += task_command(job, stage) + "\n";
   if (stage == FarmStage::kPreview) return text;
   text += "code=$?\n";
+  text += kStartFailure.substr(1);
   text += kForgetOwnTask.substr(1);
   text += kKeepVerification.substr(1);
   text +=
@@ -282,20 +182,16 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   return text;
 }
 
-std::string start_script(const FarmJobDocument& job) {
+std::string start_script(const FarmJobDocument& job, const std::string& job_before) {
   return fmt::format(
       "#!/bin/sh\n"
-      "# Starts farm job {} once the job that ./after names is over.\n"
+      "# Starts farm job {} once job {} is over, whose folder ./after names.\n"
       "#SBATCH --job-name={}\n"
       "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task=1 --mem=100M\n"
       "#SBATCH --export=NONE\n#SBATCH --requeue\n#SBATCH --output=/dev/null\n"
-      "{}"
-      "cd \"$JOB\" || exit 1\n"
-      "exec >>logs/slurm.start.log 2>&1\n"
-      "[ ! -e cancelled ] || exit 0\n"
-      "if [ -e \"$(cat after)/ended.json\" ]; then PATIENCE=3600 sh round-1.sh; exit; fi\n"
-      "sh start.sh 15  # its verification has queued another round\n",
-      job.id, slurm_job_name(job, "start"), folder_lines(job));
+      "{}BEFORE={}\n{}{}",
+      job.id, job_before, slurm_job_name(job, "start"), folder_lines(job), shell_word(job_before),
+      kFailJob.substr(1), kStart.substr(1));
 }
 
 std::string queue_start_script(const FarmJobDocument& job) {
@@ -303,15 +199,9 @@ std::string queue_start_script(const FarmJobDocument& job) {
       "#!/bin/sh\n"
       "# Queues start.sbatch of farm job {} behind the newest verification of the job that ./after "
       "names.\n"
-      "# Usage: sh start.sh [SECONDS to wait at least]\n"
-      "set -eu\ncd \"$(dirname \"$0\")\"\n"
-      "{}forget_own_task\n"
-      "newest=$(ls -v \"$(cat after)\"/slurm/start \"$(cat after)\"/slurm/verify.* 2>/dev/null |\n"
-      "  grep -v '[.]new$' | tail -n 1)\n"
-      "id=$(sbatch --parsable ${{newest:+--dependency=afterany:$(cat \"$newest\")}} \\\n"
-      "  --begin=now+\"${{1:-0}}\" start.sbatch)\n"
-      "printf '%s\\n' \"${{id%%;*}}\" >slurm/start.new && mv slurm/start.new slurm/start\n",
-      job.id, kForgetOwnTask);
+      "# Usage: sh start.sh [SECONDS to wait at least [LOOKS that found that job idle]]\n"
+      "set -eu\ncd \"$(dirname \"$0\")\"\n{}{}",
+      job.id, kForgetOwnTask.substr(1), kQueueStart.substr(1));
 }
 
 std::string round_script(const FarmJobDocument& job, const FarmRound& round) {

@@ -22,8 +22,9 @@ std::string slurm_job_name(const FarmJobDocument& job, std::string_view stage);
 std::string batch_script(const FarmJobDocument& job, FarmStage stage);
 
 /// "start.sbatch" queues round 1 once the job that JOB/after names is over; until then it runs
-/// "start.sh", which queues it anew.
-std::string start_script(const FarmJobDocument& job);
+/// "start.sh", which queues it anew. A job before it that stays unqueued for 20 looks ends this
+/// one.
+std::string start_script(const FarmJobDocument& job, const std::string& job_before);
 std::string queue_start_script(const FarmJobDocument& job);
 
 /// "round-N.sh": queues a round's tasks, each chunk behind its instants, then the verification. Run

@@ -32,7 +32,7 @@ TEST(SlurmScripts, AreShellWhateverThePathsAre) {
     EXPECT_EQ(shell_complaint(batch_script(job, stage)), "");
   }
   EXPECT_EQ(shell_complaint(round_script(job, testing::first_round())), "");
-  EXPECT_EQ(shell_complaint(start_script(job)), "");
+  EXPECT_EQ(shell_complaint(start_script(job, "other-12345678")), "");
   EXPECT_EQ(shell_complaint(queue_start_script(job)), "");
   EXPECT_EQ(shell_complaint(preview_script(job)), "");
   ChildOptions options;
@@ -52,23 +52,29 @@ TEST(SlurmScripts, AskForWhatAStageMayUse) {
   EXPECT_THAT(batch_script(job, FarmStage::kVerify), Not(HasSubstr("--partition")));
 }
 
-/// A round's script with a false sbatch that writes down how it was called.
+/// A script with false commands of Slurm that write down how they were called.
 class RoundScript : public ::testing::Test {
  protected:
   std::string run(const FarmJobDocument& job, const FarmRound& round) {
+    return run_script(round_script(job, round));
+  }
+  /// Runs a script in the folder "job" and returns what it asked of Slurm.
+  std::string run_script(const std::string& script, const std::string& arguments = "",
+                         const std::string& squeue = "") {
     const auto bin = folder_.path() / "bin";
     std::filesystem::create_directories(bin);
-    std::filesystem::create_directories(folder_.path() / "slurm");
+    write_tool(bin / "squeue", squeue);
     write_tool(bin / "sbatch",
                "n=$(($(cat ../n 2>/dev/null || echo 100) + 1)); echo $n >../n\n"
                "echo \"$@\" >>../calls; echo $n");
     write_tool(bin / "sinfo", "printf 'n1\\nn2\\nn3\\nn4\\n'");
     write_tool(bin / "scontrol", "echo scontrol \"$@\" >>../calls");
     std::filesystem::create_directories(folder_.path() / "job" / "slurm");
-    std::ofstream(folder_.path() / "job" / "round.sh") << round_script(job, round);
-    const ChildResult result = run_child(
-        {"sh", "-c",
-         "PATH=" + bin.string() + ":$PATH sh " + (folder_.path() / "job" / "round.sh").string()});
+    std::ofstream(folder_.path() / "job" / "round.sh") << script;
+    const ChildResult result =
+        run_child({"sh", "-c",
+                   "PATH=" + bin.string() + ":$PATH sh " +
+                       (folder_.path() / "job" / "round.sh").string() + " " + arguments});
     EXPECT_EQ(result.exit_code, 0) << result.out;
     std::ifstream calls(folder_.path() / "calls");
     return {std::istreambuf_iterator<char>(calls), std::istreambuf_iterator<char>()};
@@ -111,6 +117,48 @@ TEST_F(RoundScript, SplitsArraysAndLeavesNodesOut) {
               HasSubstr("--array=1-2 --mem=1169M --time=40 --exclude=n3,n4 render.sbatch 2 0\n"));
   EXPECT_THAT(calls,
               HasSubstr("--array=0 --mem=1169M --time=40 --exclude=n3,n4 render.sbatch 2 3\n"));
+}
+
+/// A job that waits for another one, whose folder is "before".
+class WaitingJob : public RoundScript {
+ protected:
+  void SetUp() override {
+    job_.folder = (folder_.path() / "job").string();
+    for (const char* name : {"job/logs", "job/rounds", "job/slurm", "before/slurm"}) {
+      std::filesystem::create_directories(folder_.path() / name);
+    }
+    std::ofstream(folder_.path() / "job" / "after") << "../before\n";
+    std::ofstream(folder_.path() / "job" / "start.sh") << queue_start_script(job_);
+    std::ofstream(folder_.path() / "before" / "slurm" / "verify.1") << "77\n";
+  }
+  std::string look(const std::string& idle_looks, const std::string& squeue) {
+    return run_script(start_script(job_, "before-1"), idle_looks, squeue);
+  }
+  FarmJobDocument job_ = testing::small_job();
+};
+
+TEST_F(WaitingJob, LooksAgainBehindTheNewestVerification) {
+  EXPECT_EQ(look("3", "echo 77"),
+            "--parsable --dependency=afterany:77 --begin=now+15 start.sbatch 0\n");
+}
+
+TEST_F(WaitingJob, CountsLooksAtAJobThatIsNoLongerQueued) {
+  EXPECT_EQ(look("3", ""), "--parsable --dependency=afterany:77 --begin=now+15 start.sbatch 4\n");
+  EXPECT_FALSE(std::filesystem::exists(folder_.path() / "job" / "ended.json"));
+}
+
+TEST_F(WaitingJob, EndsWhereTheOtherIsStalled) {
+  EXPECT_EQ(look("19", ""), "") << "nothing is queued";
+  const JobFolder folder(folder_.path() / "job");
+  ASSERT_TRUE(folder.end());
+  EXPECT_EQ(folder.end()->state, FarmEnd::State::kFailed);
+  EXPECT_THAT(folder.end()->reason, HasSubstr("stalled"));
+}
+
+TEST_F(WaitingJob, StartsOnceTheOtherIsOver) {
+  write_round(JobFolder(folder_.path() / "job"), job_, testing::first_round());
+  std::ofstream(folder_.path() / "before" / "ended.json") << "{}";
+  EXPECT_THAT(look("0", ""), HasSubstr("--hold --array=0-1 prepare.sbatch 1 0\n"));
 }
 
 }  // namespace

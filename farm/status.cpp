@@ -9,6 +9,7 @@
 #include <map>
 
 #include "compose/frame_range.h"
+#include "compose/sequence_name.h"
 #include "farm/local_engine.h"
 #include "farm/rounds.h"
 
@@ -17,8 +18,22 @@ namespace {
 
 constexpr std::array<std::string_view, 7> kTaskNames{"waiting", "running",    "done",   "failed",
                                                      "lost",    "not queued", "unknown"};
-constexpr std::array<std::string_view, 8> kJobNames{"waiting", "running", "unknown",   "stalled",
-                                                    "done",    "failed",  "cancelled", "stopped"};
+constexpr std::array<std::string_view, 9> kJobNames{"waiting",   "running", "unknown",
+                                                    "stalled",   "done",    "failed",
+                                                    "cancelled", "stopped", "not queued"};
+/// Why a task waits that will never start.
+constexpr std::array<std::string_view, 2> kNeverStarts{"BadConstraints",
+                                                       "DependencyNeverSatisfied"};
+/// Why a task waits that somebody has to do something about.
+constexpr std::array<std::string_view, 10> kNeedsAttention{
+    "ReqNodeNotAvail",    "PartitionDown",  "PartitionInactive", "PartitionNodeLimit",
+    "PartitionTimeLimit", "InvalidAccount", "InvalidQOS",        "AccountNotAllowed",
+    "QOSNotAllowed",      "JobHeld"};
+
+template <std::size_t N>
+bool is_one_of(const std::array<std::string_view, N>& reasons, std::string_view reason) {
+  return std::ranges::any_of(reasons, [&](std::string_view r) { return reason.starts_with(r); });
+}
 
 bool is_over(const std::string& slurm_state) {
   constexpr std::array<std::string_view, 5> kLive{"PENDING", "RUNNING", "COMPLETING", "CONFIGURING",
@@ -111,12 +126,18 @@ void ask_scheduler(const SchedulerAnswer& answer, const SlurmTask* slurm, bool h
   }
 }
 
+bool is_done(const JobFolder& folder) {
+  const std::optional<FarmEnd> end = folder.end();
+  return end && end->state == FarmEnd::State::kDone;
+}
+
 TaskStatus status_of(const JobFolder& folder, const SchedulerAnswer& answer,
                      const QueuedTasks& queued, const TaskAttempts& attempts, bool job_is_over,
                      const FarmJobDocument& job, const std::string& stage, int index) {
   TaskStatus task;
   task.stage = stage;
   task.index = index;
+  if (stage == "preview" && is_done(folder)) job_is_over = false;  // it comes after the end
   if (stage == "render") task.frames = job.chunks[static_cast<std::size_t>(index)].frames;
   if (const auto found = attempts.find({stage, index}); found != attempts.end()) {
     task.attempts = found->second;
@@ -178,61 +199,112 @@ void count_frames(JobStatus& status) {
   }
 }
 
+JobState state_of_end(const FarmEnd& end) {
+  switch (end.state) {
+    case FarmEnd::State::kDone:
+      return JobState::kDone;
+    case FarmEnd::State::kFailed:
+      return JobState::kFailed;
+    case FarmEnd::State::kCancelled:
+      return JobState::kCancelled;
+    case FarmEnd::State::kStopped:
+      break;
+  }
+  return JobState::kStopped;
+}
+
+bool has_begun(const JobStatus& status) {
+  return std::ranges::any_of(status.tasks, [](const TaskStatus& task) {
+    return !task.attempts.empty() && task.stage != "measure";
+  });
+}
+
+JobState state_of_local_job(const SchedulerAnswer& answer, JobStatus& status) {
+  if (!answer.is_running_here) {
+    status.reason = "it runs on another host: ask there";
+    return JobState::kUnknown;
+  }
+  if (*answer.is_running_here) return JobState::kRunning;
+  if (!has_begun(status)) {
+    status.reason = "raystage farm retry starts it";
+    return JobState::kNotQueued;
+  }
+  status.reason = "the process that ran it is gone; raystage farm retry continues the job";
+  return JobState::kStalled;
+}
+
+/// From what Slurm has queued of a job that has no end.
+JobState state_of_queued_job(const JobFolder& folder, const std::map<std::string, SlurmTask>& tasks,
+                             JobStatus& status) {
+  bool runs = false, waits = false;
+  std::string waits_for, never_starts, needs_attention;
+  for (const auto& [name, task] : tasks) {
+    if (task.stage == "preview" || is_over(task.state)) continue;
+    if (task.state != "PENDING") {
+      runs = true;
+      continue;
+    }
+    waits = true;
+    if (task.stage == "start") waits_for = "it waits for the job before it";
+    if (is_one_of(kNeverStarts, task.reason)) never_starts = task.reason;
+    if (is_one_of(kNeedsAttention, task.reason)) needs_attention = task.reason;
+  }
+  if (runs) return JobState::kRunning;
+  if (!never_starts.empty()) {
+    status.reason =
+        fmt::format("Slurm can never start what is queued: {}; cancel the job", never_starts);
+    return JobState::kStalled;
+  }
+  status.reason = needs_attention.empty()
+                      ? waits_for
+                      : fmt::format("Slurm starts nothing: {}", needs_attention);
+  if (waits) return has_begun(status) ? JobState::kRunning : JobState::kWaiting;
+  std::error_code ignored;
+  if (!has_begun(status) && std::filesystem::is_empty(folder.slurm_ids(), ignored)) {
+    status.reason = "sh round-1.sh in the job folder queues it";
+    return JobState::kNotQueued;
+  }
+  status.reason =
+      "nothing is queued, and the job has no end: see logs/slurm.*.log; raystage farm retry "
+      "continues it";
+  return JobState::kStalled;
+}
+
 JobState state_of(const JobFolder& folder, const SchedulerAnswer& answer, JobStatus& status) {
   if (const auto end = folder.end()) {
     status.reason = end->reason;
     status.missing_frames = end->missing_frames;
-    switch (end->state) {
-      case FarmEnd::State::kDone:
-        return JobState::kDone;
-      case FarmEnd::State::kFailed:
-        return JobState::kFailed;
-      case FarmEnd::State::kCancelled:
-        return JobState::kCancelled;
-      case FarmEnd::State::kStopped:
-        return JobState::kStopped;
-    }
+    return state_of_end(*end);
   }
-  if (status.job.engine == FarmJobDocument::Engine::kLocal) {
-    if (!answer.is_running_here) {
-      status.reason = "it runs on another host: ask there";
-      return JobState::kUnknown;
-    }
-    if (*answer.is_running_here) return JobState::kRunning;
-    status.reason = "the process that ran it is gone; raystage farm retry continues the job";
-    return JobState::kStalled;
-  }
-  if (status.job.engine == FarmJobDocument::Engine::kOpenJd) {
-    const bool any =
-        std::ranges::any_of(status.tasks, [](const TaskStatus& t) { return !t.attempts.empty(); });
-    status.reason = "a render manager runs it: ask that what waits or runs";
-    return any ? JobState::kUnknown : JobState::kWaiting;
+  switch (status.job.engine) {
+    case FarmJobDocument::Engine::kLocal:
+      return state_of_local_job(answer, status);
+    case FarmJobDocument::Engine::kOpenJd:
+      status.reason = "a render manager runs it: ask that what waits or runs";
+      return has_begun(status) ? JobState::kUnknown : JobState::kWaiting;
+    case FarmJobDocument::Engine::kSlurm:
+      break;
   }
   if (!answer.tasks) {
     status.reason = "the Slurm controller does not answer; what is done is known from records";
     return JobState::kUnknown;
   }
-  bool runs = false, waits = false;
-  std::string waits_for;
-  for (const auto& [name, task] : *answer.tasks) {
-    if (task.stage == "preview" || is_over(task.state)) continue;
-    if (task.state == "PENDING") {
-      waits = true;
-      if (task.stage == "start") waits_for = "it waits for the job before it";
-    } else {
-      runs = true;
-    }
+  return state_of_queued_job(folder, *answer.tasks, status);
+}
+
+/// Frames that were done and are no longer there: deleted, or moved to be looked at.
+void look_for_frames(const JobFolder& folder, JobStatus& status) {
+  if (status.state != JobState::kDone) return;
+  const FarmJobDocument here = folder.job_here();
+  const SequenceName name(here.output);
+  std::vector<int> gone;
+  std::error_code ignored;
+  for (const int frame : frames_of(here)) {
+    if (!std::filesystem::exists(name.path(frame), ignored)) gone.push_back(frame);
   }
-  status.reason = waits_for;
-  if (runs) return JobState::kRunning;
-  if (waits) {
-    const bool has_begun = std::ranges::any_of(status.tasks, [](const TaskStatus& t) {
-      return !t.attempts.empty() && t.stage != "measure";
-    });
-    return has_begun ? JobState::kRunning : JobState::kWaiting;
-  }
-  status.reason = "nothing is queued, and the job has no end; raystage farm retry continues it";
-  return JobState::kStalled;
+  if (gone.empty()) return;
+  status.missing_frames = format_frame_range(gone);
+  status.reason = "frames have been removed since; raystage farm retry renders them again";
 }
 
 }  // namespace
@@ -246,6 +318,13 @@ std::string_view job_state_name(JobState state) {
 
 bool JobStatus::is_live() const {
   return state == JobState::kWaiting || state == JobState::kRunning || state == JobState::kUnknown;
+}
+
+bool JobStatus::is_preview_under_way() const {
+  return state == JobState::kDone && std::ranges::any_of(tasks, [](const TaskStatus& task) {
+           return task.stage == "preview" &&
+                  (task.state == TaskState::kWaiting || task.state == TaskState::kRunning);
+         });
 }
 
 JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
@@ -270,10 +349,12 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
   add("verify", 1);
   if (status.job.preview) add("preview", 1);
   status.state = state_of(folder, answer, status);
+  look_for_frames(folder, status);
   count_frames(status);
   if (!status.missing_frames.empty()) {  // the verification knows best
-    status.frames_failed = static_cast<int>(parse_frame_range(status.missing_frames).size());
-    status.frames_done = status.frames - status.frames_failed;
+    const auto missing = static_cast<int>(parse_frame_range(status.missing_frames).size());
+    status.frames_failed = status.state == JobState::kDone ? 0 : missing;  // else removed since
+    status.frames_done = status.frames - missing;
   }
   return status;
 }
@@ -281,17 +362,16 @@ JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer) {
 JobStatus job_status(const JobFolder& folder) {
   SchedulerAnswer answer;
   const FarmJobDocument job = folder.job();
-  const bool is_over = folder.end().has_value();
-  if (job.engine == FarmJobDocument::Engine::kSlurm && !is_over) answer.tasks = slurm_tasks(job);
-  if (job.engine == FarmJobDocument::Engine::kLocal && !is_over) {
-    const std::vector<FarmRound> rounds = folder.rounds();
-    for (auto round = rounds.rbegin(); round != rounds.rend(); ++round) {
-      if (round->host.empty()) continue;
-      answer.is_running_here = is_running_here(*round);
-      break;
-    }
-    if (rounds.empty() || (rounds.size() == 1 && rounds[0].host.empty())) {
-      answer.is_running_here = false;  // it was never started
+  const std::optional<FarmEnd> end = folder.end();
+  // A job that is done may still make its preview.
+  if (end && !(job.preview && end->state == FarmEnd::State::kDone)) {
+    return job_status(folder, answer);
+  }
+  if (job.engine == FarmJobDocument::Engine::kSlurm) answer.tasks = slurm_tasks(job);
+  if (job.engine == FarmJobDocument::Engine::kLocal) {
+    answer.is_running_here = false;  // where it was never started
+    for (const FarmRound& round : folder.rounds()) {
+      if (!round.host.empty()) answer.is_running_here = is_running_here(round);
     }
   }
   return job_status(folder, answer);

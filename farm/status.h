@@ -42,7 +42,8 @@ enum class JobState {
   kDone,
   kFailed,
   kCancelled,
-  kStopped
+  kStopped,
+  kNotQueued  ///< written, and nothing of it was ever queued or run
 };
 std::string_view job_state_name(JobState state);
 
@@ -59,8 +60,10 @@ struct JobStatus {
   double cpu_seconds = 0;
   int instants_solved = 0;
 
-  /// Whether something may still be queued or running.
+  /// Whether something may still be queued or running that frames depend on.
   bool is_live() const;
+  /// Whether a job that is done still makes its movie and contact sheet.
+  bool is_preview_under_way() const;
 };
 
 /// A job's status from its records; where it is not over, also from the scheduler.

@@ -118,6 +118,51 @@ TEST_F(Status, ArraysThatWereSplitKeepTheirTasks) {
   EXPECT_EQ(render(job_status(folder_, answer), 3).state, TaskState::kRunning);
 }
 
+TEST_F(Status, AJobThatWasOnlyWrittenIsNotQueued) {
+  SchedulerAnswer answer;
+  answer.tasks.emplace();
+  EXPECT_EQ(job_status(folder_, answer).state, JobState::kNotQueued);
+  std::ofstream(folder_.slurm_ids() / "verify.1") << "7\n";
+  EXPECT_EQ(job_status(folder_, answer).state, JobState::kStalled) << "it was, and Slurm forgot it";
+}
+
+TEST_F(Status, WhatSlurmNeverStartsIsStalled) {
+  SchedulerAnswer answer;
+  answer.tasks.emplace();
+  (*answer.tasks)["7_1"] = slurm("render", "7_1", "PENDING");
+  (*answer.tasks)["7_1"].reason = "ReqNodeNotAvail, UnavailableNodes:n1";
+  JobStatus status = job_status(folder_, answer);
+  EXPECT_EQ(status.state, JobState::kWaiting);
+  EXPECT_THAT(status.reason, HasSubstr("ReqNodeNotAvail"));
+  (*answer.tasks)["7_1"].reason = "BadConstraints";
+  status = job_status(folder_, answer);
+  EXPECT_EQ(status.state, JobState::kStalled);
+  EXPECT_THAT(status.reason, HasSubstr("BadConstraints"));
+}
+
+TEST_F(Status, ADoneJobGoesOnWithItsPreviewAndMissesFramesThatWereRemoved) {
+  for (int i = 0; i < 4; ++i) happened(testing::attempt_at(i, AttemptResult::kDone));
+  FarmEnd end;
+  end.ended_utc = utc_now();
+  folder_.write_end(end);
+  const SequenceName name(folder_.job().output);
+  for (int frame = 1; frame <= 12; ++frame) std::ofstream(name.path(frame)) << "x";
+  SchedulerAnswer answer;
+  answer.tasks.emplace();
+  (*answer.tasks)["9"] = slurm("preview", "9", "RUNNING", "n1");
+  JobStatus status = job_status(folder_, answer);
+  EXPECT_EQ(status.state, JobState::kDone);
+  EXPECT_TRUE(status.is_preview_under_way());
+  EXPECT_EQ(status.tasks.back().state, TaskState::kRunning);
+  EXPECT_EQ(status.missing_frames, "");
+  std::filesystem::remove(name.path(5));
+  answer.tasks->clear();
+  status = job_status(folder_, answer);
+  EXPECT_EQ(status.missing_frames, "5");
+  EXPECT_EQ(status.frames_done, 11);
+  EXPECT_FALSE(status.is_preview_under_way());
+}
+
 TEST_F(Status, TheEndIsTheRecordsWhateverSlurmSays) {
   for (int i = 0; i < 4; ++i) {
     happened(testing::attempt_at(i, i == 2 ? AttemptResult::kFailed : AttemptResult::kDone));
@@ -142,7 +187,7 @@ TEST_F(Status, TheEndIsTheRecordsWhateverSlurmSays) {
 TEST_F(Status, OfALocalJobIsThatOfItsProcess) {
   const TestFolder parent;
   const JobFolder folder = testing::written_job(parent.path(), FarmJobDocument::Engine::kLocal);
-  EXPECT_EQ(job_status(folder).state, JobState::kStalled) << "it was never started";
+  EXPECT_EQ(job_status(folder).state, JobState::kNotQueued);
   SchedulerAnswer answer;
   answer.is_running_here = true;
   EXPECT_EQ(job_status(folder, answer).state, JobState::kRunning);

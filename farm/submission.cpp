@@ -13,17 +13,15 @@
 
 #include "compose/frame_range.h"
 #include "compose/preparation.h"
-#include "farm/attempts.h"
 #include "farm/child_process.h"
 #include "farm/job_plan.h"
+#include "farm/measurement.h"
 #include "farm/node.h"
-#include "farm/render_command.h"
 #include "farm/resources.h"
 #include "farm/rounds.h"
 #include "farm/slurm_queue.h"
 #include "farm/slurm_scripts.h"
-#include "farm/status.h"
-#include "farm/verification.h"
+#include "farm/submission_checks.h"
 #include "raystage_version.h"
 #include "render/view/simd_level.h"
 #include "schemas/atomic_file.h"
@@ -54,93 +52,19 @@ std::string new_job_id(const std::string& output) {
   return fmt::format("{}-{:08x}", name, random());
 }
 
-void check_sbatch_options(const SubmissionOptions& options) {
-  for (const auto& of_stage : options.sbatch) {
-    for (const std::string& option : of_stage) {
-      const bool is_clean =
-          std::ranges::none_of(option, [](char c) { return static_cast<unsigned char>(c) < ' '; });
-      if (is_clean && option.starts_with("-")) continue;
-      throw Error::bad_input("found \"" + option + "\", allowed: one option of sbatch", "sbatch",
-                             "Write for example --partition=fast");
-    }
-  }
-}
-
-/// A task that is alone chooses for itself, and may choose otherwise than the next.
-void check_methods(const ShotPlan& plan, const fs::path& shot) {
-  for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.light_field(i) == nullptr) continue;
-    if (plan.light_field(i)->reconstruction().method != "auto") continue;
-    throw Error::bad_input(
-        "method auto chooses anew in every task, so tasks could differ",
-        fmt::format("{}#/layers/{}/method", shot.string(), i),
-        "Render one frame locally and write the method that its log names into the shot");
-  }
-}
-
-/// Whether data can be stored in the folders of all takes that derive some.
-bool are_takes_writable(const std::vector<DerivedInstant>& instants) {
-  return std::ranges::all_of(instants, [](const DerivedInstant& instant) {
-    fs::path folder = instant.file.parent_path();
-    std::error_code ignored;
-    while (!fs::exists(folder, ignored) && folder.has_relative_path())
-      folder = folder.parent_path();
-    return access(folder.c_str(), W_OK) == 0;
-  });
-}
-
-SequenceOptions sequence_options(const SubmissionOptions& options, const fs::path& cache) {
-  SequenceOptions sequence;
-  sequence.output = options.output;
-  sequence.frames = options.frames;
-  sequence.existing = options.existing;
-  sequence.missing = options.missing;
-  if (options.picture.fill == "none") sequence.fill = HoleFill::kNone;
-  if (options.picture.fill == "push-pull") sequence.fill = HoleFill::kPushPull;
-  sequence.layout = options.picture.layout;
-  sequence.color_config = options.color_config;
-  if (options.picture.coverage) sequence.aovs = {"lf.cameras", "lf.nearest"};
-  if (options.picture.confidence) sequence.aovs.emplace_back("lf.confidence");
-  sequence.deep = options.picture.deep;
-  sequence.cache_folder = cache;
-  sequence.say = options.say;
-  return sequence;
-}
-
-/// Everything that is checked before anything is written, and what it found.
-struct Checked {
-  CheckedSequence sequence;
-  std::vector<DerivedInstant> instants;
-  fs::path cache;
-};
-
-Checked check(const SubmissionOptions& options) {
-  check_sbatch_options(options);
-  Checked checked{
-      check_sequence(options.shot, sequence_options(options, options.cache)), {}, options.cache};
-  check_methods(*checked.sequence.plan, options.shot);
-  checked.instants = derived_instants(*checked.sequence.plan, checked.sequence.frames);
-  if (checked.cache.empty() && !are_takes_writable(checked.instants)) {
-    checked.cache = fs::absolute(farm_folder(options.output) / "cache");
-    options.say("a take is read-only: derived data goes to " + checked.cache.string());
-    checked.sequence = check_sequence(options.shot, sequence_options(options, checked.cache));
-    checked.instants = derived_instants(*checked.sequence.plan, checked.sequence.frames);
-  }
-  return checked;
-}
-
 void check_not_live(const SubmissionOptions& options) {
   if (options.after && options.engine != Engine::kSlurm) {
     throw Error::bad_input("only Slurm's jobs can wait for others", "",
                            "Leave --after out, or submit once the other job is over");
   }
   const auto live = live_job(options.output);
-  if (!live || options.after) return;
+  if (!live) return;
   std::error_code ignored;
   if (!fs::exists(live->job_file(), ignored)) {
     throw Error::bad_input("a job of this output is being submitted", live->path().string(),
                            "Wait for it; if its submission was killed, delete the folder");
   }
+  if (options.after) return;
   throw Error::bad_input("a job of this output is not over: " + live->job().id,
                          live->path().string(),
                          "Wait for it (raystage farm status), cancel it, or queue this one behind "
@@ -214,9 +138,23 @@ FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked
   if (!job.color_config.empty()) job.inputs.push_back(job.color_config);
   job.attempts = options.attempts;
   job.preview = options.preview;
+  job.paths = options.paths;
   job.frame_bytes = frame_room(*checked.sequence.plan, options.picture.deep);
   if (job.engine == Engine::kSlurm) job.max_array = slurm_max_array();
   return job;
+}
+
+/// Threads of a task: no more than a node of the partition has.
+int threads_of(const SubmissionOptions& options) {
+  if (options.threads > 0) return options.threads;
+  int threads = std::min(available_threads(), kMostThreadsByDefault);
+  if (options.engine != Engine::kSlurm) return threads;
+  int most = 0;
+  const auto& of_render = options.sbatch[static_cast<std::size_t>(FarmStage::kRender)];
+  for (const SlurmNode& node : slurm_nodes(partition_of(of_render))) {
+    most = std::max(most, node.processors);
+  }
+  return most > 0 ? std::min(threads, most) : threads;
 }
 
 /// Tasks, and what each may use, once the frame is measured (or not).
@@ -240,15 +178,10 @@ void add_tasks(const SubmissionOptions& options, const Checked& checked,
     job.chunks.push_back({format_frame_range(chunk), instants_for(chunk, missing)});
     longest = std::max(longest, chunk.size());
   }
-  const ResourceRequest request{
-      *checked.sequence.plan,
-      checked.sequence.frames,
-      options.picture.deep,
-      options.threads > 0 ? options.threads : std::min(available_threads(), kMostThreadsByDefault),
-      options.memory_gb,
-      options.minutes,
-      static_cast<int>(longest),
-      measured};
+  const ResourceRequest request{*checked.sequence.plan,    checked.sequence.frames,
+                                options.picture.deep,      threads_of(options),
+                                options.memory_gb,         options.minutes,
+                                static_cast<int>(longest), measured};
   for (const FarmStage stage : kFarmStages) {
     job.of(stage) = resources_for(stage, request);
     job.of(stage).options = options.sbatch[static_cast<std::size_t>(stage)];
@@ -268,47 +201,15 @@ bool wants_measure(const SubmissionOptions& options) {
   return options.measure && options.engine != Engine::kLocal && !all_given;
 }
 
-/// Renders the first frame here, into its place; the job's tasks keep it.
-std::optional<FarmAttempt::End> measure(const SubmissionOptions& options, const Checked& checked,
-                                        FarmJobDocument job, const JobFolder& folder,
-                                        const std::stop_token& stop) {
+/// The first frame of the job, rendered here and left in its place; the job's tasks keep it.
+std::optional<FarmAttempt::End> measure_first_frame(const SubmissionOptions& options,
+                                                    const Checked& checked, FarmJobDocument job,
+                                                    const JobFolder& folder,
+                                                    const std::stop_token& stop) {
   add_tasks(options, checked, std::nullopt, job);
   const int first = checked.sequence.frames.front().frame;
   options.say(fmt::format("rendering frame {} to measure it", first));
-  FarmAttempt attempt;
-  attempt.stage = "measure";
-  attempt.node = node_name();
-  attempt.process = getpid();
-  attempt.frames = std::to_string(first);
-  attempt.started_utc = utc_now();
-  record_start(folder, attempt);
-  ChildOptions child_options;
-  child_options.log = attempt_log(folder, attempt);
-  child_options.stop = stop;
-  std::string last;
-  bool rendered = true;
-  child_options.line = [&](std::string_view line) {
-    if (!line.starts_with("Progress: ")) last = line;
-    if (line.starts_with("0 of 1 frames rendered")) rendered = false;
-  };
-  const ChildResult child =
-      run_child(render_command(job, options.shot, attempt.frames, job.existing, 1), child_options);
-  FarmAttempt::End end;
-  end.result = child.exit_code == 0 ? AttemptResult::kDone : AttemptResult::kFailed;
-  end.exit_code = child.exit_code;
-  end.wall_seconds = child.wall_seconds;
-  end.cpu_seconds = child.cpu_seconds;
-  end.peak_memory_bytes = child.peak_memory_bytes;
-  end.ended_utc = utc_now();
-  attempt.end = end;
-  record_end(folder, attempt);
-  // A frame that was there already measures nothing.
-  if (child.exit_code == 0) return rendered ? std::optional(end) : std::nullopt;
-  const std::string what =
-      fmt::format("the first frame (frame {}) cannot be rendered: {}", first, last);
-  const std::string mend = "Mend what it says, or submit without measuring";
-  throw child.exit_code == 2 ? Error::bad_input(what, options.shot.string(), mend)
-                             : Error::failed(what, options.shot.string(), mend);
+  return measure_frame({folder, job, options.shot, first}, stop);
 }
 
 /// A job folder that goes again unless the submission is complete.
@@ -338,7 +239,7 @@ class NewFolder {
 
 PlannedJob plan_submission(const SubmissionOptions& options) {
   check_not_live(options);
-  const Checked checked = check(options);
+  const Checked checked = check_submission(options);
   PlannedJob planned;
   planned.job = new_job(options, checked);
   add_tasks(options, checked, std::nullopt, planned.job);
@@ -352,7 +253,7 @@ PlannedJob plan_submission(const SubmissionOptions& options) {
 
 JobFolder write_submission(const SubmissionOptions& options, const std::stop_token& stop) {
   check_not_live(options);
-  const Checked checked = check(options);
+  const Checked checked = check_submission(options);
   FarmJobDocument job = new_job(options, checked);
   const auto live = live_job(options.output);
   NewFolder folder(options.output);
@@ -362,8 +263,15 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
     throw Error::bad_input("another job of this output is being submitted", other->path().string(),
                            "Wait for it, or queue this one behind it with --after");
   }
+  if (job.engine == Engine::kSlurm) {
+    // Before anything is rendered, with what is known without a measured frame.
+    FarmJobDocument draft = job;
+    add_tasks(options, checked, std::nullopt, draft);
+    write_batch_scripts(*folder, draft);
+    check_scripts(*folder, draft);
+  }
   std::optional<FarmAttempt::End> measured;
-  if (wants_measure(options)) measured = measure(options, checked, job, *folder, stop);
+  if (wants_measure(options)) measured = measure_first_frame(options, checked, job, *folder, stop);
   add_tasks(options, checked, measured, job);
   std::vector<fs::path> derived;
   for (const DerivedInstant& instant : checked.instants) derived.push_back(instant.file);
@@ -379,78 +287,13 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
   if (job.engine == Engine::kSlurm) {
     write_batch_scripts(*folder, job);
     if (live && options.after) {
-      write_file_atomically(folder->path() / "start.sbatch", start_script(job));
+      write_file_atomically(folder->path() / "start.sbatch", start_script(job, live->job().id));
       write_file_atomically(folder->path() / "start.sh", queue_start_script(job));
     }
   }
   write_round(*folder, job, first_round(job));
   write_file_atomically(folder->job_file(), format_farm_job(job));  // last: now it is a job
   return folder.release();
-}
-
-void queue_job(const JobFolder& folder) {
-  const FarmJobDocument job = folder.job();
-  try {
-    std::error_code ignored;
-    run_queue_script(folder, fs::exists(folder.after_file(), ignored) ? "start.sh" : "round-1.sh");
-  } catch (const Error& error) {
-    try {
-      slurm_cancel(job);      // what was accepted before
-    } catch (const Error&) {  // the first error says enough
-    }
-    FarmEnd end;
-    end.state = FarmEnd::State::kFailed;
-    end.reason = error.what();
-    end.frames = static_cast<int>(frames_of(job).size());
-    end_job(folder, job, end);
-    throw;
-  }
-}
-
-FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<int>>& frames) {
-  const FarmJobDocument job = folder.job();
-  const JobStatus status = job_status(folder);
-  if (status.is_live()) {
-    throw Error::bad_input(
-        "the job is not over: it is " + std::string(job_state_name(status.state)),
-        folder.path().string(), "Wait for it, or cancel it first");
-  }
-  std::vector<int> wanted;
-  if (frames) {
-    wanted = *frames;
-  } else if (const auto end = folder.end(); end && !end->missing_frames.empty()) {
-    wanted = parse_frame_range(end->missing_frames);
-  } else {
-    for (const TaskStatus& task : status.tasks) {
-      if (task.stage != "render" || task.state == TaskState::kDone) continue;
-      const auto own = parse_frame_range(job.chunks[static_cast<std::size_t>(task.index)].frames);
-      wanted.insert(wanted.end(), own.begin(), own.end());
-    }
-    std::ranges::sort(wanted);
-  }
-  FarmRound round;
-  round.round = static_cast<int>(folder.rounds().size()) + 1;
-  round.render = chunks_with(job, wanted);
-  if (round.render.empty()) {
-    throw Error::bad_input("there is nothing to try again: no task has one of these frames",
-                           folder.path().string(), "Name frames of the job");
-  }
-  std::error_code ignored;
-  std::set<int> prepare;
-  for (const int chunk : round.render) {
-    for (const int i : job.chunks[static_cast<std::size_t>(chunk)].instants) {
-      if (!fs::exists(job.instants[static_cast<std::size_t>(i)].file, ignored)) prepare.insert(i);
-    }
-  }
-  round.prepare.assign(prepare.begin(), prepare.end());
-  round.fresh = true;
-  // A node that was at fault may have been mended since.
-  for (const auto& [node, reason] : folder.excluded_nodes()) {
-    fs::remove(folder.excluded() / node, ignored);
-  }
-  folder.reopen();
-  write_round(folder, job, round);
-  return round;
 }
 
 }  // namespace raystage::farm

@@ -60,12 +60,4 @@ PlannedJob plan_submission(const SubmissionOptions& options);
 /// pins what is stored. Queues nothing. Nothing is left where it throws.
 JobFolder write_submission(const SubmissionOptions& options, const std::stop_token& stop);
 
-/// Queues what was written (Slurm), at once or behind the live job. Throws Error (failed) where
-/// Slurm refuses; the job is ended then.
-void queue_job(const JobFolder& folder);
-
-/// Writes and returns a round of the tasks whose frames are missing; of all frames of `frames`
-/// where given. Throws Error (bad input) where the job is live, or nothing is missing.
-FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<int>>& frames);
-
 }  // namespace raystage::farm

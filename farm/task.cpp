@@ -11,11 +11,13 @@
 #include <csignal>
 #include <cstdlib>
 #include <fstream>
+#include <iterator>
 #include <set>
 
 #include "compose/frame_range.h"
 #include "farm/attempts.h"
 #include "farm/child_process.h"
+#include "farm/log_reader.h"
 #include "farm/node.h"
 #include "farm/render_command.h"
 #include "farm/rounds.h"
@@ -39,7 +41,24 @@ int number_in(std::string_view text) {
   return number;
 }
 
-FarmAttempt new_attempt(const TaskRequest& request, const FarmJobDocument& job) {
+/// A task that a person runs by hand may belong to no round that was written.
+FarmRound round_of(const TaskRequest& request) {
+  const std::filesystem::path file = request.folder.round_file(request.round);
+  const auto text = read_record(file);
+  return text ? parse_farm_round(*text, file.string()) : FarmRound{};
+}
+
+/// Frames of a task of stage render: all of its chunk, or those that the round renders anew.
+std::string frames_of_task(const std::string& chunk, const FarmRound& round) {
+  if (round.frames.empty()) return chunk;
+  std::vector<int> frames;
+  std::ranges::set_intersection(parse_frame_range(chunk), parse_frame_range(round.frames),
+                                std::back_inserter(frames));
+  return format_frame_range(frames);
+}
+
+FarmAttempt new_attempt(const TaskRequest& request, const FarmJobDocument& job,
+                        const FarmRound& round) {
   FarmAttempt attempt;
   attempt.stage = farm_stage_name(request.stage);
   attempt.index = request.index;
@@ -53,7 +72,8 @@ FarmAttempt new_attempt(const TaskRequest& request, const FarmJobDocument& job) 
   attempt.build = job.build;
   attempt.started_utc = utc_now();
   if (request.stage == FarmStage::kRender) {
-    attempt.frames = job.chunks[static_cast<std::size_t>(request.index)].frames;
+    attempt.frames =
+        frames_of_task(job.chunks[static_cast<std::size_t>(request.index)].frames, round);
   }
   return attempt;
 }
@@ -90,35 +110,6 @@ class ProgressFile {
   const TaskRequest& request_;
   std::filesystem::path file_;
   int percent_ = -1;
-};
-
-/// What the log of a render or a preparation says beside its progress.
-class LogReader {
- public:
-  void look_at(std::string_view line) {
-    constexpr std::string_view kDepths = "depths of ", kRead = "solved, of ";
-    if (line.starts_with(kDepths)) {
-      solved = number_in(line.substr(kDepths.size()));
-      const std::size_t read_at = line.find(kRead);
-      if (read_at != std::string_view::npos) read = number_in(line.substr(read_at + kRead.size()));
-    }
-    if (line.starts_with("Progress: ")) return;
-    last = line;
-    constexpr std::string_view kFrame = "frame ", kFailed = " failed:";
-    const std::size_t failed_at = line.find(kFailed);
-    if (failed_at == std::string_view::npos) return;
-    if (first_failure.empty()) first_failure = line;
-    if (!line.starts_with(kFrame)) return;
-    int frame = 0;
-    const char* end = line.data() + failed_at;
-    const auto number = std::from_chars(line.data() + kFrame.size(), end, frame);
-    if (number.ec == std::errc() && number.ptr == end) failed_frames.insert(frame);
-  }
-  std::string reason() const { return first_failure.empty() ? last : first_failure; }
-
-  int solved = 0, read = 0;
-  std::string last, first_failure;
-  std::set<int> failed_frames;
 };
 
 AttemptResult result_of(const ChildResult& child, bool stopped) {
@@ -166,19 +157,17 @@ std::size_t failures_on(const JobFolder& folder, const std::string& node) {
 }
 
 std::vector<std::string> command_of(const TaskRequest& request, const MappedJob& mapped,
-                                    const FarmAttempt& attempt) {
-  double memory_factor = 1;
-  if (const auto text = read_record(request.folder.round_file(request.round))) {
-    memory_factor = parse_farm_round(*text, "round").memory_factor;
-  }
+                                    const FarmRound& round, const FarmAttempt& attempt) {
   const FarmJobDocument& job = mapped.job;
   switch (request.stage) {
     case FarmStage::kPrepare:
-      return prepare_command(job, mapped.shot, request.index, memory_factor);
+      return prepare_command(job, mapped.shot, request.index, round.memory_factor);
     case FarmStage::kRender:
-      return render_command(job, mapped.shot,
-                            job.chunks[static_cast<std::size_t>(request.index)].frames,
-                            attempt.attempt == 1 ? job.existing : "skip", memory_factor);
+      return render_command(job, mapped.shot, attempt.frames,
+                            !round.frames.empty()  ? "overwrite"
+                            : attempt.attempt == 1 ? job.existing
+                                                   : "skip",
+                            round.memory_factor);
     default:
       return preview_command(job, request.folder);
   }
@@ -188,7 +177,10 @@ std::vector<std::string> command_of(const TaskRequest& request, const MappedJob&
 class Attempt {
  public:
   Attempt(const TaskRequest& request, const MappedJob& mapped)
-      : request_(request), mapped_(mapped), attempt_(new_attempt(request, mapped.job)) {
+      : request_(request),
+        mapped_(mapped),
+        round_(round_of(request)),
+        attempt_(new_attempt(request, mapped.job, round_)) {
     record_start(request.folder, attempt_);
     request.say(fmt::format("{} on {}", attempt_name(attempt_), attempt_.node));
   }
@@ -234,21 +226,29 @@ class Attempt {
     }
     const bool uses_node =
         request_.stage == FarmStage::kPrepare || request_.stage == FarmStage::kRender;
-    if (uses_node && request_.folder.is_excluded(attempt_.node)) {
-      return ended(AttemptResult::kDeclined, "this node is excluded from the job");
+    if (uses_node) {
+      if (auto declined = declined_by_node()) return *declined;
     }
     if (request_.stage == FarmStage::kRender && lacks_an_instant()) {
       return ended(AttemptResult::kDeclined,
                    "a light field frame could not be prepared; the next round tries again");
     }
-    if (uses_node) {
-      if (auto fault = node_fault(mapped_.job, request_.folder.path())) {
-        FarmAttempt::End end = ended(AttemptResult::kDeclined, std::move(*fault));
-        end.node_fault = true;
-        return end;
-      }
-    }
     return request_.stage == FarmStage::kVerify ? verify(stop) : run_command(stop);
+  }
+
+  /// Tasks that a node starts at once look one after the other: the first to find a fault excludes
+  /// the node, and is the only one that it costs an attempt.
+  std::optional<FarmAttempt::End> declined_by_node() const {
+    const NodeTurn turn(request_.folder, attempt_.node);
+    if (request_.folder.is_excluded(attempt_.node)) {
+      return ended(AttemptResult::kDeclined, "this node is excluded from the job");
+    }
+    std::optional<std::string> fault = node_fault(mapped_.job, request_.folder.path());
+    if (!fault) return std::nullopt;
+    request_.folder.exclude(attempt_.node, *fault);
+    FarmAttempt::End end = ended(AttemptResult::kDeclined, std::move(*fault));
+    end.node_fault = true;
+    return end;
   }
 
   /// Whether the verification will have an instant of this chunk prepared once more.
@@ -287,7 +287,7 @@ class Attempt {
       progress.look_at(line);
       log.look_at(line);
     };
-    const ChildResult child = run_child(command_of(request_, mapped_, attempt_), options);
+    const ChildResult child = run_child(command_of(request_, mapped_, round_, attempt_), options);
     FarmAttempt::End end;
     end.result = result_of(child, stop.stop_requested());
     end.exit_code = child.exit_code;
@@ -299,6 +299,7 @@ class Attempt {
         format_frame_range(std::vector<int>(log.failed_frames.begin(), log.failed_frames.end()));
     end.instants_solved = log.solved;
     end.instants_read = log.read;
+    end.rendering = log.rendering;
     const bool may_be_the_node =
         end.result == AttemptResult::kFailed || end.result == AttemptResult::kBadInput;
     if (may_be_the_node && request_.stage != FarmStage::kPreview) {
@@ -315,6 +316,7 @@ class Attempt {
 
   const TaskRequest& request_;
   const MappedJob& mapped_;
+  const FarmRound round_;
   FarmAttempt attempt_;
 };
 
@@ -332,6 +334,10 @@ MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathRule> rul
   std::error_code ignored;
   if (!std::filesystem::exists(mapped.shot, ignored)) write_file_atomically(mapped.shot, after);
   return mapped;
+}
+
+MappedJob read_job_here(const JobFolder& folder) {
+  return read_mapped_job(folder, rules_of_this_host(folder.job(), folder.path()));
 }
 
 ExitCode run_task(const TaskRequest& request, const std::stop_token& stop) {

@@ -38,5 +38,7 @@ struct MappedJob {
   std::filesystem::path shot;
 };
 MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathRule> rules);
+/// The same as this host sees it, which may be the submitting host.
+MappedJob read_job_here(const JobFolder& folder);
 
 }  // namespace raystage::farm

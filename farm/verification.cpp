@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <map>
+#include <set>
 
 #include "compose/frame_range.h"
 #include "compose/preparation.h"
@@ -19,14 +21,45 @@
 namespace raystage::farm {
 namespace {
 
+/// Frames of tasks that say themselves that they did not write all of theirs.
+std::set<int> frames_of_failed_tasks(const VerificationRequest& request) {
+  std::set<int> failed;
+  for (const auto& [task, attempts] : read_attempts(request.folder)) {
+    if (task.first != "render" || !attempts.back().end) continue;
+    if (attempts.back().end->result == AttemptResult::kDone) continue;
+    const auto chunk = static_cast<std::size_t>(task.second);
+    if (chunk >= request.job.chunks.size()) continue;
+    for (const int frame : parse_frame_range(request.job.chunks[chunk].frames)) {
+      failed.insert(frame);
+    }
+  }
+  return failed;
+}
+
 std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
+  const std::set<int> failed = frames_of_failed_tasks(request);
   const ShotPlan plan(request.shot, plan_options(request.job));
   const std::vector<int> numbers = frames_of(request.job);
   std::vector<ExpectedFrame> frames;
   for (const PlannedFrame& frame : plan.plan(numbers, missing_frames_policy(request.job))) {
-    frames.push_back({frame.frame, plan.fingerprint(frame, request.job.picture.chromaticities)});
+    frames.push_back({frame.frame, plan.fingerprint(frame, request.job.picture.chromaticities),
+                      !failed.contains(frame.frame)});
   }
   return frames;
+}
+
+/// The nodes' faults in words, each once; a job has few of them.
+std::string reasons_of(const std::vector<std::pair<std::string, std::string>>& excluded) {
+  constexpr std::size_t kMostReasons = 3;
+  std::map<std::string, std::vector<std::string>> nodes_by_reason;
+  for (const auto& [node, reason] : excluded) nodes_by_reason[reason].push_back(node);
+  std::string text;
+  std::size_t told = 0;
+  for (const auto& [reason, nodes] : nodes_by_reason) {
+    if (++told > kMostReasons) break;
+    text += fmt::format("{}{}: {}", text.empty() ? "" : "; ", fmt::join(nodes, ", "), reason);
+  }
+  return text;
 }
 
 /// Round N+1 or the preview, as a script that the verification's own batch script runs: sbatch is
@@ -40,8 +73,9 @@ void write_follower(const VerificationRequest& request, const std::string& scrip
 }
 
 FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<int>& missing) {
+  const auto excluded_nodes = request.folder.excluded_nodes();
   std::vector<std::string> excluded;
-  for (const auto& [node, reason] : request.folder.excluded_nodes()) excluded.push_back(node);
+  for (const auto& [node, reason] : excluded_nodes) excluded.push_back(node);
   const TaskAttempts attempts = read_attempts(request.folder);
   int first_round = 1;
   for (const FarmRound& round : request.folder.rounds()) {
@@ -62,6 +96,7 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
     write_follower(request, fmt::format("round-{}.sh", verdict.next->round));
     return end;
   }
+  if (verdict.no_node_left) verdict.end.reason += ". " + reasons_of(excluded_nodes);
   end_job(request.folder, request.job, verdict.end);
   if (verdict.end.state == FarmEnd::State::kDone && request.job.preview) {
     if (request.job.engine == FarmJobDocument::Engine::kSlurm) {
@@ -82,17 +117,20 @@ void end_job(const JobFolder& folder, const FarmJobDocument& job, FarmEnd end) {
   folder.write_end(end);
 }
 
+std::vector<int> frames_not_whole(const VerificationRequest& request, const std::stop_token& stop) {
+  CheckSettings settings;
+  settings.deep = request.job.picture.deep;
+  settings.patience_seconds = request.patience_seconds;
+  settings.progress = request.progress;
+  return missing_frames(SequenceName(request.job.output), expected_frames(request), settings, stop);
+}
+
 FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_token& stop) {
   const auto start = std::chrono::steady_clock::now();
   const double cpu_before = cpu_seconds();
   FarmAttempt::End end;
   try {
-    CheckSettings settings;
-    settings.deep = request.job.picture.deep;
-    settings.patience_seconds = request.patience_seconds;
-    settings.progress = request.progress;
-    const std::vector<int> missing =
-        missing_frames(SequenceName(request.job.output), expected_frames(request), settings, stop);
+    const std::vector<int> missing = frames_not_whole(request, stop);
     if (stop.stop_requested()) {
       end.result = AttemptResult::kStopped;
       end.reason = "stopped by a signal";

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <stop_token>
+#include <vector>
 
 #include "farm/job_folder.h"
 
@@ -17,6 +18,10 @@ struct VerificationRequest {
   double patience_seconds = 60;  ///< as CheckSettings
   std::function<void(double)> progress;
 };
+
+/// The frames of the job that are not whole and true on the disk, sorted. Throws Error (bad input)
+/// where the shot cannot be planned any more.
+std::vector<int> frames_not_whole(const VerificationRequest& request, const std::stop_token& stop);
 
 /// Checks every frame of the job against its fingerprint, then writes what follows: the next round,
 /// or the end of the job (and lets go of what it had pinned). For Slurm, after-verify-N.sh queues

@@ -384,6 +384,12 @@ void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
 
 int LightFieldRenderer::frames_read_ahead() const { return state_->cache.frames_read_ahead(); }
 
+DecodeCosts LightFieldRenderer::decode_costs() const {
+  DecodeCosts costs = state_->cache.decode_costs();
+  if (state_->opaque) costs += state_->opaque->decode_costs();
+  return costs;
+}
+
 std::size_t LightFieldRenderer::decoded_bytes_held() const {
   return state_->cache.bytes_held() + (state_->opaque ? state_->opaque->bytes_held() : 0);
 }

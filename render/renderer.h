@@ -66,7 +66,7 @@ struct RendererSettings {
   /// Holds what methods derive (CACHE/depth/...) in place of the take's folder, which may be
   /// read-only; empty: the take's folder. Does not change the pixels.
   std::filesystem::path cache_folder = {};
-  /// Counts what methods derived and read, for views and for rays; null: nobody counts.
+  /// Counts what methods derived and read, for views and for rays; null: no counts.
   std::shared_ptr<StoredDataCounts> stored_data_counts = nullptr;
 };
 
@@ -101,6 +101,8 @@ class LightFieldRenderer {
   void read_ahead(const FrameSelection& frames) const;
   /// How many of those were asked for before they were decoded.
   int frames_read_ahead() const;
+  /// What decoding the cameras' frames has taken since the renderer was made.
+  DecodeCosts decode_costs() const;
   /// Memory of decoded frames that are kept for later views, bytes: RendererSettings::cache_bytes
   /// at most, but for a single frame that is larger.
   std::size_t decoded_bytes_held() const;

@@ -7,7 +7,7 @@
 
 namespace raystage {
 
-/// What a process tells its caller; the farm's contract (docs/farm.md).
+/// What a process tells its caller (docs/render-process.md).
 enum class ExitCode : int { kSuccess = 0, kFailed = 1, kBadInput = 2, kSomeFramesFailed = 3 };
 
 /// The one exception for what a user can mend: what happened, in which file (and where in it), and

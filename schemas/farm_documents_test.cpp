@@ -43,6 +43,7 @@ FarmJobDocument full_job() {
   job.chunks = {{"1-10", {0}}, {"11-20", {}}};
   job.inputs = {"/take/take.json"};
   job.pinned = {"/take/depth/a/b.zst"};
+  job.paths = {{"/mnt/show", "/net/show"}, {"/out", "/net/out"}};
   return job;
 }
 
@@ -53,6 +54,7 @@ TEST(FarmDocuments, AJobIsTheSameAfterReading) {
   EXPECT_EQ(back.of(FarmStage::kPreview).threads, 4);
   EXPECT_EQ(back.picture.layout, "nuke");
   EXPECT_EQ(back.chunks[0].instants, std::vector<int>{0});
+  EXPECT_EQ(back.paths.at(1).to, "/net/out");
 }
 
 TEST(FarmDocuments, AJobThatContradictsItselfIsRefused) {
@@ -83,12 +85,23 @@ TEST(FarmDocuments, RecordsAreTheSameAfterReading) {
   for (const AttemptResult result :
        {AttemptResult::kDone, AttemptResult::kFailed, AttemptResult::kBadInput,
         AttemptResult::kOutOfMemory, AttemptResult::kStopped, AttemptResult::kDeclined}) {
-    attempt.end = FarmAttempt::End{result, 1, "why", true, "2-3", 1.5, 2.5, 3e8, 1, 2, 5};
+    attempt.end = FarmAttempt::End{result,
+                                   1,
+                                   "why",
+                                   true,
+                                   "2-3",
+                                   1.5,
+                                   2.5,
+                                   3e8,
+                                   1,
+                                   2,
+                                   RenderingCosts{12, 2, 4.5, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 7e5},
+                                   5};
     const std::string text = format_farm_attempt(attempt);
     EXPECT_EQ(format_farm_attempt(parse_farm_attempt(text, "x")), text);
     EXPECT_EQ(parse_farm_attempt(text, "x").end->result, result);
   }
-  FarmRound round{2, {1}, {0, 3}, 1.5, 2, {"n3"}, true, "ws1", "123", 9};
+  FarmRound round{2, {1}, {0, 3}, "1,12-14", 1.5, 2, {"n3"}, true, "ws1", "123", 9};
   EXPECT_EQ(format_farm_round(parse_farm_round(format_farm_round(round), "x")),
             format_farm_round(round));
   for (const FarmEnd::State state : {FarmEnd::State::kDone, FarmEnd::State::kFailed,

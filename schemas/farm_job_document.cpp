@@ -86,6 +86,17 @@ std::vector<FarmJobDocument::Chunk> chunks_from(const Located& document, std::si
   return chunks;
 }
 
+std::vector<FarmJobDocument::PathRule> paths_from(const Located& document) {
+  std::vector<FarmJobDocument::PathRule> rules;
+  if (!document.has("paths")) return rules;
+  const Located list = document.at("paths");
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    const Located rule = list.at(i);
+    rules.push_back({path_text(rule.at("from")), path_text(rule.at("to"))});
+  }
+  return rules;
+}
+
 }  // namespace
 
 std::string_view farm_stage_name(FarmStage stage) {
@@ -144,6 +155,7 @@ FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
   job.chunks = chunks_from(document, job.instants.size());
   job.inputs = document.get<std::vector<std::string>>("inputs", {});
   job.pinned = document.get<std::vector<std::string>>("pinned", {});
+  job.paths = paths_from(document);
   return job;
 }
 
@@ -189,6 +201,9 @@ std::string format_farm_job(const FarmJobDocument& job) {
   }
   if (!job.inputs.empty()) json["inputs"] = job.inputs;
   if (!job.pinned.empty()) json["pinned"] = job.pinned;
+  for (const FarmJobDocument::PathRule& rule : job.paths) {
+    json["paths"].push_back({{"from", rule.from}, {"to", rule.to}});
+  }
   return format_json(json);
 }
 

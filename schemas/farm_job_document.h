@@ -48,6 +48,10 @@ struct FarmJobDocument {
     std::string fill, layout;  ///< empty: as the shot says
     bool chromaticities = false, coverage = false, confidence = false, deep = false;
   };
+  /// A folder that has another name on the nodes; both paths are absolute.
+  struct PathRule {
+    std::string from, to;
+  };
   enum class Engine { kSlurm, kLocal, kOpenJd };
 
   std::string id;
@@ -75,6 +79,7 @@ struct FarmJobDocument {
   std::vector<Chunk> chunks = {};
   std::vector<std::string> pinned = {};
   std::vector<std::string> inputs = {};  ///< files that a node must be able to read
+  std::vector<PathRule> paths = {};      ///< from the submitting host's names to the nodes'
 
   const FarmResources& of(FarmStage stage) const {
     return resources[static_cast<std::size_t>(stage)];

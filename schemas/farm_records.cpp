@@ -28,6 +28,29 @@ std::string as_utf8(const std::string& text) {
   return Json::parse(dumped).get<std::string>();
 }
 
+RenderingCosts rendering_from(const Located& object) {
+  RenderingCosts costs;
+  costs.frames = object.at("frames").get<int>();
+  costs.at_once = object.get("at_once", 1);
+  costs.seconds = object.get("seconds", 0.0);
+  costs.light_fields_s = object.get("light_fields_s", 0.0);
+  costs.geometry_s = object.get("geometry_s", 0.0);
+  costs.merge_s = object.get("merge_s", 0.0);
+  costs.encode_s = object.get("encode_s", 0.0);
+  costs.write_s = object.get("write_s", 0.0);
+  costs.decode_s = object.get("decode_s", 0.0);
+  costs.read_bytes = object.get("read_bytes", 0.0);
+  return costs;
+}
+
+Json json_from(const RenderingCosts& costs) {
+  return {{"frames", costs.frames},         {"at_once", costs.at_once},
+          {"seconds", costs.seconds},       {"light_fields_s", costs.light_fields_s},
+          {"geometry_s", costs.geometry_s}, {"merge_s", costs.merge_s},
+          {"encode_s", costs.encode_s},     {"write_s", costs.write_s},
+          {"decode_s", costs.decode_s},     {"read_bytes", costs.read_bytes}};
+}
+
 FarmAttempt::End end_from(const Located& object) {
   FarmAttempt::End end;
   end.result = enum_from<AttemptResult>(kResultNames, object.at("result").get<std::string>());
@@ -40,6 +63,7 @@ FarmAttempt::End end_from(const Located& object) {
   end.peak_memory_bytes = object.get("peak_memory_bytes", 0.0);
   end.instants_solved = object.get("instants_solved", 0);
   end.instants_read = object.get("instants_read", 0);
+  if (object.has("rendering")) end.rendering = rendering_from(object.at("rendering"));
   if (object.has("ended_utc")) end.ended_utc = utc_from(object.at("ended_utc"));
   return end;
 }
@@ -54,6 +78,7 @@ Json json_from(const FarmAttempt::End& end) {
   json["peak_memory_bytes"] = end.peak_memory_bytes;
   json["instants_solved"] = end.instants_solved;
   json["instants_read"] = end.instants_read;
+  if (end.rendering) json["rendering"] = json_from(*end.rendering);
   if (end.ended_utc) json["ended_utc"] = format_utc(*end.ended_utc);
   return json;
 }
@@ -112,6 +137,7 @@ FarmRound parse_farm_round(std::string_view text, std::string_view name) {
   round.memory_factor = document.get("memory_factor", 1.0);
   round.time_factor = document.get("time_factor", 1.0);
   round.exclude = document.get<std::vector<std::string>>("exclude", {});
+  round.frames = document.get<std::string>("frames", "");
   round.fresh = document.get("fresh", false);
   round.host = document.get<std::string>("host", "");
   round.process = document.get<std::int64_t>("process", 0);
@@ -127,6 +153,7 @@ std::string format_farm_round(const FarmRound& round) {
   json["memory_factor"] = round.memory_factor;
   json["time_factor"] = round.time_factor;
   if (!round.exclude.empty()) json["exclude"] = round.exclude;
+  if (!round.frames.empty()) json["frames"] = round.frames;
   if (round.fresh) json["fresh"] = true;
   if (!round.host.empty()) {
     json["host"] = round.host;

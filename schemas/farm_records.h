@@ -23,6 +23,17 @@ enum class AttemptResult {
 /// As the documents write it, e.g. "out_of_memory".
 std::string_view attempt_result_name(AttemptResult result);
 
+/// What the stages of rendering took in one attempt: seconds and bytes a frame, as its log says.
+/// Several frames are under way at once, and writing goes on next to the other stages.
+struct RenderingCosts {
+  int frames = 0, at_once = 1;  ///< that were rendered; under way at once
+  double seconds = 0;           ///< wall-clock of all frames
+  double light_fields_s = 0;    ///< decoding and solving included
+  double geometry_s = 0, merge_s = 0, encode_s = 0, write_s = 0;
+  double decode_s = 0;  ///< of processors
+  double read_bytes = 0;
+};
+
 /// schema "raystage/farm_attempt/1": one attempt at a task.
 struct FarmAttempt {
   struct End {
@@ -33,7 +44,8 @@ struct FarmAttempt {
     std::string failed_frames = {};  ///< a frame range; empty: none, or unknown
     double wall_seconds = 0, cpu_seconds = 0;
     double peak_memory_bytes = 0;
-    int instants_solved = 0, instants_read = 0;  ///< light field frames, by their depths
+    int instants_solved = 0, instants_read = 0;    ///< light field frames, by their depths
+    std::optional<RenderingCosts> rendering = {};  ///< where a frame was rendered
     std::optional<Nanoseconds> ended_utc = {};
   };
   std::string stage;  ///< of FarmStage, or "measure"
@@ -55,8 +67,11 @@ std::string format_farm_attempt(const FarmAttempt& attempt);
 struct FarmRound {
   int round = 1;
   std::vector<int> prepare = {}, render = {};  ///< indices of tasks
-  double memory_factor = 1, time_factor = 1;   ///< of what the job says
-  std::vector<std::string> exclude = {};       ///< nodes
+  /// A frame range: these frames of the chunks are rendered anew, whole or not. Empty: those that
+  /// are not whole.
+  std::string frames = {};
+  double memory_factor = 1, time_factor = 1;  ///< of what the job says
+  std::vector<std::string> exclude = {};      ///< nodes
   bool fresh = false;  ///< a person started it: attempts of earlier rounds no longer count
   /// Of engine local: the process that runs the round.
   std::string host = {}, process_start = {};

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <deque>
 #include <list>
 #include <map>
@@ -76,6 +77,7 @@ struct FrameCache::State {
   std::vector<PhotometricCorrection> corrections;
   tbb::enumerable_thread_specific<JpegDecoder> decoders;
   std::atomic<Look> looks = kByItself;
+  std::atomic<std::int64_t> decode_nanoseconds = 0, jpeg_bytes = 0;
 
   std::mutex mutex;  // guards what follows
   std::map<Key, std::shared_ptr<Entry>> entries;
@@ -169,14 +171,19 @@ struct FrameCache::State {
 
   std::int64_t decode_into(const DecodedFrame& frame, const Key& key, const JpegLayout& layout,
                            const McuMask& mcus) {
+    const auto start = std::chrono::steady_clock::now();
     const PhotometricCorrection& correction = corrections[static_cast<std::size_t>(key.first)];
-    const std::int64_t decoded =
-        decoders.local().decode_region(take.archive(key.first).jpeg(key.second), layout, mcus,
-                                       correction.table(), pixels_of(frame), name_of(key));
+    const auto jpeg = take.archive(key.first).jpeg(key.second);
+    const std::int64_t decoded = decoders.local().decode_region(
+        jpeg, layout, mcus, correction.table(), pixels_of(frame), name_of(key));
     correction.correct(pixels_of(frame), layout, mcus);
     if (matte) {
       key_mcus(*matte->key_of(key.first, key.second, {space, full_scale}), frame, layout, mcus);
     }
+    decode_nanoseconds += std::chrono::duration_cast<std::chrono::nanoseconds>(
+                              std::chrono::steady_clock::now() - start)
+                              .count();
+    jpeg_bytes += static_cast<std::int64_t>(jpeg.size());
     return decoded;
   }
 
@@ -352,6 +359,10 @@ double FrameCache::full_scale() const { return state_->full_scale; }
 int FrameCache::frames_read_ahead() const {
   const std::scoped_lock lock(state_->mutex);
   return state_->read_ahead;
+}
+
+DecodeCosts FrameCache::decode_costs() const {
+  return {1e-9 * static_cast<double>(state_->decode_nanoseconds), state_->jpeg_bytes};
 }
 
 std::size_t FrameCache::bytes_held() const {

@@ -26,6 +26,17 @@ struct DecodedFrame {
   std::size_t bytes = 0;  ///< of memory held
 };
 
+/// What decoding has taken, over all threads.
+struct DecodeCosts {
+  double seconds = 0;           ///< of processors
+  std::int64_t jpeg_bytes = 0;  ///< of the frames that were decoded, each time they were
+  DecodeCosts& operator+=(const DecodeCosts& other) {
+    seconds += other.seconds;
+    jpeg_bytes += other.jpeg_bytes;
+    return *this;
+  }
+};
+
 /// Decoded frames of a take within a bound of memory, an eighth of it for memory that waits to be
 /// used again, least recently used out first. A frame asked for again with more than it holds is
 /// decoded whole: the second look says that it will be looked at often. Parts of one look add up.
@@ -71,6 +82,7 @@ class FrameCache {
   std::size_t bytes_held() const;
   /// Frames that read_ahead() asked for.
   int frames_read_ahead() const;
+  DecodeCosts decode_costs() const;
 
  private:
   struct State;

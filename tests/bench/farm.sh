@@ -83,8 +83,8 @@ for nodes in 1 2 4; do
   echo "$nodes nodes: $(since "$start") s; tasks: $(raystage farm estimate out/s.farm/job-0001 --cores 1 --nodes $nodes | tail -n 1)"
   cp -r out/s.farm/job-0001 "job-$nodes"
   [ $nodes = 1 ] || { cluster stop; continue; }
-  raystage farm estimate out/s.farm/job-0001 --cores 1 --nodes 1,2,4,10,100,1000 --starts 50 --frame-read 0.3
+  raystage farm estimate out/s.farm/job-0001 --cores 1 --nodes 1,2,4,10,100,1000 --starts 50
   raystage farm estimate out/s.farm/job-0001 --cores 2 --nodes 1,10,100,1000 --frames 4800 --tasks 960 \
-    --starts 50 --frame-read 0.3 --storage-write 1200 -o "$build/farm-scaling.html"
+    --starts 50 --storage-write 1200 -o "$build/farm-scaling.html"
   cluster stop
 done

@@ -2,7 +2,8 @@
 // Preloaded into a command (LD_PRELOAD) this makes the disk under a folder misbehave:
 //   BAD_DISK_FOLDER=/path   which files it is about
 //   BAD_DISK="FAULT[;FAULT...]" of
-//     ENOSPC|EROFS|EIO FROM SECONDS   writing fails, for so long after the first FROM bytes
+//     ENOSPC|EDQUOT|EROFS|EIO FROM SECONDS   writing fails, for so long after the first FROM bytes
+//     ESTALE FROM SECONDS             no file can be opened to be read
 //     SYNC FROM SECONDS               fdatasync and fsync fail with EIO
 //     STALL FROM SECONDS              whoever writes or syncs waits for the end of it
 //     SLOW BYTES_PER_SECOND           all files together
@@ -21,6 +22,7 @@
 #include <climits>
 #include <cstdarg>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <mutex>
@@ -48,19 +50,24 @@ struct Fault {
 
   int error() const {
     if (what == "ENOSPC") return ENOSPC;
+    if (what == "EDQUOT") return EDQUOT;
+    if (what == "ESTALE") return ESTALE;
     if (what == "EROFS") return EROFS;
     return what == "EIO" || what == "SYNC" ? EIO : 0;
   }
   bool acts_at(Clock::time_point now) const { return began && now < *began + Seconds(seconds); }
 };
 
-enum class Call { kCreate, kWrite, kTruncate, kRename, kSync };
+enum class Call { kRead, kCreate, kWrite, kTruncate, kRename, kSync };
 
 bool refuses(const Fault& fault, Call call) {
   if (fault.what == "SYNC") return call == Call::kSync;
-  if (fault.what == "ENOSPC") return call == Call::kCreate || call == Call::kWrite;
-  if (fault.what == "EROFS") return call != Call::kSync;
-  return fault.what == "EIO";
+  if (fault.what == "ESTALE") return call == Call::kRead;
+  if (fault.what == "ENOSPC" || fault.what == "EDQUOT") {
+    return call == Call::kCreate || call == Call::kWrite;
+  }
+  if (fault.what == "EROFS") return call != Call::kSync && call != Call::kRead;
+  return fault.what == "EIO" && call != Call::kRead;
 }
 
 class BadDisk {
@@ -107,7 +114,9 @@ class BadDisk {
     }
     for (Fault& fault : faults_) {
       // The write on which it begins is cut short.
-      if (fault.began || fault.error() == 0 || fault.what == "SYNC") continue;
+      if (fault.began || fault.error() == 0 || fault.what == "SYNC" || fault.what == "ESTALE") {
+        continue;
+      }
       bytes = std::min(bytes, static_cast<std::size_t>(fault.from - written_));
     }
     written_ += static_cast<double>(bytes);
@@ -181,7 +190,7 @@ ssize_t write_parts(int file, const iovec* parts, int count, off_t offset) {
 
 int open_file(const char* path, int flags, mode_t mode) {
   const bool writes = (flags & O_ACCMODE) != O_RDONLY || (flags & O_CREAT) != 0;
-  return unless_refused(writes && disk().holds(path), Call::kCreate, [&] {
+  return unless_refused(disk().holds(path), writes ? Call::kCreate : Call::kRead, [&] {
     return real<int(const char*, int, ...)>("open")(path, flags, mode);
   });
 }
@@ -199,6 +208,19 @@ ssize_t pwritev(int file, const iovec* parts, int count, off_t offset) {
 }
 ssize_t pwritev64(int file, const iovec* parts, int count, off64_t offset) {
   return write_parts(file, parts, count, offset);
+}
+ssize_t writev(int file, const iovec* parts, int count) {  // what std::ofstream calls
+  if (!disk().holds(file)) {
+    return real<ssize_t(int, const iovec*, int)>("writev")(file, parts, count);
+  }
+  ssize_t written = 0;
+  for (int i = 0; i < count; ++i) {
+    const ssize_t part = ::write(file, parts[i].iov_base, parts[i].iov_len);
+    if (part < 0) return written > 0 ? written : part;
+    written += part;
+    if (part < static_cast<ssize_t>(parts[i].iov_len)) break;
+  }
+  return written;
 }
 ssize_t write(int file, const void* bytes, std::size_t count) {
   if (file > STDERR_FILENO && count > 0 && disk().holds(file)) {
@@ -220,6 +242,15 @@ int open64(const char* path, int flags, ...) {
   const mode_t mode = mode_of(flags, arguments);
   va_end(arguments);
   return open_file(path, flags, mode);
+}
+FILE* fopen64(const char* path, const char* mode) {  // what std::ifstream calls
+  if (mode[0] == 'r' && disk().holds(path)) {
+    if (const int error = disk().refusal(Call::kRead)) {
+      errno = error;
+      return nullptr;
+    }
+  }
+  return real<FILE*(const char*, const char*)>("fopen64")(path, mode);
 }
 int ftruncate(int file, off_t size) noexcept {
   return unless_refused(disk().holds(file), Call::kTruncate,

@@ -2,6 +2,7 @@
 // Farm jobs on this machine: the same tasks as on a cluster, one after the other.
 #include <algorithm>
 
+#include "farm/slurm_scripts.h"
 #include "tests/farm/farm_job_test.h"
 
 namespace raystage::testing {
@@ -10,7 +11,37 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-class FarmLocal : public FarmJobTest {};
+class FarmLocal : public FarmJobTest {
+ protected:
+  /// As a render manager does it: every step's command in order, for every value of its range.
+  void run_openjd_session(std::string file) const {
+    file.pop_back();  // the line break
+    const auto document = nlohmann::json::parse(text_of(folder_ / file));
+    write_text(folder_ / "rules.json", R"({"version": "pathmapping-1.0"})");
+    const auto filled_in = [&](std::string word, int task) {
+      const auto& parameters = document["parameterDefinitions"];
+      word = replaced(word, "{{Param.JobFolder}}", parameters[0]["default"]);
+      word = replaced(word, "{{Param.Raystage}}", parameters[1]["default"]);
+      word = replaced(word, "{{Task.Param.Task}}", std::to_string(task));
+      word = replaced(word, "{{Session.PathMappingRulesFile}}", (folder_ / "rules.json").string());
+      return farm::shell_word(word);
+    };
+    for (const auto& step : document["steps"]) {
+      int tasks = 1;
+      if (step.contains("parameterSpace")) {
+        const std::string range = step["parameterSpace"]["taskParameterDefinitions"][0]["range"];
+        tasks = std::stoi(range.substr(range.find('-') + 1)) + 1;
+      }
+      const auto& run = step["script"]["actions"]["onRun"];
+      for (int task = 0; task < tasks; ++task) {
+        std::string command = filled_in(run["command"], task);
+        for (const std::string word : run["args"]) command += " " + filled_in(word, task);
+        const CommandResult ran = here(command);
+        EXPECT_EQ(ran.exit_code, 0) << command << ran.err;
+      }
+    }
+  }
+};
 
 TEST_F(FarmLocal, AJobGivesTheFramesOfAPlainRender) {
   const CommandResult farm = here(
@@ -102,6 +133,103 @@ TEST_F(FarmLocal, GivesUpWhatFailsForGoodAndRetriesWhenAsked) {
   EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
 }
 
+TEST_F(FarmLocal, RetryRendersWhatWasRemovedOrDamagedAndWhatIsNamed) {
+  put_in_place_of_render(R"(echo "$@" >>calls)");
+  ASSERT_EQ(here("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local "
+                 "--chunk 12 --no-preview")
+                .exit_code,
+            0);
+  const auto whole = frames_in(folder_ / "out");
+  CommandResult retried = here("raystage farm retry out/s.####.exr");
+  EXPECT_EQ(retried.exit_code, 2);
+  EXPECT_THAT(retried.err, HasSubstr("every frame is whole"));
+  // One frame is gone, another is cut short.
+  std::filesystem::remove(folder_ / "out" / "s.0005.exr");
+  std::filesystem::resize_file(folder_ / "out" / "s.0040.exr", 2000);
+  const CommandResult told = here("raystage farm status out/s.####.exr");
+  EXPECT_EQ(told.exit_code, 3);
+  EXPECT_THAT(told.out, HasSubstr("missing: frames 5\n"));
+  std::filesystem::remove(folder_ / "calls");
+  retried = here("raystage farm retry out/s.####.exr");
+  EXPECT_EQ(retried.exit_code, 0) << retried.err;
+  EXPECT_THAT(retried.out, HasSubstr("round 2: 2 tasks to render"));
+  EXPECT_TRUE(frames_in(folder_ / "out") == whole);
+  EXPECT_EQ(here("raystage farm status out/s.####.exr").exit_code, 0);
+  // A frame that is named is rendered anew, and no other.
+  std::filesystem::remove(folder_ / "calls");
+  EXPECT_EQ(here("raystage farm retry out/s.####.exr --frames 7,99").exit_code, 0);
+  EXPECT_THAT(text_of(folder_ / "calls"), HasSubstr("--frames=7 --existing overwrite"));
+  EXPECT_EQ(here("raystage farm retry out/s.####.exr --frames 99").exit_code, 2);
+  const CommandResult logs = here("raystage farm logs out/s.####.exr 7 --attempt 9");
+  EXPECT_EQ(logs.exit_code, 2);
+  EXPECT_THAT(logs.err, HasSubstr("there is no attempt 9"));
+}
+
+TEST_F(FarmLocal, FramesHaveTheSubmittersUmask) {
+  ASSERT_EQ(here("umask 0027 && raystage farm submit 'show dir/shot.json' -o out/s.####.exr "
+                 "--engine local --no-queue")
+                .exit_code,
+            0);
+  // A node's daemon has its own.
+  ASSERT_EQ(here("umask 0077 && raystage farm task out/s.farm/job-0001 render 0").exit_code, 0);
+  EXPECT_EQ(std::filesystem::status(folder_ / "out" / "s.0001.exr").permissions(),
+            std::filesystem::perms(0640));
+}
+
+TEST_F(FarmLocal, AQuotaThatIsUsedUpIsTheNodesFault) {
+  ASSERT_EQ(here("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local "
+                 "--no-queue")
+                .exit_code,
+            0);
+  // Only a write shows it. The room of the job's own records was reserved before: here they are
+  // elsewhere.
+  std::filesystem::rename(folder_ / "out" / "s.farm", folder_ / "s.farm");
+  const CommandResult task = here("BAD_DISK_FOLDER='" + (folder_ / "out").string() +
+                                  "' BAD_DISK='EDQUOT 200000 999' LD_PRELOAD=" RAYSTAGE_BAD_DISK
+                                  " raystage farm task s.farm/job-0001 render 0");
+  EXPECT_NE(task.exit_code, 0);
+  std::filesystem::rename(folder_ / "s.farm", folder_ / "out" / "s.farm");
+  const auto told = status("out/s.####.exr");
+  const auto& attempt = told["tasks"][0]["attempts"][0];
+  ASSERT_TRUE(attempt.contains("end")) << told.dump(1);
+  EXPECT_TRUE(attempt["end"].value("node_fault", false)) << attempt.dump(1);
+  EXPECT_THAT(attempt["end"]["reason"].get<std::string>(), HasSubstr("Disk quota exceeded"));
+  EXPECT_TRUE(files_with(folder_ / "out", ".tmp").empty());
+  EXPECT_EQ(here("raystage farm retry out/s.####.exr").exit_code, 0);
+  EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
+}
+
+TEST_F(FarmLocal, StaleHandlesAreAwaited) {
+  ASSERT_EQ(here("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local "
+                 "--frames 1-4 --no-preview --no-queue && "
+                 "raystage farm task out/s.farm/job-0001 render 0")
+                .exit_code,
+            0);
+  const std::string verify = "BAD_DISK_FOLDER='" + (folder_ / "out").string() +
+                             "' BAD_DISK='ESTALE 0 2' LD_PRELOAD=" RAYSTAGE_BAD_DISK
+                             " raystage farm task out/s.farm/job-0001 verify --patience ";
+  // Frames only: the records of the job are in the same folder, and a task could not begin.
+  std::filesystem::rename(folder_ / "out" / "s.farm", folder_ / "s.farm");
+  const auto moved = [&](const std::string& patience) {
+    return here(replaced(verify, "out/s.farm", "s.farm") + patience);
+  };
+  EXPECT_EQ(moved("0").exit_code, 3) << "the frames cannot be read";
+  EXPECT_EQ(moved("60").exit_code, 0) << "they can, two seconds later";
+}
+
+TEST_F(FarmLocal, WordsBeforeTheCommandRunIt) {
+  // As a container's: with an argument that is quoted, and a program of its own.
+  write_text(folder_ / "in box", "#!/bin/sh\n[ \"$1\" = 'a b' ] || exit 9\nshift\nexec \"$@\"\n");
+  std::filesystem::permissions(folder_ / "in box", std::filesystem::perms::all);
+  const CommandResult made = here(
+      "raystage farm export --openjd 'show dir/shot.json' -o out/s.####.exr --frames 1-4 "
+      "--no-preview --program raystage --wrap \"'" +
+      (folder_ / "in box").string() + "' 'a b'\"");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  run_openjd_session(made.out);
+  EXPECT_EQ(status("out/s.####.exr")["state"], "done");
+}
+
 TEST_F(FarmLocal, StopsOnASignalAndGoesOnWhenAsked) {
   put_in_place_of_render("[ -e slow ] && sleep 20");
   write_text(folder_ / "slow", "");
@@ -127,7 +255,9 @@ TEST_F(FarmLocal, RefusesWhatCannotBecomeAJob) {
   };
   refused("--engine local --frames 100", "none of the frames");
   refused("--engine local --map x=y", "two absolute paths");
-  refused("--engine local --sbatch 'a\nb'", "one option of sbatch");
+  refused("--engine local --sbatch=--exclusive", "a job that Slurm does not run");
+  refused("--engine local --map /a=/b", "this host runs the tasks itself");
+  refused("--engine local --memory 0.001", "one frame needs");
   write_shot("chosen", 4, 1, "auto", R"({"target_error": 20})");
   const CommandResult automatic =
       here("raystage farm submit 'show dir/chosen.json' -o out/s.####.exr --engine local");
@@ -150,6 +280,11 @@ TEST_F(FarmLocal, PathsMayHaveOtherNamesOnTheNodes) {
   EXPECT_EQ(here("raystage farm task out/s.farm/job-0001 verify").exit_code, 0);
   EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
   std::filesystem::remove(folder_.string() + ".net");
+  // Without the nodes' names this is the submitting host: its own names apply.
+  std::filesystem::remove(folder_ / "out" / "s.0009.exr");
+  EXPECT_EQ(here("raystage farm status out/s.####.exr").exit_code, 3);
+  const CommandResult retried = here("raystage farm retry out/s.####.exr");
+  EXPECT_THAT(retried.out, HasSubstr("round 2: 1 tasks to render")) << retried.err;
 }
 
 TEST_F(FarmLocal, ReadOnlyTakesGetACacheNextToTheOutput) {
@@ -171,27 +306,7 @@ TEST_F(FarmLocal, ExportsAJobForOtherRenderManagers) {
   const CommandResult made =
       here("raystage farm export --openjd 'show dir/shot.json' -o out/s.####.exr --chunk 24");
   ASSERT_EQ(made.exit_code, 0) << made.err;
-  std::string file = made.out;
-  file.pop_back();
-  const auto document = nlohmann::json::parse(text_of(folder_ / file));
-  // As a session runs it: every step's command in order, for every value of its range.
-  for (const auto& step : document["steps"]) {
-    const int tasks = step.contains("parameterSpace") ? 2 : 1;
-    for (int i = 0; i < tasks; ++i) {
-      std::string command = document["parameterDefinitions"][1]["default"];
-      for (std::string word : step["script"]["actions"]["onRun"]["args"]) {
-        word =
-            replaced(word, "{{Param.JobFolder}}", document["parameterDefinitions"][0]["default"]);
-        word = replaced(word, "{{Task.Param.Task}}", std::to_string(i));
-        word =
-            replaced(word, "{{Session.PathMappingRulesFile}}", (folder_ / "rules.json").string());
-        command += " '" + word + "'";
-      }
-      write_text(folder_ / "rules.json", R"({"version": "pathmapping-1.0"})");
-      const CommandResult ran = here(command);
-      EXPECT_EQ(ran.exit_code, 0) << command << ran.err;
-    }
-  }
+  run_openjd_session(made.out);
   EXPECT_EQ(status("out/s.####.exr")["state"], "done");
   EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
 }

@@ -42,6 +42,15 @@ class FarmSlurm : public FarmJobTest {
   CommandResult on_cluster(const std::string& command) const {
     return here("export SLURM_CONF='" + (folder_ / "c" / "slurm.conf").string() + "'; " + command);
   }
+  /// On this node the output disk is another one, and full; the job folder is where it is.
+  void fill_disk_of(const std::string& node) const {
+    const std::string out = (folder_ / "out").string();
+    const CommandResult filled =
+        cluster("on " + node + " sh -c \"mkdir /tmp/kept.$$ && mount --bind " + out +
+                "/s.farm /tmp/kept.$$ && mount -t tmpfs -o size=64k none " + out + " && mkdir " +
+                out + "/s.farm && mount --bind /tmp/kept.$$ " + out + "/s.farm\"");
+    ASSERT_EQ(filled.exit_code, 0) << filled.err;
+  }
   json told(const std::string& output = "out/s.####.exr") const {
     return json::parse(on_cluster("raystage farm status --json '" + output + "'").out);
   }
@@ -69,8 +78,15 @@ class FarmSlurm : public FarmJobTest {
   }
 };
 
-TEST_F(FarmSlurm, ASequenceSurvivesWhatHappensToAFarm) {
-  start("MinJobAge=2");  // and no RequeueExit
+/// What happens to a farm, under each of the settings that sites have.
+struct Site {
+  const char* name;
+  const char* settings;
+};
+class FarmSlurmDisaster : public FarmSlurm, public ::testing::WithParamInterface<Site> {};
+
+TEST_P(FarmSlurmDisaster, TheSequenceIsThatOfOneMachine) {
+  start(GetParam().settings);
   put_in_place_of_render(R"(
 case "$*" in
   *"--frames=21-24 "*) [ -e ')" +
@@ -85,16 +101,7 @@ sleep 1)");
       "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 4 -j 1 --no-measure "
       "--no-queue");
   ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
-  // On n3 the output disk is another one, and full; the job folder is where it is.
-  const std::string out = (folder_ / "out").string();
-  const CommandResult filled = cluster("on n3 sh -c \"mkdir /tmp/kept.$$ && mount --bind " + out +
-                                       "/s.farm /tmp/kept.$$ && "
-                                       "mount -t tmpfs -o size=64k none " +
-                                       out + " && mkdir " + out +
-                                       "/s.farm && "
-                                       "mount --bind /tmp/kept.$$ " +
-                                       out + "/s.farm\"");
-  ASSERT_EQ(filled.exit_code, 0) << filled.err;
+  fill_disk_of("n3");
   ASSERT_EQ(on_cluster("sh out/s.farm/job-0001/round-1.sh").exit_code, 0);
 
   // A node dies in the middle of a task.
@@ -148,6 +155,77 @@ sleep 1)");
   EXPECT_TRUE(wait_for(60, [&] {
     return std::filesystem::exists(folder_ / "out/s.farm/job-0001/contact-sheet.png");
   })) << logs();
+}
+
+INSTANTIATE_TEST_SUITE_P(Sites, FarmSlurmDisaster,
+                         ::testing::Values(Site{"forgetful", "MinJobAge=2"},  // and no RequeueExit
+                                           Site{"defaults",
+                                                "MinJobAge=300 RequeueExit=75,100-110"}),
+                         [](const auto& site) { return site.param.name; });
+
+TEST_F(FarmSlurm, ANodeOfManySlotsWithAFullDiskFailsFewTasks) {
+  ASSERT_EQ(setenv("CPUS", "4", 1), 0);
+  start("MinJobAge=2");
+  unsetenv("CPUS");
+  put_in_place_of_render("sleep 1");
+  ASSERT_EQ(on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 2 -j 1 "
+                       "--memory 0.3 --no-measure --no-preview --no-queue")
+                .exit_code,
+            0);
+  fill_disk_of("n1");
+  ASSERT_EQ(on_cluster("sh out/s.farm/job-0001/round-1.sh").exit_code, 0);
+  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
+  const json status = told();
+  EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
+  EXPECT_TRUE(status["excluded_nodes"].contains("n1")) << "the test tests nothing";
+  // Its four slots start at once: the first task that looks excludes the node for the others.
+  int failed_there = 0, ran_there = 0;
+  for (const json& task : status["tasks"]) {
+    for (const json& attempt : task["attempts"]) {
+      if (attempt["node"] != "n1" || task["stage"] != "render") continue;
+      ASSERT_TRUE(attempt.contains("end"));
+      failed_there += attempt["end"].value("node_fault", false);
+      ran_there += attempt["end"]["result"] != "declined";
+    }
+  }
+  EXPECT_EQ(failed_there, 1) << status.dump(1);
+  EXPECT_EQ(ran_there, 0) << status.dump(1);
+}
+
+TEST_F(FarmSlurm, WhatSlurmWouldRejectIsRefusedBeforeAnythingIsRendered) {
+  start();
+  for (const char* options : {"--partition nowhere", "--account nobody --partition nowhere",
+                              "-j 64", "--memory 100", "--sbatch=--nonsense"}) {
+    const CommandResult refused = on_cluster(
+        std::string("raystage farm submit 'show dir/shot.json' -o out/s.####.exr ") + options);
+    EXPECT_EQ(refused.exit_code, 2) << options << refused.err;
+    EXPECT_THAT(refused.err, HasSubstr("Slurm would reject a task of stage")) << options;
+    EXPECT_FALSE(std::filesystem::exists(folder_ / "out" / "s.farm")) << options;
+    EXPECT_TRUE(frames_in(folder_ / "out").empty()) << options;
+  }
+  const CommandResult stage = on_cluster(
+      "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --partition redner:fast");
+  EXPECT_EQ(stage.exit_code, 2);
+  EXPECT_THAT(stage.err, HasSubstr("there is no stage \"redner\""));
+  const CommandResult plan =
+      on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --dry-run");
+  EXPECT_EQ(plan.exit_code, 0) << plan.err;
+  EXPECT_THAT(plan.out, HasSubstr("renders frame 1 here first"));
+  EXPECT_THAT(plan.out, ::testing::ContainsRegex("render +[0-9]+ +1 ")) << "nodes have one CPU";
+}
+
+TEST_F(FarmSlurm, AProgramThatNodesLackEndsTheJobWithThatReason) {
+  start();
+  ASSERT_EQ(on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 12 "
+                       "-j 1 --no-measure --program /nowhere/raystage")
+                .exit_code,
+            0);
+  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
+  const json status = told();
+  EXPECT_EQ(status["state"], "failed") << status.dump(1) << logs();
+  EXPECT_THAT(status["reason"].get<std::string>(), HasSubstr("exit code 127"));
+  const CommandResult shown = on_cluster("raystage farm logs out/s.####.exr 1");
+  EXPECT_THAT(shown.out, HasSubstr("/nowhere/raystage"));
 }
 
 TEST_F(FarmSlurm, AFreezeDerivesItsInstantOnceAndAMoveItsInstantsSideBySide) {

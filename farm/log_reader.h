@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+
+#include "schemas/farm_records.h"
+
+namespace raystage::farm {
+
+/// What the log of `raystage render` or `raystage prepare` says next to its progress, line by line.
+class LogReader {
+ public:
+  void look_at(std::string_view line);
+  /// Of a command that failed: the first failure that it reported, else its last line.
+  std::string reason() const { return first_failure.empty() ? last : first_failure; }
+
+  int solved = 0, read = 0;  ///< light field frames, by their depths
+  std::string last, first_failure;
+  std::set<int> failed_frames;
+  std::optional<RenderingCosts> rendering;
+};
+
+}  // namespace raystage::farm

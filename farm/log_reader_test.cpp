@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/log_reader.h"
+
+#include <gtest/gtest.h>
+
+#include "compose/sequence.h"
+
+namespace raystage::farm {
+namespace {
+
+TEST(LogReader, ReadsWhatTheRendererReports) {
+  SequenceReport report;
+  report.asked = 12;
+  report.rendered = 10;
+  report.failures = {{3, "x", false}, {4, "x", false}};
+  report.seconds = 2.5;
+  report.in_flight = 4;
+  report.milliseconds = {90, 10, 20, 920, 30, 0};  // of all ten frames
+  report.decoding = {0.04, 3'100'000};
+  LogReader log;
+  log.look_at("Progress: 42%");
+  log.look_at("frame 3 failed: the disk is full");
+  log.look_at("frame 4 failed: the disk is full");
+  log.look_at(report.stages());
+  log.look_at(report.summary());
+  ASSERT_TRUE(log.rendering);
+  EXPECT_EQ(log.rendering->frames, 10);
+  EXPECT_EQ(log.rendering->at_once, 4);
+  EXPECT_DOUBLE_EQ(log.rendering->seconds, 2.5);
+  EXPECT_DOUBLE_EQ(log.rendering->light_fields_s, 0.009);
+  EXPECT_DOUBLE_EQ(log.rendering->geometry_s, 0.001);
+  EXPECT_DOUBLE_EQ(log.rendering->merge_s, 0.002);
+  EXPECT_DOUBLE_EQ(log.rendering->encode_s, 0.092);
+  EXPECT_DOUBLE_EQ(log.rendering->write_s, 0.003);
+  EXPECT_DOUBLE_EQ(log.rendering->decode_s, 0.004);
+  EXPECT_DOUBLE_EQ(log.rendering->read_bytes, 310'000);
+  EXPECT_EQ(log.failed_frames, (std::set<int>{3, 4}));
+  EXPECT_EQ(log.reason(), "frame 3 failed: the disk is full");
+}
+
+TEST(LogReader, KnowsNoCostsWhereNothingWasRendered) {
+  SequenceReport report;
+  report.asked = report.skipped = 4;
+  LogReader log;
+  log.look_at(report.stages());
+  log.look_at(report.summary());
+  EXPECT_FALSE(log.rendering);
+}
+
+}  // namespace
+}  // namespace raystage::farm

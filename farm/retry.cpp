@@ -1,0 +1,115 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/retry.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <iterator>
+#include <set>
+#include <system_error>
+
+#include "compose/frame_range.h"
+#include "compose/preparation.h"
+#include "farm/rounds.h"
+#include "farm/slurm_queue.h"
+#include "farm/slurm_scripts.h"
+#include "farm/status.h"
+#include "farm/task.h"
+#include "farm/verification.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<int> frames_in_chunks(const FarmJobDocument& job, const std::vector<int>& chunks) {
+  std::set<int> frames;
+  for (const int chunk : chunks) {
+    for (const int frame : parse_frame_range(job.chunks[static_cast<std::size_t>(chunk)].frames)) {
+      frames.insert(frame);
+    }
+  }
+  return {frames.begin(), frames.end()};
+}
+
+void check_not_live(const JobFolder& folder) {
+  const JobStatus status = job_status(folder);
+  if (!status.is_live()) return;
+  throw Error::bad_input("the job is not over: it is " + std::string(job_state_name(status.state)),
+                         folder.path().string(), "Wait for it, or cancel it first");
+}
+
+/// The instants of these chunks that are not stored.
+std::vector<int> missing_instants(const FarmJobDocument& job, const std::vector<int>& chunks) {
+  std::set<int> missing;
+  std::error_code ignored;
+  for (const int chunk : chunks) {
+    for (const int i : job.chunks[static_cast<std::size_t>(chunk)].instants) {
+      if (!fs::exists(job.instants[static_cast<std::size_t>(i)].file, ignored)) missing.insert(i);
+    }
+  }
+  return {missing.begin(), missing.end()};
+}
+
+}  // namespace
+
+void queue_round(const JobFolder& folder, const FarmRound& round) {
+  std::error_code ignored;
+  const bool waits = round.round == 1 && fs::exists(folder.after_file(), ignored);
+  try {
+    run_queue_script(folder, waits ? "start.sh" : fmt::format("round-{}.sh", round.round));
+  } catch (const Error& error) {
+    const FarmJobDocument job = folder.job_here();
+    try {
+      slurm_cancel(job);      // what was accepted before
+    } catch (const Error&) {  // the first error says enough
+    }
+    FarmEnd end;
+    end.state = FarmEnd::State::kFailed;
+    end.reason = error.what();
+    end.frames = static_cast<int>(frames_of(job).size());
+    end.missing_frames = format_frame_range(frames_in_chunks(job, round.render));
+    end_job(folder, job, end);
+    throw;
+  }
+}
+
+FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<int>>& frames,
+                      const std::stop_token& stop) {
+  check_not_live(folder);
+  const MappedJob here = read_job_here(folder);
+  const FarmJobDocument& job = here.job;
+  FarmRound round;
+  round.round = static_cast<int>(folder.rounds().size()) + 1;
+  round.fresh = true;
+  std::vector<int> wanted;
+  if (frames) {
+    std::ranges::set_intersection(*frames, frames_of(job), std::back_inserter(wanted));
+    round.frames = format_frame_range(wanted);
+  } else {
+    wanted = frames_not_whole({folder, job, here.shot, round.round, 0, [](double) {}}, stop);
+  }
+  round.render = chunks_with(job, wanted);
+  if (round.render.empty()) {
+    throw frames ? Error::bad_input("the job has none of these frames, but " +
+                                        format_frame_range(frames_of(job)),
+                                    folder.path().string(), "Name frames of the job")
+                 : Error::bad_input("nothing is to be tried again: every frame is whole",
+                                    folder.path().string(),
+                                    "Name the frames that are to be rendered anew (--frames)");
+  }
+  round.prepare = missing_instants(job, round.render);
+  pin_derived(std::vector<fs::path>(job.pinned.begin(), job.pinned.end()), job.id);
+  // A node that was at fault may have been mended since.
+  std::error_code ignored;
+  for (const auto& [node, reason] : folder.excluded_nodes()) {
+    fs::remove(folder.excluded() / node, ignored);
+  }
+  folder.reopen();
+  write_round(folder, folder.job(), round);
+  return round;
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/submission_checks.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <system_error>
+
+#include "compose/memory_plan.h"
+#include "farm/job_folder.h"
+#include "farm/render_command.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+using Engine = FarmJobDocument::Engine;
+
+void check_sbatch_options(const SubmissionOptions& options) {
+  for (const auto& of_stage : options.sbatch) {
+    for (const std::string& option : of_stage) {
+      if (options.engine != Engine::kSlurm) {
+        throw Error::bad_input("found \"" + option + "\" for a job that Slurm does not run",
+                               "sbatch", "Leave Slurm's options out, or use engine slurm");
+      }
+      const bool is_clean =
+          std::ranges::none_of(option, [](char c) { return static_cast<unsigned char>(c) < ' '; });
+      if (is_clean && option.starts_with("-")) continue;
+      throw Error::bad_input("found \"" + option + "\", allowed: one option of sbatch", "sbatch",
+                             "Write for example --partition=fast");
+    }
+  }
+}
+
+/// A task that is alone chooses for itself, and may choose otherwise than the next.
+void check_methods(const ShotPlan& plan, const fs::path& shot) {
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.light_field(i) == nullptr) continue;
+    if (plan.light_field(i)->reconstruction().method != "auto") continue;
+    throw Error::bad_input(
+        "method auto chooses anew in every task, so tasks could differ",
+        fmt::format("{}#/layers/{}/method", shot.string(), i),
+        "Render one frame locally and write the method that its log names into the shot");
+  }
+}
+
+/// Whether data can be stored in the folders of all takes that derive some.
+bool are_takes_writable(const std::vector<DerivedInstant>& instants) {
+  return std::ranges::all_of(instants, [](const DerivedInstant& instant) {
+    fs::path folder = instant.file.parent_path();
+    std::error_code ignored;
+    while (!fs::exists(folder, ignored) && folder.has_relative_path())
+      folder = folder.parent_path();
+    return access(folder.c_str(), W_OK) == 0;
+  });
+}
+
+SequenceOptions sequence_options(const SubmissionOptions& options, const fs::path& cache) {
+  SequenceOptions sequence;
+  sequence.output = options.output;
+  sequence.frames = options.frames;
+  sequence.existing = options.existing;
+  sequence.missing = options.missing;
+  set_picture(options.picture, sequence);
+  sequence.color_config = options.color_config;
+  sequence.deep = options.picture.deep;
+  sequence.cache_folder = cache;
+  sequence.say = options.say;
+  return sequence;
+}
+
+void check_memory(const SubmissionOptions& options, const CheckedSequence& sequence) {
+  if (options.memory_gb <= 0) return;
+  const double needed = 1e-9 * static_cast<double>(memory_needed(*sequence.plan, sequence.frames, 1,
+                                                                 options.picture.deep));
+  if (needed <= options.memory_gb) return;
+  throw Error::bad_input(
+      fmt::format("one frame needs {:.2f} GB, a task gets {:.2f} GB", needed, options.memory_gb),
+      options.shot.string(), "Give tasks more memory");
+}
+
+}  // namespace
+
+Checked check_submission(const SubmissionOptions& options) {
+  check_sbatch_options(options);
+  Checked checked{
+      check_sequence(options.shot, sequence_options(options, options.cache)), {}, options.cache};
+  check_methods(*checked.sequence.plan, options.shot);
+  check_memory(options, checked.sequence);
+  checked.instants = derived_instants(*checked.sequence.plan, checked.sequence.frames);
+  if (checked.cache.empty() && !are_takes_writable(checked.instants)) {
+    checked.cache = fs::absolute(farm_folder(options.output) / "cache");
+    options.say("a take is read-only: derived data goes to " + checked.cache.string());
+    checked.sequence = check_sequence(options.shot, sequence_options(options, checked.cache));
+    checked.instants = derived_instants(*checked.sequence.plan, checked.sequence.frames);
+  }
+  return checked;
+}
+
+}  // namespace raystage::farm

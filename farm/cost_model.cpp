@@ -10,6 +10,7 @@
 #include <cmath>
 #include <filesystem>
 #include <map>
+#include <numeric>
 
 #include "compose/frame_range.h"
 #include "compose/sequence_name.h"
@@ -64,7 +65,9 @@ double seconds_on(const JobCosts& job, const SiteCosts& site, int nodes, Predict
 }
 
 /// Both times are by the node's own clock; clocks of different nodes are never compared.
-std::optional<double> median_gap(const TaskAttempts& attempts) {
+/// The mean, without those that are longer than three medians: the node did something else then.
+std::optional<double> mean_gap(const TaskAttempts& attempts) {
+  constexpr double kLongest = 3;
   std::map<std::string, std::vector<std::pair<Nanoseconds, Nanoseconds>>> runs;  // by node
   for (const auto& [task, list] : attempts) {
     if (task.first != "render" && task.first != "prepare") continue;
@@ -83,8 +86,10 @@ std::optional<double> median_gap(const TaskAttempts& attempts) {
     }
   }
   if (gaps.empty()) return std::nullopt;
-  std::ranges::nth_element(gaps, gaps.begin() + static_cast<std::ptrdiff_t>(gaps.size() / 2));
-  return gaps[gaps.size() / 2];
+  std::ranges::sort(gaps);
+  const double longest = kLongest * gaps[gaps.size() / 2];
+  gaps.erase(std::ranges::upper_bound(gaps, longest), gaps.end());
+  return std::accumulate(gaps.begin(), gaps.end(), 0.0) / static_cast<double>(gaps.size());
 }
 
 /// Stages are seconds a frame in `from`, seconds of all frames in `to`.
@@ -185,7 +190,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     divide_stages(costs.stages.frames, costs.stages);
     costs.frame_read_bytes = costs.stages.read_bytes;
   }
-  costs.gap_s = median_gap(attempts);
+  costs.gap_s = mean_gap(attempts);
   costs.verify_s /= std::max(1, costs.frames);
   if (files > 0) costs.frame_write_bytes = bytes / files;
   if (solved > 0) costs.solve_s = solve / solved;

@@ -16,18 +16,17 @@ namespace raystage::farm {
 /// task of `threads` threads at a time.
 struct JobCosts {
   int frames = 1, chunks = 1, instants = 0;
-  int threads = 1;             ///< of a task
-  double solve_s = 0;          ///< of an instant, stage prepare
-  double frame_s = 0;          ///< of a frame, of those under way at once
-  double frame_cpu_s = 0;      ///< processor time of a frame, the task's other work included
-  double task_s = 0;           ///< of a task besides its frames: its start, and its records
-  RenderingCosts stages = {};  ///< of a frame, mean; frames 0: the records lack them
-  std::optional<double> gap_s =
-      {};                        ///< from the end of a task to the next on the same node, median
-  double frame_read_bytes = 0;   ///< JPEG data that a frame needs
-  double frame_write_bytes = 0;  ///< its files
-  double verify_s = 0;           ///< wall-clock, of a frame
-  double submit_s = 0;           ///< wall-clock, of the job
+  int threads = 1;                   ///< of a task
+  double solve_s = 0;                ///< of an instant, stage prepare
+  double frame_s = 0;                ///< of a frame, of those under way at once
+  double frame_cpu_s = 0;            ///< processor time of a frame, the task's other work included
+  double task_s = 0;                 ///< of a task besides its frames: its start, and its records
+  RenderingCosts stages = {};        ///< of a frame, mean; frames 0: the records lack them
+  std::optional<double> gap_s = {};  ///< from the end of a task to the next on the same node, mean
+  double frame_read_bytes = 0;       ///< JPEG data that a frame needs
+  double frame_write_bytes = 0;      ///< its files
+  double verify_s = 0;               ///< wall-clock, of a frame
+  double submit_s = 0;               ///< wall-clock, of the job
 };
 
 /// The site. Latency and throughput of the scheduler are different things: how long one task waits

@@ -5,6 +5,8 @@
 # see other mounts than the rest. Root only.
 #
 #   cluster.sh DIR start N [LINE...]  starts it; LINEs are added to slurm.conf. Clients need SLURM_CONF=DIR/slurm.conf
+#                                     Environment: CPUS of a node (1); NODE_SHARE, per cent of a processor that all
+#                                     processes of a node get together (control group cpu, version 1; none: no limit)
 #   cluster.sh DIR stop               ends every process of it
 #   cluster.sh DIR kill-node NODE     a power cut; Slurm is told at once
 #   cluster.sh DIR kill-controller | start-controller
@@ -53,10 +55,19 @@ free_ports() {  # FIRST COUNT: none of them is a local TCP port in use
   done
 }
 start_controller() { launch slurmctld slurmctld -D -f "$SLURM_CONF"; await 20 scontrol ping; }
+node_group() { echo "/sys/fs/cgroup/cpu/$(basename "$(dirname "$D")")-$1"; }
 start_node() {
+  if [ -n "${NODE_SHARE:-}" ]; then
+    mkdir -p "$(node_group "$1")" && echo $((NODE_SHARE * 1000)) >"$(node_group "$1")/cpu.cfs_quota_us" ||
+      die "control groups cannot be written to"
+  fi
   mkdir -p "$D/spool/$1"
   # The namespace's first process reaps; its end is the end of all in it.
-  launch "$1" unshare --pid --mount --fork --kill-child --mount-proc sh -c \
+  limit=
+  [ -z "${NODE_SHARE:-}" ] || limit=$(node_group "$1")/cgroup.procs
+  # shellcheck disable=SC2016
+  launch "$1" sh -c '[ -z "$1" ] || echo $$ >"$1"; shift; exec "$@"' limit "$limit" \
+    unshare --pid --mount --fork --kill-child --mount-proc sh -c \
     'slurmd -D -s -f "$1" -N "$2" & wait $!' node "$SLURM_CONF" "$1"
 }
 is_idle() { [ "$(sinfo -h -N -t idle -o %N | wc -l)" = "$1" ]; }
@@ -128,6 +139,7 @@ stop)
   done
   finish slurmctld KILL
   finish munged TERM
+  for pid in "$(node_group n)"*; do [ ! -d "$pid" ] || rmdir "$pid" 2>/dev/null; done
   ;;
 kill-node)
   finish "$1" KILL

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
-#include "cli/choice.h"
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/shot_options.h"
 #include "cli/simd_option.h"
 #include "cli/threads.h"
 #include "compose/frame_range.h"
@@ -45,19 +45,9 @@ void declare(CLI::App& app, Options& options, char** argv) {
                  "of what the frames need only these ticks of layers, both counted from 0, as "
                  "--list prints\nthem, e.g. 0:12,0:13,2:5 (default: all)")
       ->type_name("LAYER:TICK,...");
-  add_choice<MissingFrames>(app, "--missing", options.missing,
-                            {{"error", MissingFrames::kError},
-                             {"hold", MissingFrames::kHold},
-                             {"black", MissingFrames::kBlack}},
-                            "as raystage render: frames before or after the take (default: error)");
-  app.add_option("--relative-to", options.relative_to,
-                 "folder that the paths in the shot are relative to, as raystage render (default: "
-                 "the folder\nof SHOT)")
-      ->type_name("DIR");
-  app.add_option("--cache", options.cache_folder,
-                 "folder that the data is stored in (DIR/depth/...), as raystage render --cache "
-                 "(default:\nthe folder of each take)")
-      ->type_name("DIR");
+  add_missing_option(app, options.missing);
+  add_relative_to_option(app, options.relative_to);
+  add_cache_option(app, options.cache_folder);
   app.add_option("--pin", options.pin,
                  "keep the data from eviction for 30 days: writes a file pin.NAME into each folder "
                  "that holds\nsome; delete that file to unpin it")
@@ -73,18 +63,7 @@ void declare(CLI::App& app, Options& options, char** argv) {
                  "OpenColorIO config of the shot, as raystage render (stored data does not depend "
                  "on it)")
       ->type_name("CONFIG");
-  add_choice<ProgressStyle>(
-      app, "--progress", options.progress,
-      {{"auto", ProgressStyle::kAuto},
-       {"plain", ProgressStyle::kPlain},
-       {"openjd", ProgressStyle::kOpenJd},
-       {"none", ProgressStyle::kNone}},
-      "on stderr: auto = a bar on a terminal, else plain; plain = \"Progress: "
-      "42%\";\nopenjd = \"openjd_progress: 42\" (default: auto)");
-  app.add_flag_callback(
-         "-q,--quiet", [&] { options.progress = ProgressStyle::kNone; },
-         "No progress on stderr: as --progress none")
-      ->excludes("--progress");
+  add_progress_option(app, options.progress);
   app.add_flag("--list", options.list,
                "derive nothing; print a line for each light field frame, with tabs between "
                "LAYER:TICK,\nstored or missing, the frames that need it, and the file")

@@ -11,6 +11,7 @@
 #include "cli/choice.h"
 #include "cli/command.h"
 #include "cli/parse.h"
+#include "cli/shot_options.h"
 #include "cli/simd_option.h"
 #include "cli/threads.h"
 #include "compose/frame_range.h"
@@ -40,11 +41,7 @@ struct Options {
 
 void declare(CLI::App& app, Options& options, char** argv) {
   app.add_option("SHOT", options.shot, "the shot to render (shot.json)")->required();
-  app.add_option("--relative-to", options.relative_to,
-                 "folder that the paths in the shot are relative to, for a copy of the shot "
-                 "elsewhere\n(default: the folder of SHOT)")
-      ->check(CLI::ExistingDirectory)
-      ->type_name("DIR");
+  add_relative_to_option(app, options.relative_to);
   app.add_option("-o,--output", options.output,
                  "name of the frames; #### is the frame number with that many digits, as is %04d\n"
                  "(default: renders/SHOT_LAYER.####.exr beside the shot)")
@@ -60,12 +57,7 @@ void declare(CLI::App& app, Options& options, char** argv) {
                             "frames whose file is there: error = refuse to start; skip = keep a "
                             "file that is\nwhole and was made from the same inputs, render the "
                             "others; overwrite = render all\n(default: error)");
-  add_choice<MissingFrames>(app, "--missing", options.missing,
-                            {{"error", MissingFrames::kError},
-                             {"hold", MissingFrames::kHold},
-                             {"black", MissingFrames::kBlack}},
-                            "frames before or after the take: error = refuse to start; hold = show "
-                            "the nearest\ninstant; black = empty frames (default: error)");
+  add_missing_option(app, options.missing);
   add_choice<std::optional<HoleFill>>(
       app, "--fill", options.fill, {{"none", HoleFill::kNone}, {"push-pull", HoleFill::kPushPull}},
       "rays that no camera saw: none = transparent; push-pull = coloured from what was seen "
@@ -106,10 +98,7 @@ void declare(CLI::App& app, Options& options, char** argv) {
                  "OpenColorIO config for the colours of the files (default: what the shot says, "
                  "else the\nbuilt-in one; $OCIO is not looked at)")
       ->type_name("CONFIG");
-  app.add_option("--cache", options.cache_folder,
-                 "folder for data derived from takes (DIR/depth/...), read from and stored there; "
-                 "takes may then\nbe read-only (default: the folder of each take)")
-      ->type_name("DIR");
+  add_cache_option(app, options.cache_folder);
   app.add_flag("--chromaticities", options.chromaticities,
                "write the chromaticities attribute for readers that do not know colorInteropID");
   app.add_flag(
@@ -123,18 +112,7 @@ void declare(CLI::App& app, Options& options, char** argv) {
       "--deep", options.deep,
       "beside each file NAME.####.exr write NAME.deep.####.exr: the samples it is made of, "
       "by depth,\none of each layer at most");
-  add_choice<ProgressStyle>(
-      app, "--progress", options.progress,
-      {{"auto", ProgressStyle::kAuto},
-       {"plain", ProgressStyle::kPlain},
-       {"openjd", ProgressStyle::kOpenJd},
-       {"none", ProgressStyle::kNone}},
-      "on stderr: auto = a bar on a terminal, else plain; plain = \"Progress: "
-      "42%\";\nopenjd = \"openjd_progress: 42\" (default: auto)");
-  app.add_flag_callback(
-         "-q,--quiet", [&] { options.progress = ProgressStyle::kNone; },
-         "No progress on stderr: as --progress none")
-      ->excludes("--progress");
+  add_progress_option(app, options.progress);
   // Printed as the version is: at once, whatever else is missing.
   app.add_flag_callback(
       "--methods",

@@ -201,8 +201,9 @@ std::string resources_line(const FarmJobDocument& job, FarmStage stage, std::siz
 ExitCode show_plan(const SubmissionOptions& submission) {
   const farm::PlannedJob planned = farm::plan_submission(submission);
   const FarmJobDocument& job = planned.job;
-  print(fmt::format("frames   {} ({}) in tasks of {}\n", farm::frames_of(job).size(),
-                    format_frame_range(farm::frames_of(job)), job.chunks.front().frames));
+  print(fmt::format("frames   {} ({}) in {} tasks, the first of frames {}\n",
+                    farm::frames_of(job).size(), format_frame_range(farm::frames_of(job)),
+                    job.chunks.size(), job.chunks.front().frames));
   print(fmt::format("output   {}\nprogram  {}{}{}\nsimd     {}\n\n", job.output, job.wrap,
                     job.wrap.empty() ? "" : " ", job.program, job.simd));
   print(fmt::format("{:<8} {:>6} {:>8} {:>11} {:>9} {:>10}  {}\n", "stage", "tasks", "threads",

@@ -165,7 +165,8 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     if (end.result != AttemptResult::kDone) continue;
     cpu += end.cpu_seconds;
     wall += end.wall_seconds;
-    timed += static_cast<int>(frames.size());
+    // Some may have been whole before: the measured one, or those of an earlier attempt.
+    timed += end.rendering ? end.rendering->frames : static_cast<int>(frames.size());
     ++tasks;
     if (end.rendering) add_stages(*end.rendering, costs.stages);
   }

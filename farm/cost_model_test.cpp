@@ -88,8 +88,8 @@ TEST(CostModel, TellsFramesFromTheRestOfATask) {
   for (int i = 0; i < 2; ++i) {
     FarmAttempt attempt = testing::attempt_at(i, AttemptResult::kDone);  // 6 s, three frames
     RenderingCosts& stages = attempt.end->rendering.emplace();
-    stages.frames = 3;
-    stages.seconds = 4.5;
+    stages.frames = i == 0 ? 2 : 3;  // one was whole before
+    stages.seconds = i == 0 ? 3.0 : 4.5;
     stages.encode_s = i == 0 ? 1.0 : 2.0;
     stages.read_bytes = 1e6;
     attempts[{"render", i}].push_back(attempt);
@@ -97,11 +97,11 @@ TEST(CostModel, TellsFramesFromTheRestOfATask) {
   const auto costs = measured_costs(job, attempts);
   ASSERT_TRUE(costs);
   EXPECT_DOUBLE_EQ(costs->frame_s, 1.5);
-  EXPECT_DOUBLE_EQ(costs->task_s, 1.5);
-  EXPECT_DOUBLE_EQ(costs->stages.encode_s, 1.5);
+  EXPECT_DOUBLE_EQ(costs->task_s, 2.25);
+  EXPECT_DOUBLE_EQ(costs->stages.encode_s, 1.6);
   EXPECT_DOUBLE_EQ(costs->frame_read_bytes, 1e6);
   const std::vector<int> nodes{1};
-  EXPECT_THAT(cost_text(*costs, site(), nodes), ::testing::HasSubstr("encoding 1.5000"));
+  EXPECT_THAT(cost_text(*costs, site(), nodes), ::testing::HasSubstr("encoding 1.6000"));
 }
 
 TEST(CostModel, ThePageHasTheCurveAndTheNumbers) {

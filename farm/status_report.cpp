@@ -182,7 +182,9 @@ std::string status_html(const JobStatus& status, const JobFolder& folder) {
     bars += fmt::format("<p>{}: {}</p>{}", stage, escape_html(counts_text(status, stage)),
                         bar_of(status, stage));
   }
-  std::string body = html_section("Progress", escape_html(summary_text(status)), bars) +
+  std::string summary = summary_text(status);
+  if (!status.missing_frames.empty()) summary += "; missing: frames " + status.missing_frames;
+  std::string body = html_section("Progress", escape_html(summary), bars) +
                      html_section("Tasks", "The newest attempt of each. Logs: raystage farm logs",
                                   table_of(status));
   if (!status.excluded_nodes.empty()) {

@@ -18,7 +18,7 @@ namespace raystage {
 namespace {
 
 struct TaskOptions {
-  std::string job, stage;
+  std::string job, stage, node;
   int index = 0, round = 1;
   std::vector<std::string> maps;
   std::string path_mapping;
@@ -36,12 +36,13 @@ ExitCode run_task(const TaskOptions& options, const std::stop_token& stop) {
   }
   if (options.stage == "doctor") {
     const farm::MappedJob mapped = farm::read_mapped_job(request.folder, request.paths);
-    print(farm::format_node_report(farm::examine_node(mapped.job, options.job)));
+    print(farm::format_node_report(farm::examine_node(mapped.job, options.job, options.node)));
     return ExitCode::kSuccess;
   }
   request.stage = parse_farm_stage(options.stage);
   request.index = options.index;
   request.round = options.round;
+  request.node = options.node;
   request.patience_seconds = options.patience_s;
   Progress progress(options.progress);
   request.progress = [&](double done) { progress.report(done); };
@@ -185,6 +186,10 @@ FarmCommand declare_farm_task(CLI::App& farm) {
   app->add_option("--round", options->round, "round that queued it (default: 1)")
       ->check(CLI::Range(1, 100000))
       ->type_name("N");
+  app->add_option("--node", options->node,
+                  "the scheduler's name of this node (default: $SLURMD_NODENAME, else the host's "
+                  "name)")
+      ->type_name("NODE");
   app->add_option("--map", options->maps, "a folder that has another name here; repeatable")
       ->type_name("FROM=TO")
       ->take_all()

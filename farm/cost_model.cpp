@@ -150,6 +150,10 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
   double cpu = 0, wall = 0, bytes = 0, solve = 0;
   int timed = 0, files = 0, solved = 0, tasks = 0;
   std::error_code error;
+  // Tasks that found all of their frames whole measure nothing.
+  const bool any_rendered = std::ranges::any_of(attempts, [](const auto& task) {
+    return task.second.back().end && task.second.back().end->rendering;
+  });
   for (std::size_t i = 0; i < job.chunks.size(); ++i) {
     const std::vector<int> frames = parse_frame_range(job.chunks[i].frames);
     costs.frames += static_cast<int>(frames.size());
@@ -162,7 +166,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
     const auto found = attempts.find({"render", static_cast<int>(i)});
     if (found == attempts.end() || !found->second.back().end) continue;
     const FarmAttempt::End& end = *found->second.back().end;
-    if (end.result != AttemptResult::kDone) continue;
+    if (end.result != AttemptResult::kDone || (any_rendered && !end.rendering)) continue;
     cpu += end.cpu_seconds;
     wall += end.wall_seconds;
     // Some may have been whole before: the measured one, or those of an earlier attempt.

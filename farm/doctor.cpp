@@ -34,10 +34,12 @@ std::string doctor_script(const FarmJobDocument& job, const std::string& folder)
       "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task=1 --mem=300M --time=5\n"
       "#SBATCH --export=NONE --output=/dev/null --job-name={}\n"
       "cd {} || exit 1\n"
-      "{}{} farm task \"$PWD\" doctor >\"{}/$SLURMD_NODENAME.new\" 2>&1\n"
+      "{}{} farm task \"$PWD\" doctor --node \"$SLURMD_NODENAME\" "
+      ">\"{}/$SLURMD_NODENAME.new\" 2>\"{}/$SLURMD_NODENAME.said\" ||\n"
+      "  cat \"{}/$SLURMD_NODENAME.said\" >>\"{}/$SLURMD_NODENAME.new\"\n"
       "mv \"{}/$SLURMD_NODENAME.new\" \"{}/$SLURMD_NODENAME\"\n",
       job.id, slurm_job_name(job, "doctor"), shell_word(job.folder), wrap, shell_word(job.program),
-      folder, folder, folder);
+      folder, folder, folder, folder, folder, folder);
 }
 
 NodeReport silent(const std::string& node, const std::string& why) {
@@ -145,17 +147,15 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
 
 }  // namespace
 
-NodeReport examine_node(const FarmJobDocument& job, const fs::path& folder) {
+NodeReport examine_node(const FarmJobDocument& job, const fs::path& folder,
+                        const std::string& node) {
   NodeReport report;
-  report.node = node_name();
+  report.node = node.empty() ? node_name() : node;
   report.answered = true;
   report.fault = node_fault(job, folder).value_or("");
   report.version = RAYSTAGE_VERSION;
   report.build = build_id();
   report.simd = simd_level_name(best_simd_level());
-  if (report.fault.empty() && parse_simd_level(job.simd) > best_simd_level()) {
-    report.fault = fmt::format("the processor has {}, the job needs {}", report.simd, job.simd);
-  }
   report.threads = available_threads();
   report.memory_bytes = static_cast<double>(available_memory());
   std::error_code error;

@@ -22,8 +22,9 @@ struct NodeReport {
   bool sees_shot = false, sees_output = false;
 };
 
-/// This machine's answer.
-NodeReport examine_node(const FarmJobDocument& job, const std::filesystem::path& folder);
+/// This machine's answer, under its own name or the one that the scheduler has for it.
+NodeReport examine_node(const FarmJobDocument& job, const std::filesystem::path& folder,
+                        const std::string& node = {});
 
 /// As one line of JSON, and back. Throws Error (bad input).
 std::string format_node_report(const NodeReport& report);

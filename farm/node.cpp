@@ -17,6 +17,7 @@
 #include "compose/sequence_name.h"
 #include "farm/child_process.h"
 #include "farm/job_folder.h"
+#include "render/view/simd_level.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
 
@@ -116,6 +117,9 @@ std::optional<std::string> node_fault(const FarmJobDocument& job, const fs::path
   const std::string wanted = job.build.empty() ? first_build(folder / "build") : job.build;
   if (const std::string build = build_id(); build != wanted) {
     return fmt::format("build {} is installed, the job was made with build {}", build, wanted);
+  }
+  if (const SimdLevel best = best_simd_level(); parse_simd_level(job.simd) > best) {
+    return fmt::format("the processor has {}, the job needs {}", simd_level_name(best), job.simd);
   }
   if (!fs::is_directory(job.shot_folder, error)) {
     return fmt::format("{}: the shot's folder is not there", job.shot_folder);

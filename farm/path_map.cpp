@@ -70,7 +70,7 @@ std::string mapped(const std::string& path, std::span<const PathRule> rules) {
 
 void map_paths(FarmJobDocument& job, std::span<const PathRule> rules) {
   for (std::string* path :
-       {&job.program, &job.folder, &job.shot_folder, &job.output, &job.cache, &job.color_config}) {
+       {&job.folder, &job.shot_folder, &job.output, &job.cache, &job.color_config}) {
     *path = mapped(*path, rules);
   }
   for (FarmJobDocument::Instant& instant : job.instants) instant.file = mapped(instant.file, rules);

@@ -23,7 +23,7 @@ std::vector<PathRule> read_path_mapping(const std::filesystem::path& file);
 /// By the first rule whose folder holds the path (whole names only); else as it is.
 std::string mapped(const std::string& path, std::span<const PathRule> rules);
 
-/// Every path of a job, or every absolute path in the text of a shot.
+/// Every path of a job but that of the program, or every absolute path in the text of a shot.
 void map_paths(FarmJobDocument& job, std::span<const PathRule> rules);
 std::string map_paths_of_shot(std::string_view shot_text, std::string_view name,
                               std::span<const PathRule> rules);

@@ -41,6 +41,18 @@ void check_not_live(const JobFolder& folder) {
                          folder.path().string(), "Wait for it, or cancel it first");
 }
 
+/// Two jobs would take each other's frames for wrong ones.
+void check_no_other(const JobFolder& folder) {
+  const std::string output = folder.job_here().output;
+  const auto newest = live_job(output);
+  const auto before = live_job(output, folder.path());
+  for (const auto& other : {newest, before}) {
+    if (!other || other->path().filename() == folder.path().filename()) continue;
+    throw Error::bad_input("another job of this output is not over", other->path().string(),
+                           "Wait for it, or cancel it first");
+  }
+}
+
 /// The instants of these chunks that are not stored.
 std::vector<int> missing_instants(const FarmJobDocument& job, const std::vector<int>& chunks) {
   std::set<int> missing;
@@ -79,6 +91,7 @@ void queue_round(const JobFolder& folder, const FarmRound& round) {
 FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<int>>& frames,
                       const std::stop_token& stop) {
   check_not_live(folder);
+  check_no_other(folder);
   const MappedJob here = read_job_here(folder);
   const FarmJobDocument& job = here.job;
   FarmRound round;
@@ -98,7 +111,8 @@ FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<i
                                     folder.path().string(), "Name frames of the job")
                  : Error::bad_input("nothing is to be tried again: every frame is whole",
                                     folder.path().string(),
-                                    "Name the frames that are to be rendered anew (--frames)");
+                                    "Name the frames that are to be rendered anew; a movie alone "
+                                    "is made by raystage preview");
   }
   round.prepare = missing_instants(job, round.render);
   pin_derived(std::vector<fs::path>(job.pinned.begin(), job.pinned.end()), job.id);

@@ -123,6 +123,39 @@ std::vector<SlurmNode> slurm_nodes(const std::string& partition) {
   return nodes;
 }
 
+std::optional<int> slurm_max_minutes(const std::string& partition) {
+  std::vector<std::string> command{"sinfo", "-h", "-o", "%P|%l"};
+  if (!partition.empty()) command.push_back("--partition=" + partition);
+  const ChildResult result = ask(command);
+  if (result.exit_code != 0) throw unavailable(result, "sinfo");
+  std::istringstream lines(result.out);
+  for (std::string line; std::getline(lines, line);) {
+    const std::vector<std::string> words = words_of(line, '|');
+    // The default partition is marked with a star.
+    if (words.size() != 2 || (partition.empty() && !words[0].ends_with('*'))) continue;
+    return minutes_of_slurm_time(words[1]);
+  }
+  return std::nullopt;
+}
+
+std::optional<int> minutes_of_slurm_time(std::string_view text) {
+  // [DAYS-]HOURS:MINUTES:SECONDS or MINUTES:SECONDS; "infinite" and the like are no number.
+  int days = 0;
+  if (const std::size_t dash = text.find('-'); dash != std::string_view::npos) {
+    if (std::from_chars(text.data(), text.data() + dash, days).ec != std::errc()) return {};
+    text.remove_prefix(dash + 1);
+  }
+  std::vector<int> parts;
+  for (const std::string& word : words_of(std::string(text), ':')) {
+    int part = 0;
+    if (std::from_chars(word.data(), word.data() + word.size(), part).ec != std::errc()) return {};
+    parts.push_back(part);
+  }
+  if (parts.size() < 2 || parts.size() > 3) return std::nullopt;
+  const int hours = parts.size() == 3 ? parts[0] : 0;
+  return (days * 24 + hours) * 60 + parts[parts.size() - 2];
+}
+
 std::string partition_of(std::span<const std::string> sbatch_options) {
   constexpr std::string_view kLong = "--partition=", kShort = "-p";
   std::string partition;

@@ -36,6 +36,11 @@ struct SlurmNode {
 };
 std::vector<SlurmNode> slurm_nodes(const std::string& partition);
 
+/// "1-00:30:00" is 1470; none: "infinite".
+std::optional<int> minutes_of_slurm_time(std::string_view text);
+/// The time limit of this partition, or the default one, minutes; none: there is none.
+std::optional<int> slurm_max_minutes(const std::string& partition);
+
 /// "fast" of "--partition=fast"; empty: the default partition.
 std::string partition_of(std::span<const std::string> sbatch_options);
 

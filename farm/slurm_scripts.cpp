@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "farm/job_plan.h"
+#include "farm/slurm_queue.h"
 #include "farm/slurm_shell.h"
 #include "schemas/atomic_file.h"
 #include "schemas/error.h"
@@ -18,14 +19,28 @@ namespace {
 /// Beside what the renderer accounts for: the program, its libraries, what the allocator keeps.
 constexpr double kMemoryFactor = 1.1, kMemoryBesideBytes = 400e6;
 
-std::string folder_lines(const FarmJobDocument& job) {
-  return fmt::format("JOB={}\nJOB_ID={}\n", shell_word(job.folder), shell_word(job.id));
+/// Nodes that the submission itself leaves out, e.g. "n[1-5]"; empty: none.
+std::string given_exclusion(const std::vector<std::string>& options) {
+  constexpr std::string_view kLong = "--exclude=", kShort = "-x";
+  std::string nodes;
+  for (const std::string& option : options) {
+    if (option.starts_with(kLong)) nodes = option.substr(kLong.size());
+    if (option.starts_with(kShort)) nodes = option.substr(kShort.size());
+  }
+  return nodes;
+}
+
+std::string folder_lines(const FarmJobDocument& job, FarmStage stage) {
+  return fmt::format("JOB={}\nJOB_ID={}\nEXCLUDED={}\n", shell_word(job.folder), shell_word(job.id),
+                     shell_word(given_exclusion(job.of(stage).options)));
 }
 
 std::string task_command(const FarmJobDocument& job, FarmStage stage) {
   const std::string wrap = job.wrap.empty() ? "" : job.wrap + " ";
-  return fmt::format("{}{} farm task \"$JOB\" {} \"$INDEX\" --round \"$ROUND\"", wrap,
-                     shell_word(job.program), farm_stage_name(stage));
+  return fmt::format(
+      "{}{} farm task \"$JOB\" {} \"$INDEX\" --round \"$ROUND\" "
+      "--node \"$SLURMD_NODENAME\"",
+      wrap, shell_word(job.program), farm_stage_name(stage));
 }
 
 std::string array_text(const std::vector<int>& indices) {
@@ -49,8 +64,10 @@ std::string round_options(const FarmJobDocument& job, FarmStage stage, const Far
     options += fmt::format(" --mem={}M", slurm_megabytes(resources, round.memory_factor));
   }
   if (round.time_factor != 1 && resources.minutes) {
-    options += fmt::format(" --time={}",
-                           static_cast<int>(std::ceil(*resources.minutes * round.time_factor)));
+    const double minutes = std::ceil(*resources.minutes * round.time_factor);
+    options += fmt::format(
+        " --time={}",
+        static_cast<int>(job.max_minutes ? std::min<double>(minutes, *job.max_minutes) : minutes));
   }
   if (!round.exclude.empty()) options += " $exclude";
   return options;
@@ -71,15 +88,21 @@ std::string variable_of(const QueuedArray& array) {
 /// command line replaces that of the script. Where no node would be left, all are tried again.
 std::string exclude_lines(const FarmJobDocument& job, const FarmRound& round) {
   if (round.exclude.empty()) return "";
-  constexpr std::string_view kOption = "--exclude=";
+  const std::vector<std::string>& options = job.of(FarmStage::kRender).options;
   std::string nodes = fmt::format("{}", fmt::join(round.exclude, ","));
-  for (const std::string& option : job.of(FarmStage::kRender).options) {
-    if (option.starts_with(kOption)) nodes += "," + option.substr(kOption.size());
-  }
+  const std::string given = given_exclusion(options);
+  if (!given.empty()) nodes += "," + given;
+  const std::string partition = partition_of(options);
   return fmt::format(
       "exclude={}\n"
-      "[ \"$(sinfo -h -N -o %N | sort -u | wc -l)\" -gt {} ] || exclude=\n",
-      shell_word(std::string(kOption) + nodes), round.exclude.size());
+      "partition={}\n"
+      "[ \"$(sinfo -h -N -p \"$partition\" -t idle,mix,alloc,comp -o %N | sort -u | wc -l)\" -gt "
+      "{} ] "
+      "|| exclude=\n",
+      shell_word("--exclude=" + nodes),
+      partition.empty() ? "$(sinfo -h -o %P | sed -n 's/[*]$//p' | head -n 1)"
+                        : shell_word(partition),
+      round.exclude.size());
 }
 
 std::vector<QueuedArray> prepare_arrays(const FarmJobDocument& job, const FarmRound& round) {
@@ -155,21 +178,20 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
       "#SBATCH --requeue\n"
       "#SBATCH --output=/dev/null\n";
   for (const std::string& option : resources.options) text += "#SBATCH " + option + "\n";
-  text += folder_lines(job);
+  text += folder_lines(job, stage);
   text += "ROUND=${1:-1}\nINDEX=$((${SLURM_ARRAY_TASK_ID:-0} + ${2:-0}))\n";
   text += kLeaveNode;
   text += fmt::format("exec >>\"logs/slurm.{}.$INDEX.log\" 2>&1\n", farm_stage_name(stage));
   if (stage == FarmStage::kVerify) {
-    const bool excludes_itself = std::ranges::any_of(resources.options, [](const std::string& o) {
-      return o.starts_with("--exclude") || o.starts_with("-x");
-    });
-    if (!excludes_itself) text += kNoteExcluded.substr(1);
+    text += kNoteExcluded.substr(1);
     text += kFailJob.substr(1);
+    text += kTrap;
     text += task_command(job, stage) + "\ncode=$?\n";
     text += kStartFailure.substr(1);
     text += kAfterVerification.substr(1);
     return text;
   }
+  text += kTrap;
   text += task_command(job, stage) + "\n";
   if (stage == FarmStage::kPreview) return text;
   text += "code=$?\n";
@@ -178,19 +200,26 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   text += kKeepVerification.substr(1);
   text +=
       "keep_verification\n"
-      "[ \"$code\" -eq 0 ] || [ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\nexit $code\n";
+      "[ \"$code\" -eq 0 ] || [ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\n"
+      "exit 0  # what became of the task is in its record; a site may requeue what exits "
+      "otherwise\n";
   return text;
 }
 
 std::string start_script(const FarmJobDocument& job, const std::string& job_before) {
+  std::string options;
+  for (const std::string& option : job.of(FarmStage::kVerify).options) {
+    options += "#SBATCH " + option + "\n";
+  }
   return fmt::format(
       "#!/bin/sh\n"
       "# Starts farm job {} once job {} is over, whose folder ./after names.\n"
       "#SBATCH --job-name={}\n"
       "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task=1 --mem=100M\n"
       "#SBATCH --export=NONE\n#SBATCH --requeue\n#SBATCH --output=/dev/null\n"
-      "{}BEFORE={}\n{}{}",
-      job.id, job_before, slurm_job_name(job, "start"), folder_lines(job), shell_word(job_before),
+      "{}{}BEFORE={}\n{}{}{}",
+      job.id, job_before, slurm_job_name(job, "start"), options,
+      folder_lines(job, FarmStage::kVerify), shell_word(job_before), kLeaveNode.substr(1),
       kFailJob.substr(1), kStart.substr(1));
 }
 
@@ -250,12 +279,12 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
   return text;
 }
 
-std::string preview_script(const FarmJobDocument& job) {
+std::string preview_script(const FarmJobDocument& job, int round) {
   return fmt::format(
       "#!/bin/sh\n# Queues the preview of farm job {}.\nset -eu\ncd \"$(dirname "
       "\"$0\")\"\n{}forget_own_task\n{}"
-      "queue preview.1 preview.sbatch 1 0\n",
-      job.id, kForgetOwnTask, kQueue.substr(1));
+      "queue preview.{} preview.sbatch {} 0\n",
+      job.id, kForgetOwnTask, kQueue.substr(1), round, round);
 }
 
 void write_batch_scripts(const JobFolder& folder, const FarmJobDocument& job) {

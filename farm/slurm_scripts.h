@@ -31,8 +31,8 @@ std::string queue_start_script(const FarmJobDocument& job);
 /// twice it queues nothing twice. Ids go to JOB/slurm.
 std::string round_script(const FarmJobDocument& job, const FarmRound& round);
 
-/// "preview.sh": queues the preview.
-std::string preview_script(const FarmJobDocument& job);
+/// "preview.sh": queues the preview of what a round has completed.
+std::string preview_script(const FarmJobDocument& job, int round);
 
 /// Writes the scripts of all stages, and of the round. Throws Error (failed) for the disk.
 void write_batch_scripts(const JobFolder& folder, const FarmJobDocument& job);

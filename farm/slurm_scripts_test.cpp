@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "farm/child_process.h"
+#include "farm/slurm_queue.h"
 #include "farm/test_job.h"
 #include "schemas/test_folder.h"
 
@@ -34,10 +35,22 @@ TEST(SlurmScripts, AreShellWhateverThePathsAre) {
   EXPECT_EQ(shell_complaint(round_script(job, testing::first_round())), "");
   EXPECT_EQ(shell_complaint(start_script(job, "other-12345678")), "");
   EXPECT_EQ(shell_complaint(queue_start_script(job)), "");
-  EXPECT_EQ(shell_complaint(preview_script(job)), "");
+  EXPECT_EQ(shell_complaint(preview_script(job, 1)), "");
   ChildOptions options;
   options.input = "printf %s " + shell_word(job.folder);
   EXPECT_EQ(run_child({"sh"}, options).out, job.folder);
+}
+
+TEST(SlurmScripts, AskForNoMoreTimeThanThePartitionAllows) {
+  EXPECT_EQ(minutes_of_slurm_time("1-00:30:00"), 1470);
+  EXPECT_EQ(minutes_of_slurm_time("2:00:00"), 120);
+  EXPECT_EQ(minutes_of_slurm_time("30:00"), 30);
+  EXPECT_FALSE(minutes_of_slurm_time("infinite"));
+  FarmJobDocument job = testing::small_job();
+  job.max_minutes = 30;
+  FarmRound round = testing::first_round();
+  round.time_factor = 2;
+  EXPECT_THAT(round_script(job, round), HasSubstr("--time=30 "));
 }
 
 TEST(SlurmScripts, AskForWhatAStageMayUse) {
@@ -127,6 +140,7 @@ class WaitingJob : public RoundScript {
     for (const char* name : {"job/logs", "job/rounds", "job/slurm", "before/slurm"}) {
       std::filesystem::create_directories(folder_.path() / name);
     }
+    std::ofstream(folder_.path() / "job" / "job.json") << "{}";
     std::ofstream(folder_.path() / "job" / "after") << "../before\n";
     std::ofstream(folder_.path() / "job" / "start.sh") << queue_start_script(job_);
     std::ofstream(folder_.path() / "before" / "slurm" / "verify.1") << "77\n";

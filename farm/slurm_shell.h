@@ -7,22 +7,30 @@
 /// job folder as working directory, in any POSIX shell; every text begins with a line break.
 namespace raystage::farm {
 
+/// At its time limit, and when it is preempted, a task gets TERM and some seconds: the shell waits
+/// for the command, which records what happened.
+inline constexpr std::string_view kTrap = "trap : TERM\n";
+
 /// Excludes this node for every task of the job that has not started, the verification included (so
 /// the exclusion outlives Slurm's memory of the tasks), and moves this task elsewhere: requeued, it
 /// is pending, and only pending tasks can be given nodes to avoid. Not where every node would be
 /// left, nor where more than three and a quarter of all would be.
 inline constexpr std::string_view kLeaveNode = R"sh(
+usable_nodes() {  # PARTITION: prints how many
+  sinfo -h -N ${1:+-p "$1"} -t idle,mix,alloc,comp -o %N | sort -u | wc -l
+}
 leave_node() {
   task=${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}${SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}
   own=$(squeue -h -j "$task" -o %x | head -n 1)
   [ "$own" != '(null)' ] || own=
   # Without the job folder only Slurm knows how many nodes were left before; this one counts, too.
   bad=$(ls excluded 2>/dev/null | wc -l)
-  left=$(($([ -z "$own" ] || scontrol show hostnames "$own" | wc -l) + 1))
+  given=$([ -z "$EXCLUDED" ] || scontrol show hostnames "$EXCLUDED" | wc -l)  # by the submission
+  left=$(($([ -z "$own" ] || scontrol show hostnames "$own" | wc -l) + 1 - ${given:-0}))
   [ "$bad" -ge "$left" ] || bad=$left
-  all=$(sinfo -h -N -o %N | sort -u | wc -l)
+  all=$(($(usable_nodes "$SLURM_JOB_PARTITION") - ${given:-0}))
   [ "$bad" -lt "$all" ] && { [ "$bad" -le 3 ] || [ "$bad" -le $((all / 4)) ]; } || return 0
-  squeue -h --me --states=PENDING --name="$JOB_ID.prepare,$JOB_ID.render,$JOB_ID.verify" -o '%A %x' |
+  squeue -h --me --states=PENDING --name="$JOB_ID.prepare,$JOB_ID.render,$JOB_ID.verify,$JOB_ID.start" -o '%A %x' |
     sort -u | while read -r id nodes; do exclude_for "$id" "$nodes"; done
   trap '' TERM  # of the requeueing; KILL follows
   scontrol requeue "$task" || return 0
@@ -31,7 +39,7 @@ leave_node() {
     ! exclude_for "$task" "$nodes" || break
     sleep 0.3
   done
-  sleep 60
+  sleep 3600  # Slurm ends this task now; going on would speak for the next one
 }
 exclude_for() {  # JOB NODES-EXCLUDED-SO-FAR
   nodes=$2
@@ -66,22 +74,28 @@ keep_verification() {
   echo 'the verification is no longer queued; it is queued anew'
   own=$(squeue -h -j "$SLURM_JOB_ID" -o %x | head -n 1)  # nodes that this task was kept from
   [ "$own" != '(null)' ] || own=
-  forget_own_task
-  id=$(sbatch --parsable ${own:+--exclude="$own"} --dependency=afterany"$(cat slurm/render."$ROUND".* | sed 's/^/:/' | tr -d '\n')" \
-    verify.sbatch "$ROUND" 0) && echo "${id%%;*}" >"slurm/verify.$ROUND"
+  id=$(
+    forget_own_task
+    sbatch --parsable ${own:+--exclude="$own"} --dependency=afterany"$(cat slurm/render."$ROUND".* | sed 's/^/:/' | tr -d '\n')" \
+      verify.sbatch "$ROUND" 0
+  ) && echo "${id%%;*}" >"slurm/verify.$ROUND" || rmdir "slurm/lost-verify.$ROUND"
 }
 )sh";
 
 /// Prints an id once sbatch has accepted a script, and keeps it. A controller that does not answer
-/// is asked again for as long as PATIENCE says, seconds.
+/// is asked again for as long as PATIENCE says, seconds; one that rejects it is not.
 inline constexpr std::string_view kQueue = R"sh(
+is_away() {  # whether sbatch failed because nobody answered, not because the task was rejected
+  grep -qiE 'contact|connect|timed out|temporarily|transmi|communicat' slurm/said
+}
 queue() {  # NAME SBATCH-ARGUMENT... SCRIPT ROUND OFFSET
   name=$1
   shift
   if [ ! -s "slurm/$name" ]; then
     waited=0
-    until id=$(sbatch --parsable "$@"); do
-      [ "$waited" -lt "${PATIENCE:-0}" ] || return 1
+    until id=$(sbatch --parsable "$@" 2>"slurm/said"); do
+      cat slurm/said >&2
+      [ "$waited" -lt "${PATIENCE:-0}" ] && is_away || return 1
       sleep 10
       waited=$((waited + 10))
     done
@@ -98,6 +112,7 @@ queue() {  # NAME SBATCH-ARGUMENT... SCRIPT ROUND OFFSET
 inline constexpr std::string_view kFailJob = R"sh(
 fail_job() {  # REASON, without quotes
   [ ! -e ended.json ] || return 0
+  for stage in prepare render; do scancel --quiet --me --name="$JOB_ID.$stage"; done
   printf '{"schema": "raystage/farm_end/1", "state": "failed", "reason": "%s", "ended_utc": "%s"}\n' \
     "$1" "$(date -u +%Y-%m-%dT%H:%M:%SZ)" >ended.new && mv ended.new ended.json
 }
@@ -114,8 +129,9 @@ esac
 /// Follows the command of a verification: nodes that found no job folder could say so only to
 /// Slurm.
 inline constexpr std::string_view kNoteExcluded = R"sh(
+given=$([ -z "$EXCLUDED" ] || scontrol show hostnames "$EXCLUDED")
 squeue -h -j "$SLURM_JOB_ID" -o '%x' | grep -v null | xargs -r scontrol show hostnames |
-  while read -r node; do
+  grep -vxF "${given:--}" | while read -r node; do
     [ -e "excluded/$node" ] || echo 'the job folder is not there' >"excluded/$node"
   done
 )sh";
@@ -127,12 +143,11 @@ elif [ ! -e ended.json ] && [ "$code" -ne 143 ] && [ "$code" -ne 130 ]; then
   [ ! -e "excluded/$SLURMD_NODENAME" ] || leave_node
   fail_job "the verification ended with exit code $code: see logs/slurm.verify.0.log"
 fi
-exit $code
+exit 0  # what became of the task is in its record; a site may requeue what exits otherwise
 )sh";
 
 /// Waits in Slurm's queue, not in a process: start.sh queues this script again, later.
 inline constexpr std::string_view kStart = R"sh(
-cd "$JOB" || exit 1
 exec >>logs/slurm.start.log 2>&1
 [ ! -e cancelled ] || exit 0
 if [ -e "$(cat after)/ended.json" ]; then
@@ -151,13 +166,15 @@ PATIENCE=3600 sh start.sh 15 "$idle" || fail_job 'the start could not be queued:
 )sh";
 
 inline constexpr std::string_view kQueueStart = R"sh(
+is_away() { grep -qiE 'contact|connect|timed out|temporarily|transmi|communicat' slurm/said; }
 forget_own_task
 newest=$(ls -v "$(cat after)"/slurm/start "$(cat after)"/slurm/verify.* 2>/dev/null |
   grep -v '[.]new$' | tail -n 1)
 waited=0
 until id=$(sbatch --parsable ${newest:+--dependency=afterany:$(cat "$newest")} \
-  --begin=now+"${1:-0}" start.sbatch "${2:-0}"); do
-  [ "$waited" -lt "${PATIENCE:-0}" ] || exit 1
+  --begin=now+"${1:-0}" start.sbatch "${2:-0}" 2>slurm/said); do
+  cat slurm/said >&2
+  [ "$waited" -lt "${PATIENCE:-0}" ] && is_away || exit 1
   sleep 10
   waited=$((waited + 10))
 done

@@ -148,10 +148,9 @@ TaskStatus status_of(const JobFolder& folder, const SchedulerAnswer& answer,
     task.reason = last->end->reason;
     task.state = last->end->result == AttemptResult::kDone ? TaskState::kDone : TaskState::kFailed;
     const SlurmTask* slurm = queued.find(stage, index);
-    // A task that is tried again waits or runs, whatever its last attempt was.
-    if (slurm != nullptr && !job_is_over && !is_over(slurm->state) &&
-        task.state == TaskState::kFailed) {
-      if (slurm->state == "PENDING") task.state = TaskState::kWaiting;
+    // A task that is queued again waits, whatever its last attempt was.
+    if (slurm != nullptr && !job_is_over && slurm->state == "PENDING") {
+      task.state = TaskState::kWaiting;
     }
     return task;
   }

@@ -64,7 +64,11 @@ void check_not_live(const SubmissionOptions& options) {
     throw Error::bad_input("a job of this output is being submitted", live->path().string(),
                            "Wait for it; if its submission was killed, delete the folder");
   }
-  if (options.after) return;
+  if (options.after && live->job().engine == Engine::kSlurm) return;
+  if (options.after) {
+    throw Error::bad_input("only Slurm's jobs can be waited for", live->path().string(),
+                           "Submit once that job is over");
+  }
   throw Error::bad_input("a job of this output is not over: " + live->job().id,
                          live->path().string(),
                          "Wait for it (raystage farm status), cancel it, or queue this one behind "
@@ -140,7 +144,16 @@ FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked
   job.preview = options.preview;
   job.paths = options.paths;
   job.frame_bytes = frame_room(*checked.sequence.plan, options.picture.deep);
-  if (job.engine == Engine::kSlurm) job.max_array = slurm_max_array();
+  if (job.engine == Engine::kSlurm) {
+    job.max_array = slurm_max_array();
+    const auto& of_render = options.sbatch[static_cast<std::size_t>(FarmStage::kRender)];
+    job.max_minutes = slurm_max_minutes(partition_of(of_render));
+    if (job.max_minutes && options.minutes.value_or(0) > *job.max_minutes) {
+      throw Error::bad_input(fmt::format("found {} minutes for a task, the partition allows {}",
+                                         *options.minutes, *job.max_minutes),
+                             "sbatch", "Give tasks fewer frames and less time");
+    }
+  }
   return job;
 }
 
@@ -184,6 +197,8 @@ void add_tasks(const SubmissionOptions& options, const Checked& checked,
                                 static_cast<int>(longest), measured};
   for (const FarmStage stage : kFarmStages) {
     job.of(stage) = resources_for(stage, request);
+    std::optional<int>& minutes = job.of(stage).minutes;
+    if (minutes && job.max_minutes) minutes = std::min(*minutes, *job.max_minutes);
     job.of(stage).options = options.sbatch[static_cast<std::size_t>(stage)];
   }
 }

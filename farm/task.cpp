@@ -63,7 +63,7 @@ FarmAttempt new_attempt(const TaskRequest& request, const FarmJobDocument& job,
   attempt.stage = farm_stage_name(request.stage);
   attempt.index = request.index;
   attempt.round = request.round;
-  attempt.node = node_name();
+  attempt.node = request.node.empty() ? node_name() : request.node;
   attempt.process = getpid();
   const std::string array = environment("SLURM_ARRAY_JOB_ID");
   attempt.slurm_task = array.empty() ? environment("SLURM_JOB_ID")
@@ -164,10 +164,7 @@ std::vector<std::string> command_of(const TaskRequest& request, const MappedJob&
       return prepare_command(job, mapped.shot, request.index, round.memory_factor);
     case FarmStage::kRender:
       return render_command(job, mapped.shot, attempt.frames,
-                            !round.frames.empty()  ? "overwrite"
-                            : attempt.attempt == 1 ? job.existing
-                                                   : "skip",
-                            round.memory_factor);
+                            round.frames.empty() ? job.existing : "overwrite", round.memory_factor);
     default:
       return preview_command(job, request.folder);
   }
@@ -287,6 +284,16 @@ class Attempt {
       progress.look_at(line);
       log.look_at(line);
     };
+    // Whoever sends the signal may not wait for the frames in progress to end.
+    const std::stop_callback record_stop(stop, [&] {
+      FarmAttempt stopped = attempt_;
+      stopped.end = ended(AttemptResult::kStopped, reason_of(AttemptResult::kStopped, {}, true));
+      stopped.end->ended_utc = utc_now();
+      try {
+        record_end(request_.folder, stopped);
+      } catch (const Error&) {  // the end of the command is recorded, too
+      }
+    });
     const ChildResult child = run_child(command_of(request_, mapped_, round_, attempt_), options);
     FarmAttempt::End end;
     end.result = result_of(child, stop.stop_requested());

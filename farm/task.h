@@ -18,6 +18,7 @@ struct TaskRequest {
   FarmStage stage = FarmStage::kRender;
   int index = 0;  ///< within the stage
   int round = 1;
+  std::string node = {};             ///< the scheduler's name of this node; empty: node_name()
   std::vector<PathRule> paths = {};  ///< on top of those that the job was written with
   /// Seconds that the verification looks for frames that another host has written.
   double patience_seconds = 60;

@@ -3,8 +3,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <map>
+#include <optional>
 #include <set>
 
 #include "compose/frame_range.h"
@@ -48,6 +50,34 @@ std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
   return frames;
 }
 
+/// Frames that are to be rendered anew, whole or not, and were not by any task that succeeded
+/// since.
+std::set<int> frames_not_replaced(const VerificationRequest& request, int first_round) {
+  std::optional<std::set<int>> named;
+  for (const FarmRound& round : request.folder.rounds()) {
+    if (round.round < first_round || round.round > request.round || round.frames.empty()) continue;
+    const std::vector<int> frames = parse_frame_range(round.frames);
+    if (!named) named.emplace(frames.begin(), frames.end());
+  }
+  if (!named && request.job.existing != "overwrite") return {};
+  const TaskAttempts attempts = read_attempts(request.folder);
+  std::set<int> left;
+  for (std::size_t i = 0; i < request.job.chunks.size(); ++i) {
+    const auto found = attempts.find({"render", static_cast<int>(i)});
+    const bool is_replaced = found != attempts.end() &&
+                             std::ranges::any_of(found->second, [&](const FarmAttempt& attempt) {
+                               const int since = named ? first_round : 1;
+                               return attempt.round >= since && attempt.end &&
+                                      attempt.end->result == AttemptResult::kDone;
+                             });
+    if (is_replaced) continue;
+    for (const int frame : parse_frame_range(request.job.chunks[i].frames)) {
+      if (!named || named->contains(frame)) left.insert(frame);
+    }
+  }
+  return left;
+}
+
 /// The nodes' faults in words, each once; a job has few of them.
 std::string reasons_of(const std::vector<std::pair<std::string, std::string>>& excluded) {
   constexpr std::size_t kMostReasons = 3;
@@ -72,7 +102,7 @@ void write_follower(const VerificationRequest& request, const std::string& scrip
                   request.round, script));
 }
 
-FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<int>& missing) {
+FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<int>& not_whole) {
   const auto excluded_nodes = request.folder.excluded_nodes();
   std::vector<std::string> excluded;
   for (const auto& [node, reason] : excluded_nodes) excluded.push_back(node);
@@ -81,6 +111,10 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
   for (const FarmRound& round : request.folder.rounds()) {
     if (round.fresh && round.round <= request.round) first_round = round.round;
   }
+  std::set<int> all_missing = frames_not_replaced(request, first_round);
+  const bool replaces = !all_missing.empty();
+  all_missing.insert(not_whole.begin(), not_whole.end());
+  const std::vector<int> missing(all_missing.begin(), all_missing.end());
   Verdict verdict = decide({request.job, attempts, missing, excluded, request.round, first_round});
   FarmAttempt::End end;
   end.result = missing.empty() ? AttemptResult::kDone : AttemptResult::kFailed;
@@ -92,6 +126,7 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
         fmt::format("{} frames are not whole and true: {}", missing.size(), end.failed_frames);
   }
   if (verdict.next) {
+    if (replaces) verdict.next->frames = format_frame_range(missing);
     write_round(request.folder, request.job, *verdict.next);
     write_follower(request, fmt::format("round-{}.sh", verdict.next->round));
     return end;
@@ -100,7 +135,8 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
   end_job(request.folder, request.job, verdict.end);
   if (verdict.end.state == FarmEnd::State::kDone && request.job.preview) {
     if (request.job.engine == FarmJobDocument::Engine::kSlurm) {
-      write_file_atomically(request.folder.path() / "preview.sh", preview_script(request.job));
+      write_file_atomically(request.folder.path() / "preview.sh",
+                            preview_script(request.job, request.round));
     }
     write_follower(request, "preview.sh");
   }

@@ -37,6 +37,7 @@ FarmJobDocument full_job() {
   job.attempts = 5;
   job.preview = false;
   job.max_array = 11;
+  job.max_minutes = 90;
   job.seconds_per_frame = 0.125;
   job.frame_bytes = 1e6;
   job.instants = {{0, 7, "/take/depth/a/b.zst"}};

@@ -149,6 +149,7 @@ FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
   job.attempts = document.at("attempts").get<int>();
   job.preview = document.get("preview", true);
   job.max_array = document.get("max_array", job.max_array);
+  job.max_minutes = document.get_if<int>("max_minutes");
   job.seconds_per_frame = document.get_if<double>("seconds_per_frame");
   job.frame_bytes = document.get("frame_bytes", 0.0);
   job.instants = instants_from(document);
@@ -187,6 +188,7 @@ std::string format_farm_job(const FarmJobDocument& job) {
   json["attempts"] = job.attempts;
   json["preview"] = job.preview;
   json["max_array"] = job.max_array;
+  add_optional(json, "max_minutes", job.max_minutes);
   add_optional(json, "seconds_per_frame", job.seconds_per_frame);
   json["frame_bytes"] = job.frame_bytes;
   Json& instants = json["instants"] = Json::array();

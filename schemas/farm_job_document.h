@@ -73,6 +73,7 @@ struct FarmJobDocument {
   int attempts = 3;
   bool preview = true;
   int max_array = 1000;
+  std::optional<int> max_minutes = {};           ///< time limit of the partition; none: unlimited
   std::optional<double> seconds_per_frame = {};  ///< wall-clock, of the measured frame
   double frame_bytes = 0;  ///< room that a node's output disk must have for one frame
   std::vector<Instant> instants = {};

@@ -134,7 +134,7 @@ TEST_F(FarmLocal, GivesUpWhatFailsForGoodAndRetriesWhenAsked) {
 }
 
 TEST_F(FarmLocal, RetryRendersWhatWasRemovedOrDamagedAndWhatIsNamed) {
-  put_in_place_of_render(R"(echo "$@" >>calls)");
+  put_in_place_of_render(R"(echo "$@" >>calls; [ ! -e broken ] || { rm broken; exit 1; })");
   ASSERT_EQ(here("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local "
                  "--chunk 12 --no-preview")
                 .exit_code,
@@ -157,8 +157,13 @@ TEST_F(FarmLocal, RetryRendersWhatWasRemovedOrDamagedAndWhatIsNamed) {
   EXPECT_EQ(here("raystage farm status out/s.####.exr").exit_code, 0);
   // A frame that is named is rendered anew, and no other.
   std::filesystem::remove(folder_ / "calls");
+  write_text(folder_ / "broken", "");  // the first attempt fails, and the old frame is whole
   EXPECT_EQ(here("raystage farm retry out/s.####.exr --frames 7,99").exit_code, 0);
-  EXPECT_THAT(text_of(folder_ / "calls"), HasSubstr("--frames=7 --existing overwrite"));
+  const std::string calls = text_of(folder_ / "calls");
+  const auto first = calls.find("--frames=7 --existing overwrite");
+  ASSERT_NE(first, std::string::npos) << calls;
+  EXPECT_NE(calls.find("--frames=7 --existing overwrite", first + 1), std::string::npos) << calls;
+  EXPECT_EQ(std::count(calls.begin(), calls.end(), '\n'), 2) << calls;
   EXPECT_EQ(here("raystage farm retry out/s.####.exr --frames 99").exit_code, 2);
   const CommandResult logs = here("raystage farm logs out/s.####.exr 7 --attempt 9");
   EXPECT_EQ(logs.exit_code, 2);

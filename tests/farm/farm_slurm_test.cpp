@@ -159,8 +159,7 @@ sleep 1)");
 
 INSTANTIATE_TEST_SUITE_P(Sites, FarmSlurmDisaster,
                          ::testing::Values(Site{"forgetful", "MinJobAge=2"},  // and no RequeueExit
-                                           Site{"defaults",
-                                                "MinJobAge=300 RequeueExit=75,100-110"}),
+                                           Site{"defaults", "MinJobAge=300 RequeueExit=1-3,33"}),
                          [](const auto& site) { return site.param.name; });
 
 TEST_F(FarmSlurm, ANodeOfManySlotsWithAFullDiskFailsFewTasks) {
@@ -212,6 +211,26 @@ TEST_F(FarmSlurm, WhatSlurmWouldRejectIsRefusedBeforeAnythingIsRendered) {
   EXPECT_EQ(plan.exit_code, 0) << plan.err;
   EXPECT_THAT(plan.out, HasSubstr("renders frame 1 here first"));
   EXPECT_THAT(plan.out, ::testing::ContainsRegex("render +[0-9]+ +1 ")) << "nodes have one CPU";
+}
+
+TEST_F(FarmSlurm, ATaskThatSlurmEndsIsRecordedAndGetsMoreTime) {
+  start();
+  put_in_place_of_render("[ -e '" + folder_.string() + "/f' ] || { touch '" + folder_.string() +
+                         "/f'; sleep 100; }");
+  ASSERT_EQ(on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --frames 1-4 "
+                       "--chunk 4 -j 1 --time 20 --no-measure --no-preview")
+                .exit_code,
+            0);
+  ASSERT_TRUE(wait_for(60, [&] { return std::filesystem::exists(folder_ / "f"); }));
+  // As at a time limit, whose shortest is a minute: TERM to all processes of the task.
+  ASSERT_EQ(on_cluster("scancel --full --signal=TERM $(cat out/s.farm/job-0001/slurm/render.1.1)")
+                .exit_code,
+            0);
+  ASSERT_TRUE(is_over()) << told().dump(1) << logs();
+  const json status = told();
+  EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
+  EXPECT_EQ(status["tasks"][0]["attempts"][0]["end"]["result"], "stopped") << status.dump(1);
+  EXPECT_THAT(text_of(folder_ / "out/s.farm/job-0001/round-2.sh"), HasSubstr("--time=40"));
 }
 
 TEST_F(FarmSlurm, AProgramThatNodesLackEndsTheJobWithThatReason) {
@@ -273,6 +292,7 @@ TEST_F(FarmSlurm, OneLiveJobAnOutputAndTheNextBehindIt) {
   json status = told("out/s.farm/job-0002");
   EXPECT_EQ(status["state"], "waiting");
   EXPECT_EQ(status["reason"], "it waits for the job before it");
+  EXPECT_EQ(on_cluster("raystage farm retry out/s.farm/job-0001").exit_code, 2) << "both are live";
   ASSERT_TRUE(wait_for(kJobSeconds, [&] { return told("out/s.farm/job-0002")["state"] == "done"; }))
       << told("out/s.farm/job-0002").dump(1) << logs();
   EXPECT_EQ(told("out/s.farm/job-0001")["state"], "done");

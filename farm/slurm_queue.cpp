@@ -156,14 +156,18 @@ std::optional<int> minutes_of_slurm_time(std::string_view text) {
   return (days * 24 + hours) * 60 + parts[parts.size() - 2];
 }
 
-std::string partition_of(std::span<const std::string> sbatch_options) {
-  constexpr std::string_view kLong = "--partition=", kShort = "-p";
-  std::string partition;
-  for (const std::string& option : sbatch_options) {
-    if (option.starts_with(kLong)) partition = option.substr(kLong.size());
-    if (option.starts_with(kShort)) partition = option.substr(kShort.size());
+std::string sbatch_value(std::span<const std::string> options, std::string_view name,
+                         std::string_view short_name) {
+  std::string value;
+  for (const std::string& option : options) {
+    if (option.starts_with(name)) value = option.substr(name.size());
+    if (option.starts_with(short_name)) value = option.substr(short_name.size());
   }
-  return partition;
+  return value;
+}
+
+std::string partition_of(std::span<const std::string> sbatch_options) {
+  return sbatch_value(sbatch_options, "--partition=", "-p");
 }
 
 void check_scripts(const JobFolder& folder, const FarmJobDocument& job) {

@@ -5,6 +5,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "farm/job_folder.h"
@@ -40,6 +41,10 @@ std::vector<SlurmNode> slurm_nodes(const std::string& partition);
 std::optional<int> minutes_of_slurm_time(std::string_view text);
 /// The time limit of this partition, or the default one, minutes; none: there is none.
 std::optional<int> slurm_max_minutes(const std::string& partition);
+
+/// "fast" of "--partition=fast" or "-pfast", the last one given; empty: none.
+std::string sbatch_value(std::span<const std::string> options, std::string_view name,
+                         std::string_view short_name);
 
 /// "fast" of "--partition=fast"; empty: the default partition.
 std::string partition_of(std::span<const std::string> sbatch_options);

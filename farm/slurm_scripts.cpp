@@ -21,13 +21,7 @@ constexpr double kMemoryFactor = 1.1, kMemoryBesideBytes = 400e6;
 
 /// Nodes that the submission itself leaves out, e.g. "n[1-5]"; empty: none.
 std::string given_exclusion(const std::vector<std::string>& options) {
-  constexpr std::string_view kLong = "--exclude=", kShort = "-x";
-  std::string nodes;
-  for (const std::string& option : options) {
-    if (option.starts_with(kLong)) nodes = option.substr(kLong.size());
-    if (option.starts_with(kShort)) nodes = option.substr(kShort.size());
-  }
-  return nodes;
+  return sbatch_value(options, "--exclude=", "-x");
 }
 
 std::string folder_lines(const FarmJobDocument& job, FarmStage stage) {

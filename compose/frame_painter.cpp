@@ -15,6 +15,7 @@
 #include "compose/layers/cryptomatte.h"
 #include "compose/layers/merge.h"
 #include "compose/layers/volume.h"
+#include "render/methods.h"
 
 namespace raystage {
 namespace {
@@ -303,7 +304,7 @@ PaintedView FramePainter::paint(const PlannedFrame& frame, const ExrCamera& came
 double FramePainter::unseen_of(std::size_t layer, const LayerImage& image) const {
   const LightFieldLayer* light_field = plan_.light_field(layer);
   if (light_field == nullptr || light_field->matte() || image.pixels() == 0 ||
-      light_field->reconstruction().method == "visual_hull") {
+      method_named(light_field->reconstruction().method).shows_foreground_only()) {
     return 0;
   }
   std::size_t empty = 0;

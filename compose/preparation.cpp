@@ -26,14 +26,13 @@ constexpr std::size_t kMostByDefault = std::size_t{4} << 30;
 /// As what a light field's renderer is asked for its file. Methods that store something for views
 /// store the same for rays; plane_sweep stores depths for rays alone.
 RenderedAs storing_use(const Reconstruction& reconstruction) {
-  return method_named(reconstruction.method).stored.file != nullptr ? RenderedAs::kViews
-                                                                    : RenderedAs::kRays;
+  return method_named(reconstruction.method).stores_data() ? RenderedAs::kViews : RenderedAs::kRays;
 }
 
-bool looks_beside(const Reconstruction& reconstruction) {
+bool reads_adjacent_frames(const Reconstruction& reconstruction) {
   const Method& method = method_named(reconstruction.method);
-  return method.looks_beside != nullptr &&
-         method.looks_beside(MethodOptions(method.options, reconstruction.options, method.name));
+  return method.reads_adjacent_frames(
+      MethodOptions(method.options(), reconstruction.options, method.name()));
 }
 
 bool shows_geometry(const ShotPlan& plan, int frame) {
@@ -59,7 +58,7 @@ bool is_used(const ShotPlan& plan, std::size_t layer, int frame) {
 
 /// The tick shown, and those before and after where the method looks at them.
 std::vector<int> ticks_read(const LightFieldLayer& light_field, int shown) {
-  if (!looks_beside(light_field.reconstruction())) return {shown};
+  if (!reads_adjacent_frames(light_field.reconstruction())) return {shown};
   const auto& ticks = light_field.timeline().ticks;
   std::vector<int> read;
   for (const int tick : {shown - 1, shown, shown + 1}) {

@@ -96,8 +96,8 @@ TEST(ReconstructionVersion, FiveHasThesePixels) {
       Eigen::AngleAxisd(0.05, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
   const VirtualCamera view = virtual_camera_with_fov(kWidth, kHeight, 0.8, pose);
   const LightFieldRenderer renderer(take, {});
-  for (const Method& method : methods()) {
-    const std::string name(method.name);
+  for (const Method* method : methods()) {
+    const std::string name(method->name());
     const Signature found = signature_of(renderer.render(
         view, select_frames(take, 0, kNanosecondsPerSecond),
         {.method = name, .focal_plane = plane_in_front_of(take.rig(), 3), .options = {}}));

@@ -113,11 +113,12 @@ void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.light_field(i) == nullptr) continue;
     const Method& method = method_named(plan.light_field(i)->reconstruction().method);
-    if (method.measures_coverage) continue;
-    throw Error::bad_input("method " + std::string(method.name) + " does not measure its coverage",
-                           fmt::format("{}#/layers/{}", shot_file.string(), i),
-                           "Leave out --coverage, and lf.cameras and lf.nearest of output.aovs, or "
-                           "choose another method");
+    if (method.measures_coverage()) continue;
+    throw Error::bad_input(
+        "method " + std::string(method.name()) + " does not measure its coverage",
+        fmt::format("{}#/layers/{}", shot_file.string(), i),
+        "Leave out --coverage, and lf.cameras and lf.nearest of output.aovs, or "
+        "choose another method");
   }
 }
 

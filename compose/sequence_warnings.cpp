@@ -18,11 +18,11 @@ void say_what_focus_means(const ShotPlan& plan, std::size_t layer, const Sequenc
   const Kind kind = plan.shot().layers[layer].focal_plane.kind;
   if (kind != Kind::kKeys && kind != Kind::kCamera) return;
   const Method& method = method_named(light_field.reconstruction().method);
-  if (!method.on_focal_plane) {
+  if (!method.uses_focal_plane()) {
     options.say(
         fmt::format("{}the method {} finds the scene's depth and pays no heed to the focal "
                     "plane: nothing is pulled",
-                    layer_text(plan, layer), method.name));
+                    layer_text(plan, layer), method.name()));
   } else if (plan.shot().merge == ShotDocument::Merge::kDepth && plan.layers() > 1) {
     options.say(
         fmt::format("{}all of the light field stands at its focal plane, and moves with it before "

@@ -10,6 +10,7 @@
 #include "compose/memory_plan.h"
 #include "farm/job_folder.h"
 #include "farm/render_command.h"
+#include "render/methods.h"
 #include "schemas/error.h"
 
 namespace raystage::farm {
@@ -38,7 +39,8 @@ void check_sbatch_options(const SubmissionOptions& options) {
 void check_methods(const ShotPlan& plan, const fs::path& shot) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.light_field(i) == nullptr) continue;
-    if (plan.light_field(i)->reconstruction().method != "auto") continue;
+    if (!method_named(plan.light_field(i)->reconstruction().method).chooses_by_measuring())
+      continue;
     throw Error::bad_input(
         "method auto chooses anew in every task, so tasks could differ",
         fmt::format("{}#/layers/{}/method", shot.string(), i),

@@ -223,8 +223,8 @@ TEST_F(ApertureDepthMap, IsRefusedWhereItDoesNotFit) {
 TEST_F(ApertureDepthMap, CountsAmongTheFilesThatDetermineThePixels) {
   const Method& method = method_named("aperture");
   const FrameSelection frames = select_frames(*take_, 0, kNanosecondsPerSecond);
-  const MethodOptions with(method.options, {{"depth_map", std::string("z.exr")}}, "aperture");
-  const MethodOptions without(method.options, {}, "aperture");
+  const MethodOptions with(method.options(), {{"depth_map", std::string("z.exr")}}, "aperture");
+  const MethodOptions without(method.options(), {}, "aperture");
   EXPECT_THAT(method.files_read(with, *take_, frames), ::testing::ElementsAre(file()));
   EXPECT_TRUE(method.files_read(without, *take_, frames).empty());
 }

@@ -61,10 +61,10 @@ class Automatic : public ::testing::Test {
 
   /// Alike but for what they cost: enough to see which is taken.
   std::vector<Candidate> ladder() const {
-    Candidate quick{.label = "quick", .method = focal_plane_method(), .pixel_ns = 10};
+    Candidate quick{.label = "quick", .method = &focal_plane_method(), .pixel_ns = 10};
     Candidate slow = quick;
     slow.label = "slow";
-    slow.method = nearest_method();
+    slow.method = &nearest_method();
     slow.pixel_ns = 1000;
     Candidate best = quick;
     best.label = "best";
@@ -304,50 +304,80 @@ TEST_F(AutomaticAmongAll, SaysThatNothingMeetsATargetOfTime) {
   EXPECT_THAT(choose("target_time", 1e-5).why, StartsWith("focal_plane: nothing takes less than "));
 }
 
+/// focal_plane with another render().
+class ChangedFocalPlane : public Method {
+ public:
+  std::string_view name() const override { return "focal_plane"; }
+  std::string_view summary() const override { return focal_plane_method().summary(); }
+  std::span<const OptionSpec> options() const override { return focal_plane_method().options(); }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return focal_plane_method().render_reference(request);
+  }
+};
+
 /// A plane, but for a share of the view's rows, of which nothing is shown.
-template <int kPercentShown>
-RenderedView only_the_top(const ViewRequest& request) {
-  RenderedView view = focal_plane_method().render(request);
-  const auto from = static_cast<std::size_t>(view.height * kPercentShown / 100) *
-                    static_cast<std::size_t>(view.width) * 4;
-  std::fill(view.rgba.begin() + static_cast<std::ptrdiff_t>(from), view.rgba.end(), 0.0F);
-  return view;
-}
+class OnlyTheTop final : public ChangedFocalPlane {
+ public:
+  explicit OnlyTheTop(int percent_shown) : percent_shown_(percent_shown) {}
+  RenderedView render(const ViewRequest& request) const override {
+    RenderedView view = focal_plane_method().render(request);
+    const auto from = static_cast<std::size_t>(view.height * percent_shown_ / 100) *
+                      static_cast<std::size_t>(view.width) * 4;
+    std::fill(view.rgba.begin() + static_cast<std::ptrdiff_t>(from), view.rgba.end(), 0.0F);
+    return view;
+  }
+
+ private:
+  int percent_shown_;
+};
 
 TEST_F(Automatic, WhatShowsLittleDoesNotMeetATarget) {
   write(0.2, DepthRange{2.5, 10});
   std::vector<Candidate> all = ladder();
-  all[0].method.render = only_the_top<10>;
-  const LeftOutQuality little = quality_at_left_out_cameras(all[0].method, {}, request());
+  const OnlyTheTop tenth(10), nearly_all(98);
+  all[0].method = &tenth;
+  const LeftOutQuality little = quality_at_left_out_cameras(tenth, {}, request());
   EXPECT_GT(little.expected_db(), 30) << "what it shows is right";
   EXPECT_NEAR(little.covered, 0.07, 0.04);
   EXPECT_EQ(choose(all, {.psnr_db = 20}, request()).candidate, 1U);
-  all[0].method.render = only_the_top<98>;
+  all[0].method = &nearly_all;
   EXPECT_EQ(choose(all, {.psnr_db = 20}, request()).candidate, 0U);
 }
 
 /// As focal_plane, but wrong in the middle of the view, where `request`'s view shows anything.
-RenderedView wrong_in_the_middle(const ViewRequest& request) {
-  RenderedView view = focal_plane_method().render(request);
-  for (int y = view.height * 2 / 5; y < view.height * 3 / 5; ++y) {
-    for (int x = view.width * 2 / 5; x < view.width * 3 / 5; ++x) {
-      const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
-                         static_cast<std::size_t>(x);
-      view.rgba[pixel * 4] = 0.0F;
+class WrongInTheMiddle final : public ChangedFocalPlane {
+ public:
+  RenderedView render(const ViewRequest& request) const override {
+    RenderedView view = focal_plane_method().render(request);
+    for (int y = view.height * 2 / 5; y < view.height * 3 / 5; ++y) {
+      for (int x = view.width * 2 / 5; x < view.width * 3 / 5; ++x) {
+        const auto pixel = static_cast<std::size_t>(y) * static_cast<std::size_t>(view.width) +
+                           static_cast<std::size_t>(x);
+        view.rgba[pixel * 4] = 0.0F;
+      }
     }
+    return view;
   }
-  return view;
-}
+};
+
+/// Notes from where it is asked for views.
+class Noting final : public ChangedFocalPlane {
+ public:
+  RenderedView render(const ViewRequest& asked) const override {
+    seen.push_back(asked.view.pose.position);
+    return focal_plane_method().render(asked);
+  }
+  mutable std::vector<Eigen::Vector3d> seen;
+};
 
 TEST_F(Automatic, CountsOnThePartOfThePicturesThatFaresWorst) {
   write(0.2, DepthRange{2.5, 10});
-  Method wrong = focal_plane_method();
-  wrong.render = wrong_in_the_middle;
+  const WrongInTheMiddle wrong;
   const Instant rest = instant_;
   const Rig::Camera& camera = take_->rig().cameras[5];
   const VirtualCamera view{camera.model.width(), camera.model.height(), camera.model.intrinsics(),
                            camera.pose};
-  const MethodOptions options(wrong.options, {}, wrong.name);
+  const MethodOptions options(wrong.options(), {}, wrong.name());
   const ViewRequest there{view, rest, {0, 0, 1, 4}, options, kept_, 1 << 28, buffers_, false};
   const RgbImage right = srgb_image(focal_plane_method().render(there));
   const RgbImage image = srgb_image(wrong.render(there));
@@ -360,16 +390,10 @@ TEST_F(Automatic, CountsOnThePartOfThePicturesThatFaresWorst) {
 
 TEST_F(Automatic, MeasuresCamerasFromTheCentreToTheRimAndNoneAtTheCorners) {
   write(0.2, DepthRange{2.5, 10});
-  static std::vector<Eigen::Vector3d> seen;
-  seen.clear();
-  Method noting = focal_plane_method();
-  noting.render = [](const ViewRequest& asked) {
-    seen.push_back(asked.view.pose.position);
-    return focal_plane_method().render(asked);
-  };
+  const Noting noting;
   EXPECT_EQ(quality_at_left_out_cameras(noting, {}, request()).cameras, 9);
   int rim = 0;
-  for (const Eigen::Vector3d& position : seen) {
+  for (const Eigen::Vector3d& position : noting.seen) {
     const Eigen::Vector2d beside = position.head<2>().cwiseAbs();
     rim += beside.maxCoeff() > 0.29 ? 1 : 0;
     EXPECT_LT(beside.minCoeff(), 0.29) << "a corner";
@@ -458,7 +482,7 @@ TEST_F(Automatic, TakesTheSceneFromItsOptionsWhereTheTakeDoesNotSay) {
   const Method& depth = method_named("depth");
   const RenderedView best = renderer.render(view, frames, {"auto", {0, 0, 0, 1}, scene});
   EXPECT_EQ(best.rgba,
-            renderer.render(view, frames, {std::string(depth.name), {0, 0, 0, 1}, scene}).rgba);
+            renderer.render(view, frames, {std::string(depth.name()), {0, 0, 0, 1}, scene}).rgba);
 }
 
 TEST_F(Automatic, ChoosesAlikeHoweverFinelyAViewIsSampled) {

@@ -44,9 +44,9 @@ class CoverageMeasures : public ::testing::Test {
 };
 
 TEST_F(CoverageMeasures, AgreeWithTheReferenceForEveryMethod) {
-  for (const Method& method : methods()) {
-    const std::string name(method.name);
-    ASSERT_TRUE(method.measures_coverage) << name;
+  for (const Method* method : methods()) {
+    const std::string name(method->name());
+    ASSERT_TRUE(method->measures_coverage()) << name;
     // The hull's reference takes 4096 steps along each ray: coarser than what is asked here.
     if (name == "visual_hull") continue;
     for (const Vector3d& eye : {Vector3d(0.01, 0.02, 0.05), Vector3d(0.02, 0, -0.1)}) {
@@ -119,8 +119,8 @@ TEST_F(CoverageMeasures, AreOnlyThereOnRequestAndSayWhereNobodySees) {
   // The hull ends nowhere that cameras look: only a view away from it sees nothing.
   const Eigen::Matrix3d backwards =
       Eigen::AngleAxisd(std::numbers::pi, Vector3d::UnitY()).toRotationMatrix();
-  for (const Method& each : methods()) {
-    const std::string method(each.name);
+  for (const Method* each : methods()) {
+    const std::string method(each->name());
     const RenderedView unmeasured = render(method, {0, 0, 0}, false, false);
     EXPECT_TRUE(unmeasured.cameras.empty()) << method;
     EXPECT_TRUE(unmeasured.nearest_ray.empty()) << method;

@@ -328,7 +328,7 @@ TEST_F(FocalPlane, AFrameWithoutRestartMarkersIsNotTakenForWholeEither) {
 
 TEST_F(FocalPlane, RefusesAnUnknownMethod) {
   EXPECT_THROW(method_named("magic"), Error);
-  for (const Method& method : methods()) EXPECT_EQ(&method_named(method.name), &method);
+  for (const Method* method : methods()) EXPECT_EQ(&method_named(method->name()), method);
 }
 
 TEST_F(FocalPlane, NearestAgreesWithTheReferenceButWhereItCuts) {

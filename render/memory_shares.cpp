@@ -7,8 +7,8 @@ namespace raystage {
 
 bool wants_frames_only(const Reconstruction& reconstruction) {
   const Method& method = method_named(reconstruction.method);
-  return method.frames_only != nullptr &&
-         method.frames_only(MethodOptions(method.options, reconstruction.options, method.name));
+  return method.caches_frames_only(
+      MethodOptions(method.options(), reconstruction.options, method.name()));
 }
 
 MemoryShares share_memory(std::size_t bytes, const Reconstruction& reconstruction) {

@@ -7,7 +7,7 @@
 
 namespace raystage {
 
-/// Whether the method wants no memory but for decoded frames; see Method::frames_only.
+/// Whether the method wants no memory but for decoded frames; see Method::caches_frames_only.
 bool wants_frames_only(const Reconstruction& reconstruction);
 
 /// Of memory, bytes.

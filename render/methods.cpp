@@ -4,7 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <vector>
+#include <array>
 
 #include "render/automatic/automatic.h"
 #include "render/depth/depth.h"
@@ -18,31 +18,38 @@
 
 namespace raystage {
 
-std::span<const Method> methods() {
-  static const std::vector<Method> all{
-      focal_plane_method(), nearest_method(),     aperture_method(),
-      lumigraph_method(),   slabs_method(),       plane_sweep_method(),
-      depth_method(),       visual_hull_method(), automatic_method()};
+std::span<const Method* const> methods() {
+  static const std::array all{&focal_plane_method(), &nearest_method(),     &aperture_method(),
+                              &lumigraph_method(),   &slabs_method(),       &plane_sweep_method(),
+                              &depth_method(),       &visual_hull_method(), &automatic_method()};
   return all;
 }
 
-const Method& method_named(std::string_view name) {
+const Method* find_method(std::string_view name) {
   const auto found = std::ranges::find(methods(), name, &Method::name);
-  if (found != methods().end()) return *found;
+  return found != methods().end() ? *found : nullptr;
+}
+
+std::string method_names() {
   std::string names;
-  for (const Method& method : methods()) {
-    names += (names.empty() ? "" : ", ") + std::string(method.name);
+  for (const Method* method : methods()) {
+    names += (names.empty() ? "" : ", ") + std::string(method->name());
   }
+  return names;
+}
+
+const Method& method_named(std::string_view name) {
+  if (const Method* found = find_method(name)) return *found;
   throw Error::bad_input("there is no reconstruction method '" + std::string(name) + "'", "method",
-                         "Methods: " + names);
+                         "Methods: " + method_names());
 }
 
 std::string describe_methods() {
   std::string text;
-  for (const Method& method : methods()) {
-    text += "\n" + std::string(method.name) + " = " + std::string(method.summary);
-    for (const OptionSpec& option : method.options) text += "\n    " + describe(option);
-    for (const MethodPreset& preset : method.presets) {
+  for (const Method* method : methods()) {
+    text += "\n" + std::string(method->name()) + " = " + std::string(method->summary());
+    for (const OptionSpec& option : method->options()) text += "\n    " + describe(option);
+    for (const MethodPreset& preset : method->presets()) {
       text += fmt::format("\n    preset {}: {}", preset.name, preset.options);
     }
   }

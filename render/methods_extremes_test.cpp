@@ -129,7 +129,7 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
     RendererSettings settings;
     settings.reference = reference;
     settings.blend_space = space;
-    settings.measure_coverage = method_named(GetParam().method).measures_coverage;
+    settings.measure_coverage = method_named(GetParam().method).measures_coverage();
     if (GetParam().has("depth_map")) write_depth_map(take.folder() / "z.exr", extreme.view);
     try {
       return LightFieldRenderer(take, settings)
@@ -270,11 +270,11 @@ std::vector<Setting> settings() {
   static const std::set<std::string> rough{"weights=blending_field", "uv_scale=0.5",
                                            "step_px=2,aggregation=box,look_up=linear"};
   std::vector<Setting> all;
-  for (const Method& method : methods()) {
-    all.push_back({std::string(method.name), ""});
-    for (const MethodPreset& preset : method.presets) {
+  for (const Method* method : methods()) {
+    all.push_back({std::string(method->name()), ""});
+    for (const MethodPreset& preset : method->presets()) {
       const std::string options(preset.options);
-      if (!rough.contains(options)) all.push_back({std::string(method.name), options});
+      if (!rough.contains(options)) all.push_back({std::string(method->name()), options});
     }
   }
   all.push_back({"focal_plane", "objects=card.json"});

@@ -250,11 +250,11 @@ TEST_F(CardBeforeWall, AgreesWithTheReference) {
 TEST_F(CardBeforeWall, IsPartOfTheFingerprint) {
   const Method& method = method_named("focal_plane");
   const FrameSelection frames = select_frames(*take_, 0, 1'000'000);
-  EXPECT_TRUE(
-      method.files_read(MethodOptions(method.options, {}, "focal_plane"), *take_, frames).empty());
+  EXPECT_TRUE(method.files_read(MethodOptions(method.options(), {}, "focal_plane"), *take_, frames)
+                  .empty());
   EXPECT_THAT(
       method.files_read(
-          MethodOptions(method.options, {{"objects", std::string("planes.json")}}, "focal_plane"),
+          MethodOptions(method.options(), {{"objects", std::string("planes.json")}}, "focal_plane"),
           *take_, frames),
       ElementsAre(take_->folder() / "planes.json"));
   EXPECT_THROW(render(between_cameras(), {{"objects", std::string("none.json")}}, false), Error);

@@ -12,11 +12,8 @@
 #include <utility>
 
 #include "render/confidence/confidence.h"
-#include "render/depth/depth.h"
 #include "render/fill/push_pull.h"
-#include "render/hull/visual_hull.h"
 #include "render/lumigraph/lumigraph.h"
-#include "render/lumigraph/proxy.h"
 #include "render/matching/large_buffer.h"
 #include "render/methods.h"
 #include "render/view/footprint.h"
@@ -110,7 +107,7 @@ namespace {
 std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settings) {
   return bytes_of_view({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
          (settings.measure_confidence ? sizeof(float) : 0) +
-         (method.tells_nothing_there ? sizeof(float) : 0);
+         (method.marks_empty_space() ? sizeof(float) : 0);
 }
 
 std::size_t pixels_of(const VirtualCamera& view) {
@@ -123,10 +120,9 @@ int wanted_supersampling(double ratio) {
   return std::max(1, static_cast<int>(std::min(ratio, 64.0) + 0.5));
 }
 
-bool renders_rows_alone(const Method& method, const MethodOptions& options,
+bool is_row_independent(const Method& method, const MethodOptions& options,
                         const VirtualCamera& view) {
-  return method.rows_alone != nullptr && method.rows_alone(options) &&
-         view.intrinsics.distortion == Distortion{};
+  return method.is_row_independent(options) && view.intrinsics.distortion == Distortion{};
 }
 
 /// How a view is sampled: `factor` times along each axis, `rows` of its rows at a time.
@@ -162,65 +158,43 @@ double filtered_pixels(const VirtualCamera& view, const Instant& instant, const 
                        const Eigen::Vector4d& focal_plane) {
   Eigen::Vector4d plane = focal_plane;
   const auto scene = instant.take->document().depth_range;
-  if (!method.on_focal_plane && scene) {
+  if (!method.uses_focal_plane() && scene) {
     plane = plane_in_front_of(*instant.rig, best_focal_depth(*scene));
   }
   const double ratio = source_pixels_per_pixel(view, instant, plane);
   return ratio > 0 ? ratio : source_pixels_per_pixel(view, instant, {0, 0, 0, 1});
 }
 
-/// Of the depths that rays of plane_sweep with its `options` meet.
-MethodOptions depth_options_of_sweep(const MethodOptions& options) {
-  const OptionValues scene{{"near", options.number("near")}, {"far", options.number("far")}};
-  return {depth_method().options, scene, "method plane_sweep"};
-}
+/// A method and the options that it is asked with.
+struct ChosenMethod {
+  const Method& method;
+  MethodOptions options;
+};
 
-/// The method whose stored data a light field needs, with its options.
-std::pair<const Method&, MethodOptions> storing(const Reconstruction& reconstruction,
-                                                RenderedAs as) {
+ChosenMethod chosen_by(const Reconstruction& reconstruction) {
   const Method& method = method_named(reconstruction.method);
-  MethodOptions options(method.options, reconstruction.options, "method " + reconstruction.method);
-  if (as == RenderedAs::kViews || method.name != "plane_sweep") return {method, options};
-  return {method_named("depth"), depth_options_of_sweep(options)};
+  return {method, {method.options(), reconstruction.options, "method " + reconstruction.method}};
 }
 
-/// Where rays of a query meet what `method` with its `options` takes for the scene.
-RaySurface surface_met(const Method& method, const MethodOptions& options,
-                       const Eigen::Vector4d& focal_plane, const Instant& instant,
-                       KeptResults& kept, const RendererSettings& settings) {
-  const auto by_depth = [&](const MethodOptions& of_depth) {
-    return depth::surface_by(of_depth, instant, kept, settings.working_bytes,
-                             settings.use_take_folder);
-  };
-  if (method.name == "visual_hull") {
-    const auto hull = settings.reference ? visual_hull_surface_reference : visual_hull_surface;
-    return hull(options, instant, kept);
-  }
-  if (method.name == "lumigraph") {
-    DepthWork work;
-    return proxy_surface(options, focal_plane, instant, kept, settings.working_bytes,
-                         settings.use_take_folder, work);
-  }
-  if (method.name == "depth") return by_depth(options);
-  if (method.name == "plane_sweep") return by_depth(depth_options_of_sweep(options));
-  return plane_surface(focal_plane);
+/// The method that answers single rays.
+ChosenMethod chosen_for_rays(const Reconstruction& reconstruction) {
+  ChosenMethod chosen = chosen_by(reconstruction);
+  const RayStandIn stand_in = chosen.method.ray_stand_in(chosen.options);
+  if (stand_in.method.empty()) return chosen;
+  const Method& method = method_named(stand_in.method);
+  return {method, {method.options(), stand_in.options, "method " + reconstruction.method}};
+}
+
+/// The method whose stored data a light field needs.
+ChosenMethod storing(const Reconstruction& reconstruction, RenderedAs as) {
+  return as == RenderedAs::kViews ? chosen_by(reconstruction) : chosen_for_rays(reconstruction);
 }
 
 }  // namespace
 
 void check_answers_rays(const Reconstruction& reconstruction) {
-  const Method& method = method_named(reconstruction.method);
-  if (method.name == "auto") {
-    throw Error::bad_input("the method auto chooses for views, not for single rays", "method auto",
-                           "Name the method whose rays are wanted");
-  }
-  const MethodOptions options(method.options, reconstruction.options,
-                              "method " + reconstruction.method);
-  if (method.name == "slabs" && options.text("layout") == "box") {
-    throw Error::bad_input(
-        "slabs in a box look rays up on a plane before each side, single rays on one plane alone",
-        "method slabs", "Ask for views, or for the rays of another method");
-  }
+  const ChosenMethod chosen = chosen_by(reconstruction);
+  chosen.method.check_rays(chosen.options);
 }
 
 LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings& settings)
@@ -241,13 +215,11 @@ LightFieldRenderer::~LightFieldRenderer() = default;
 
 RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSelection& frames,
                                         const Reconstruction& reconstruction) const {
-  const Method& method = method_named(reconstruction.method);
-  if (state_->settings.measure_coverage && !method.measures_coverage) {
+  const auto& [method, options] = chosen_by(reconstruction);
+  if (state_->settings.measure_coverage && !method.measures_coverage()) {
     throw Error::bad_input("method " + reconstruction.method + " does not measure its coverage",
                            "method", "Leave --coverage out, or choose another method");
   }
-  const MethodOptions options(method.options, reconstruction.options,
-                              "method " + reconstruction.method);
   const Instant instant = state_->instant(frames);
   if (!instant.present) {
     RenderedView nothing = empty_view(view);
@@ -260,7 +232,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
 
   const double ratio = filtered_pixels(view, instant, method, reconstruction.focal_plane);
   const auto [factor, rows] =
-      sampling_of(ratio, view, state_->settings, renders_rows_alone(method, options, view));
+      sampling_of(ratio, view, state_->settings, is_row_independent(method, options, view));
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
   const bool by_reference = state_->settings.reference || distorted;
   const auto render_rows = [&, factor = factor](int first, int end) {
@@ -322,13 +294,11 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
 std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const FrameSelection& frames,
                                            const Reconstruction& reconstruction) const {
   const Instant instant = state_->instant(frames);
-  const Method& method = method_named(reconstruction.method);
+  const auto& [method, options] = chosen_by(reconstruction);
   const double ratio =
       instant.present ? filtered_pixels(view, instant, method, reconstruction.focal_plane) : 0;
-  const MethodOptions options(method.options, reconstruction.options,
-                              "method " + reconstruction.method);
   const Sampling sampling =
-      sampling_of(ratio, view, state_->settings, renders_rows_alone(method, options, view));
+      sampling_of(ratio, view, state_->settings, is_row_independent(method, options, view));
   const std::size_t of_pixel = bytes_per_pixel(method, state_->settings);
   const std::size_t bytes = pixels_of(view) * of_pixel;
   if (sampling.factor == 1) return bytes;
@@ -341,18 +311,18 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const Fram
 void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,
                                const Reconstruction& reconstruction,
                                std::span<RaySample> samples) const {
-  const Method& method = method_named(reconstruction.method);
-  const MethodOptions options(method.options, reconstruction.options,
-                              "method " + reconstruction.method);
   const Instant instant = state_->instant(frames);
   check_answers_rays(reconstruction);
+  const auto& [method, options] = chosen_for_rays(reconstruction);
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
-  const RaySurface surface = surface_met(method, options, reconstruction.focal_plane, instant,
-                                         *state_->kept, state_->settings);
-  const bool weighs = method.name == "lumigraph" || method.name == "visual_hull";
-  const RayWeighing weighing = ray_weighing(
-      weighs ? options : MethodOptions(lumigraph_method().options, {}, "method lumigraph"));
+  const RaySurface surface = method.surface(
+      {options, instant, reconstruction.focal_plane, *state_->kept, state_->settings.working_bytes,
+       state_->settings.use_take_folder, state_->settings.reference});
+  const RayWeighing weighing =
+      ray_weighing(method.has_ray_weights()
+                       ? options
+                       : MethodOptions(lumigraph_method().options(), {}, "method lumigraph"));
   const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, weighing, samples);
 }
@@ -362,17 +332,15 @@ std::filesystem::path LightFieldRenderer::stored_file(const FrameSelection& fram
                                                       RenderedAs as) const {
   const auto& [method, options] = storing(reconstruction, as);
   const Instant instant = state_->instant(frames);
-  if (method.stored.file == nullptr || !state_->settings.use_take_folder || !instant.present) {
-    return {};
-  }
-  return method.stored.file(options, instant);
+  if (!state_->settings.use_take_folder || !instant.present) return {};
+  return method.stored_file(options, instant);
 }
 
 StoreResult LightFieldRenderer::store(const FrameSelection& frames,
                                       const Reconstruction& reconstruction, RenderedAs as) const {
   if (stored_file(frames, reconstruction, as).empty()) return {};
   const auto& [method, options] = storing(reconstruction, as);
-  return method.stored.store(options, state_->instant(frames), state_->settings.working_bytes);
+  return method.store(options, state_->instant(frames), state_->settings.working_bytes);
 }
 
 void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {

@@ -28,7 +28,7 @@ struct Reconstruction {
   std::string method = "focal_plane";  ///< see methods()
   /// a x + b y + c z + d = 0 in the world; (0, 0, 0, 1) lies at infinity. See plane_in_front_of().
   Eigen::Vector4d focal_plane{0, 0, 0, 1};
-  OptionValues options = {};  ///< of the method, by name; see Method::options
+  OptionValues options = {};  ///< of the method, by name; see Method::options()
   HoleFill fill = HoleFill::kNone;
 };
 
@@ -52,9 +52,9 @@ struct RendererSettings {
   /// pixels, as many as make their steps as short as the cameras', and averaged in linear light
   /// (thesis 5.3); at most this many along each axis, 1 to 64; 1: never. The samples held at once
   /// take supersampling_bytes at most: a bound of its own, so that pixels do not depend on the
-  /// memory granted. Methods whose pixels know nothing of each other (Method::rows_alone) render
-  /// bands of rows that fit it; of others the view is held whole, and there are fewer samples where
-  /// they would be more.
+  /// memory granted. Methods whose pixels know nothing of each other (Method::is_row_independent)
+  /// render bands of rows that fit it; of others the view is held whole, and there are fewer
+  /// samples where they would be more.
   int most_supersampling = 8;
   std::size_t supersampling_bytes = std::size_t{512} << 20;
   bool count_needed_pixels = false;  ///< fills RenderStatistics::pixels_needed (costs time)
@@ -123,8 +123,8 @@ class LightFieldRenderer {
              const Reconstruction& reconstruction, std::span<RaySample> samples) const;
 
   /// Returns the file in which render() or query() stores what the method derives once from a light
-  /// field frame (Method::stored); empty: none. Not known for `auto`, which chooses a method when
-  /// it renders: none. Throws Error (bad input) as render() does.
+  /// field frame (Method::stored_file); empty: none. Not known for `auto`, which chooses a method
+  /// when it renders: none. Throws Error (bad input) as render() does.
   std::filesystem::path stored_file(const FrameSelection& frames,
                                     const Reconstruction& reconstruction, RenderedAs as) const;
   /// Writes that file, unless it is there and whole: the same bytes as render() and query() write.

@@ -298,12 +298,12 @@ TEST_F(VisualHull, MattesAreCountedAsPicturesAreNotAsInstants) {
                            std::vector<std::uint8_t>(32 * 24, 255));
     }
   }
-  const Method method = visual_hull_method();
+  const Method& method = visual_hull_method();
   const FrameSelection third = select_frames(take, 2 * kNanosecondsPerSecond / 15, 10'000'000);
   const auto matte = [&](std::size_t camera, const char* file) {
     return folder() / "mattes" / settings.cameras[camera].id / file;
   };
-  EXPECT_THAT(method.files_read(MethodOptions(method.options, {}, "visual_hull"), take, third),
+  EXPECT_THAT(method.files_read(MethodOptions(method.options(), {}, "visual_hull"), take, third),
               ::testing::ElementsAre(matte(0, "000001.png"), matte(1, "000002.png")));
 }
 

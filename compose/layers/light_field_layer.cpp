@@ -14,13 +14,13 @@ namespace raystage {
 namespace {
 
 bool has_option(const Method& method, std::string_view name) {
-  return std::ranges::any_of(method.options, [&](const auto& o) { return o.name == name; });
+  return std::ranges::any_of(method.options(), [&](const auto& o) { return o.name == name; });
 }
 
 /// How deep the scene is: as the method's options say, else as the take does.
 std::optional<DepthRange> scene_of(const Reconstruction& reconstruction, const Take& take) {
   const Method& method = method_named(reconstruction.method);
-  const MethodOptions options(method.options, reconstruction.options, reconstruction.method);
+  const MethodOptions options(method.options(), reconstruction.options, reconstruction.method);
   DepthRange scene = take.document().depth_range.value_or(DepthRange{0, 0});
   if (has_option(method, "near") && options.number("near") > 0) scene.near = options.number("near");
   if (has_option(method, "far") && options.number("far") > 0) scene.far = options.number("far");
@@ -30,15 +30,12 @@ std::optional<DepthRange> scene_of(const Reconstruction& reconstruction, const T
 Reconstruction reconstruction_of(const ShotDocument::Layer& layer, const Take& take,
                                  const std::string& where, std::optional<HoleFill> fill,
                                  const OptionValues& target) {
-  if (std::ranges::find(methods(), layer.method, &Method::name) == methods().end()) {
-    std::string names;
-    for (const Method& method : methods()) names += " " + std::string(method.name);
+  const Method* of_layer = find_method(layer.method);
+  if (of_layer == nullptr) {
     throw Error::bad_input("there is no reconstruction method \"" + layer.method + "\"",
-                           where + "/method", "Use one of" + names);
+                           where + "/method", "Use one of " + method_names());
   }
-  const Method& of_layer = method_named(layer.method);
-  const MethodOptions options(of_layer.options, layer.options, where + "/options");
-  if (of_layer.check != nullptr) of_layer.check(options, take);
+  of_layer->check({of_layer->options(), layer.options, where + "/options"}, take);
   Reconstruction reconstruction;
   reconstruction.method = target.empty() ? layer.method : "auto";
   reconstruction.options = target.empty() ? layer.options : target;
@@ -53,7 +50,7 @@ Reconstruction reconstruction_of(const ShotDocument::Layer& layer, const Take& t
   const std::optional<DepthRange> scene = scene_of(reconstruction, take);
   const bool best = layer.focal_plane.kind == ShotDocument::FocalPlane::Kind::kBest;
   // Nobody asks for the plane; but `auto` has nothing else where it does not know the scene.
-  if (best && !scene && !method.on_focal_plane && method.name != "auto") return reconstruction;
+  if (best && !scene && !method.may_use_focal_plane()) return reconstruction;
   reconstruction.focal_plane =
       focal_plane_equation(layer.focal_plane, take.rig(), scene, where + "/focal_plane");
   return reconstruction;
@@ -137,21 +134,21 @@ Reconstruction LightFieldLayer::reconstruction_for(const ExrCamera& camera, int 
   Reconstruction result = reconstruction_;
   if (focus_) result.focal_plane = plane_in_front_of(take_.rig(), focus_(frame));
   OptionValues& options = result.options;
-  const bool is_aperture = result.method == "aperture";
+  const bool has_lens_options = method_named(result.method).has_lens();
   if (focuses_as_camera() && camera.focus_m) {
     const Pose& pose = camera.view.pose;
     const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
     const double distance = -ahead.dot(pose.position) - *camera.focus_m;
     result.focal_plane << ahead, distance;
     const bool has_lens = options.contains("f_number") || options.contains("radius");
-    if (is_aperture && camera.f_number && !has_lens) {
+    if (has_lens_options && camera.f_number && !has_lens) {
       options["f_number"] = *camera.f_number;
       options["film_width"] = camera.film_back_mm;
     }
   }
-  if (is_aperture && options.contains("f_number") && camera.overscan_x > 0) {
+  if (has_lens_options && options.contains("f_number") && camera.overscan_x > 0) {
     // The film is as wide as the picture; the method takes the view's width for it.
-    const MethodOptions given(method_named(result.method).options, options, result.method);
+    const MethodOptions given(method_named(result.method).options(), options, result.method);
     options["film_width"] = given.number("film_width") * camera.view.width /
                             (camera.view.width - 2.0 * camera.overscan_x);
   }
@@ -209,12 +206,9 @@ std::string LightFieldLayer::length_text() const {
 
 std::vector<std::filesystem::path> LightFieldLayer::files_read(const ShownInstant& shown) const {
   if (!shown.tick) return {};
-  std::vector<std::filesystem::path> files;
   const Method& method = method_named(reconstruction_.method);
-  if (method.files_read != nullptr) {
-    files = method.files_read({method.options, reconstruction_.options, method.name}, take_,
-                              tick(shown));
-  }
+  std::vector<std::filesystem::path> files = method.files_read(
+      {method.options(), reconstruction_.options, method.name()}, take_, tick(shown));
   for (std::size_t i = 0; matte_ && i < tick(shown).frame.size(); ++i) {
     if (tick(shown).frame[i] < 0) continue;
     std::ranges::move(matte_->files_read(static_cast<int>(i), tick(shown).frame[i]),
@@ -249,8 +243,8 @@ std::string LightFieldLayer::common_fingerprint() const {
   Fingerprint print;
   print.text("method", reconstruction_.method);
   // With those not given, so that a new release's other ones render anew.
-  const MethodOptions options(method_named(reconstruction_.method).options, reconstruction_.options,
-                              reconstruction_.method);
+  const MethodOptions options(method_named(reconstruction_.method).options(),
+                              reconstruction_.options, reconstruction_.method);
   for (const auto& [name, value] : options.values()) {
     print.text("option", name);
     if (const bool* flag = std::get_if<bool>(&value)) print.integer("value", *flag ? 1 : 0);
@@ -283,8 +277,7 @@ void LightFieldLayer::add_to(Fingerprint& print, int frame, const ShownInstant& 
   print.integer("time", tick(shown).time_ns);
   add_sources(tick(shown), print);
   const Method& method = method_named(reconstruction_.method);
-  if (method.looks_beside == nullptr ||
-      !method.looks_beside(MethodOptions(method.options, reconstruction_.options, method.name))) {
+  if (!method.reads_adjacent_frames({method.options(), reconstruction_.options, method.name()})) {
     return;
   }
   for (const int beside : {*shown.tick - 1, *shown.tick + 1}) {

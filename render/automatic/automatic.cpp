@@ -112,7 +112,7 @@ Choice choose_by_range(std::span<const Candidate> candidates, const Target& targ
   for (const std::size_t i : in_reach) {
     if (i == best) break;
     const LeftOutQuality quality =
-        quality_at_left_out_cameras(candidates[i].method, candidates[i].options, request);
+        quality_at_left_out_cameras(*candidates[i].method, candidates[i].options, request);
     if (quality.cameras == 0) {
       return {best, fmt::format("{}: the most accurate in reach, {}; no camera stands between "
                                 "three others, so that none can be left out to measure",

@@ -13,7 +13,7 @@ namespace raystage {
 /// A way that `auto` may choose: a method with settings, and what it costs.
 struct Candidate {
   std::string label;  ///< for people
-  Method method;
+  const Method* method;
   OptionValues options = {};
   /// What it costs on one thread, nanoseconds: a pixel of the view; beside that, a pixel for each
   /// pixel of disparity_range(); and what an instant costs, for each pixel of its cameras. As
@@ -56,6 +56,6 @@ Choice choose(std::span<const Candidate> candidates, const Target& target,
               const ViewRequest& request);
 
 /// `auto` over these.
-Method automatic_method();
+const Method& automatic_method();
 
 }  // namespace raystage

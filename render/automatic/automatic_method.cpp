@@ -11,6 +11,7 @@
 #include "render/planar/focal_plane.h"
 #include "render/sweep/plane_sweep.h"
 #include "render/view/scene_depths.h"
+#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -41,16 +42,16 @@ constexpr std::array kOptions{
 /// processor for shop's 64 cameras of 960x640, all told; chess takes less (660 ns).
 std::vector<Candidate> candidates() {
   return {
-      {.label = "focal_plane", .method = focal_plane_method(), .pixel_ns = 10},
+      {.label = "focal_plane", .method = &focal_plane_method(), .pixel_ns = 10},
       {.label = "plane_sweep with few planes",
-       .method = plane_sweep_method(),
+       .method = &plane_sweep_method(),
        .options = {{"step_px", 2.0},
                    {"aggregation", std::string("box")},
                    {"look_up", std::string("linear")}},
        .pixel_ns = 90,
        .disparity_ns = 2},
-      {.label = "plane_sweep", .method = plane_sweep_method(), .pixel_ns = 80, .disparity_ns = 17},
-      {.label = "depth", .method = depth_method(), .pixel_ns = 400, .instant_ns = 980}};
+      {.label = "plane_sweep", .method = &plane_sweep_method(), .pixel_ns = 80, .disparity_ns = 17},
+      {.label = "depth", .method = &depth_method(), .pixel_ns = 400, .instant_ns = 980}};
 }
 
 /// The depth range that the options say, if they do.
@@ -64,13 +65,13 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                       scene_told(request)};
   std::vector<Candidate> all = candidates();
   for (Candidate& candidate : all) {
-    if (!target.scene || candidate.method.on_focal_plane) continue;
+    if (!target.scene || candidate.method->uses_focal_plane()) continue;
     for (const char* name : {"near", "far"}) {
       candidate.options[name] = request.options.number(name);
     }
   }
   if (request.measure_coverage) {
-    std::erase_if(all, [](const Candidate& c) { return !c.method.measures_coverage; });
+    std::erase_if(all, [](const Candidate& c) { return !c.method->measures_coverage(); });
   }
   // Within a renderer take and cameras are the same throughout.
   const std::string key =
@@ -85,7 +86,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
     return chosen;
   });
   const Candidate& chosen = all[choice->candidate];
-  const MethodOptions options(chosen.method.options, chosen.options, "auto");
+  const MethodOptions options(chosen.method->options(), chosen.options, "auto");
   const ViewRequest inner{request.view,
                           request.instant,
                           choice->focal_plane.value_or(request.focal_plane),
@@ -100,7 +101,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                           request.first_row,
                           request.whole_height};
   RenderedView view =
-      reference ? chosen.method.render_reference(inner) : chosen.method.render(inner);
+      reference ? chosen.method->render_reference(inner) : chosen.method->render(inner);
   std::string note = "auto: " + choice->why;
   if (target.seconds_per_frame > 0 && request.supersampling > 1) {
     note += fmt::format("; the time is for one sample a pixel, this view takes {}",
@@ -115,29 +116,45 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
   return view;
 }
 
-/// The instants that are measured are the timeline's ticks.
-std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
-                                              const FrameSelection& /*frames*/) {
-  const std::filesystem::path timeline = take.folder() / "timeline.zst";
-  if (options.number("target_error") == 0 || !std::filesystem::exists(timeline)) return {};
-  return {timeline};
-}
+class AutomaticMethod final : public Method {
+ public:
+  std::string_view name() const override { return "auto"; }
+  std::string_view summary() const override {
+    return "chooses among focal_plane, plane_sweep and depth the cheapest that meets a target";
+  }
+  std::span<const OptionSpec> options() const override { return kOptions; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"30 dB", "target_error=30"},
+                                             {"50 ms", "target_time=0.05"}};
+    return kPresets;
+  }
+  RenderedView render(const ViewRequest& request) const override {
+    return render_with(request, false);
+  }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return render_with(request, true);
+  }
+  /// The instants that are measured are the timeline's ticks.
+  std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
+                                                const FrameSelection& /*frames*/) const override {
+    const std::filesystem::path timeline = take.folder() / "timeline.zst";
+    if (options.number("target_error") == 0 || !std::filesystem::exists(timeline)) return {};
+    return {timeline};
+  }
+  void check_rays(const MethodOptions&) const override {
+    throw Error::bad_input("the method auto chooses for views, not for single rays", "method auto",
+                           "Name the method whose rays are wanted");
+  }
+  bool uses_focal_plane() const override { return false; }
+  bool may_use_focal_plane() const override { return true; }
+  bool chooses_by_measuring() const override { return true; }
+};
 
 }  // namespace
 
-Method automatic_method() {
-  static constexpr MethodPreset kPresets[]{{"30 dB", "target_error=30"},
-                                           {"50 ms", "target_time=0.05"}};
-  return {"auto",
-          "chooses among focal_plane, plane_sweep and depth the cheapest that meets a target",
-          kOptions,
-          [](const ViewRequest& request) { return render_with(request, false); },
-          [](const ViewRequest& request) { return render_with(request, true); },
-          files_read,
-          true,
-          kPresets,
-          nullptr,
-          false};
+const Method& automatic_method() {
+  static const AutomaticMethod method;
+  return method;
 }
 
 }  // namespace raystage

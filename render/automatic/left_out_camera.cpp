@@ -145,7 +145,7 @@ void compare(const RenderedView& rendered, const IdealPicture& truth, Comparison
 
 LeftOutQuality quality_at_left_out_cameras(const Method& method, const OptionValues& given,
                                            const ViewRequest& request) {
-  const MethodOptions options(method.options, given, method.name);
+  const MethodOptions options(method.options(), given, method.name());
   const TakeInstants instants(request.instant);
   const std::vector<int> cameras = cameras_to_leave_out(request.instant);
   LeftOutQuality quality;

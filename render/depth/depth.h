@@ -23,7 +23,7 @@ namespace raystage {
 /// most. Coverage is lower than that by the shares of cameras that would have been chosen had they
 /// a frame at this instant. z: planar depth of the point found. Throws Error (bad input) where
 /// neither the take nor the options say how deep the scene is.
-Method depth_method();
+const Method& depth_method();
 
 /// What finding depths took; nothing where they are kept already.
 struct DepthWork {

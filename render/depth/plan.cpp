@@ -53,17 +53,6 @@ Settings settings_of(const MethodOptions& options, const Take& take, bool use_ta
   return s;
 }
 
-std::filesystem::path stored_file(const MethodOptions& options, const Instant& instant) {
-  const Settings settings = settings_of(options, *instant.take, true);
-  if (!settings.keep) return {};
-  return depth_file(instant.derived_folder(), depth_key(instant, settings.solving));
-}
-
-StoreResult store(const MethodOptions& options, const Instant& instant, std::size_t working_bytes) {
-  return store_camera_depths(instant, settings_of(options, *instant.take, true).solving,
-                             working_bytes);
-}
-
 std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
   std::set<int> cameras;
   for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
@@ -335,26 +324,54 @@ float visibility_tolerance(const Plan& plan) {
 
 }  // namespace depth
 
-Method depth_method() {
-  static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}};
-  static constexpr auto kCheck = [](const MethodOptions& options, const Take& take) {
+namespace {
+
+class DepthMethod final : public Method {
+ public:
+  std::string_view name() const override { return "depth"; }
+  std::string_view summary() const override {
+    return "cameras blended where their depths say that they see the same, found once per instant";
+  }
+  std::span<const OptionSpec> options() const override { return depth::kOptions; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}};
+    return kPresets;
+  }
+  RenderedView render(const ViewRequest& request) const override { return depth::render(request); }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return depth::render_reference(request);
+  }
+  void check(const MethodOptions& options, const Take& take) const override {
     depth::settings_of(options, take, false);
-  };
-  return {"depth",
-          "cameras blended where their depths say that they see the same, found once per instant",
-          depth::kOptions,
-          depth::render,
-          depth::render_reference,
-          nullptr,
-          true,
-          kPresets,
-          nullptr,
-          false,
-          false,
-          kCheck,
-          [](const MethodOptions& options) { return options.flag("temporal"); },
-          nullptr,
-          {depth::stored_file, depth::store}};
+  }
+
+  bool stores_data() const override { return true; }
+  std::filesystem::path stored_file(const MethodOptions& options,
+                                    const Instant& instant) const override {
+    const depth::Settings settings = depth::settings_of(options, *instant.take, true);
+    if (!settings.keep) return {};
+    return depth_file(instant.derived_folder(), depth_key(instant, settings.solving));
+  }
+  StoreResult store(const MethodOptions& options, const Instant& instant,
+                    std::size_t working_bytes) const override {
+    return store_camera_depths(instant, depth::settings_of(options, *instant.take, true).solving,
+                               working_bytes);
+  }
+
+  RaySurface surface(const SurfaceRequest& r) const override {
+    return depth::surface_by(r.options, r.instant, r.kept, r.working_bytes, r.use_take_folder);
+  }
+  bool uses_focal_plane() const override { return false; }
+  bool reads_adjacent_frames(const MethodOptions& options) const override {
+    return options.flag("temporal");
+  }
+};
+
+}  // namespace
+
+const Method& depth_method() {
+  static const DepthMethod method;
+  return method;
 }
 
 }  // namespace raystage

@@ -93,7 +93,7 @@ class TemporalTake : public ::testing::Test {
   }
 
   CameraDepths depths(const Instant& instant, bool temporal) const {
-    const MethodOptions options(depth_method().options, {{"temporal", temporal}, {"keep", false}},
+    const MethodOptions options(depth_method().options(), {{"temporal", temporal}, {"keep", false}},
                                 "test");
     const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.5, {});
     KeptResults kept(std::size_t{1} << 28);

@@ -236,7 +236,7 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
                           const std::filesystem::path& views_folder,
                           const EvaluationSettings& settings,
                           const std::function<void(double)>& progress, std::stop_token stop) {
-  const MethodOptions options(method_named(settings.method).options, settings.options,
+  const MethodOptions options(method_named(settings.method).options(), settings.options,
                               settings.method);
   if (!views.views.empty() && views.color_space != "srgb_texture") {
     throw Error::bad_input("truth images in colour space '" + views.color_space + "'",

@@ -194,7 +194,7 @@ TEST_F(EvaluatedTake, ReportsAllOptionsAndWhatTheMethodHasToSay) {
   settings_.options = {{"near", 0.05}, {"far", 1e3}, {"step_px", 0.05}};
   settings_.options["aggregation"] = std::string("none");
   const auto json = nlohmann::json::parse(evaluation_as_json(evaluate(take)));
-  EXPECT_EQ(json["options"].size(), method_named("plane_sweep").options.size());
+  EXPECT_EQ(json["options"].size(), method_named("plane_sweep").options().size());
   EXPECT_EQ(json["options"]["near"], 0.05);
   EXPECT_EQ(json["options"]["aggregation"], "none");
   EXPECT_EQ(json["options"]["sub_plane"], true);  // not given

@@ -50,7 +50,7 @@ void check(const TradePlan& plan) {
       throw Error::bad_input("two settings are called '" + setting.label + "'", "bench",
                              "Give every setting a label of its own");
     }
-    MethodOptions(method_named(setting.method).options, setting.options,
+    MethodOptions(method_named(setting.method).options(), setting.options,
                   "setting " + setting.label);
   }
 }
@@ -129,10 +129,10 @@ void mark_fronts(std::vector<TradeRow>& rows) {
 
 std::vector<TradeSetting> default_trade_settings() {
   std::vector<TradeSetting> settings;
-  for (const Method& method : methods()) {
-    const std::string name(method.name);
+  for (const Method* method : methods()) {
+    const std::string name(method->name());
     settings.push_back({name, name, {}, {}});
-    for (const MethodPreset& preset : method.presets) {
+    for (const MethodPreset& preset : method->presets()) {
       settings.push_back(
           {name + " " + std::string(preset.name), name, options_from_text(preset.options), {}});
     }

@@ -275,7 +275,7 @@ TEST(TradeSettings, ComeFromTextAndFromTheMethods) {
     EXPECT_THROW(trade_setting_from_text(text), Error) << text;
   }
   std::size_t all = 0;
-  for (const Method& method : methods()) all += 1 + method.presets.size();
+  for (const Method* method : methods()) all += 1 + method->presets().size();
   EXPECT_EQ(default_trade_settings().size(), all);
 }
 

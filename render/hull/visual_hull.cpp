@@ -36,7 +36,7 @@ Error no_mattes(std::string what, const Take& take) {
                           "Write TAKE/mattes/CAMERA/FRAME.png, see docs/formats/mattes.md");
 }
 
-void check(const MethodOptions&, const Take& take) {
+void check_mattes(const MethodOptions&, const Take& take) {
   if (!std::filesystem::is_directory(take.folder() / "mattes")) {
     throw no_mattes("the take has no mattes", take);
   }
@@ -74,13 +74,6 @@ std::vector<std::filesystem::path> mattes_of(const Take& take, std::span<const i
   return files;
 }
 
-std::vector<std::filesystem::path> mattes_read(const MethodOptions&, const Take& take,
-                                               const FrameSelection& frames) {
-  return mattes_of(take, frames.frame);
-}
-
-bool rows_alone(const MethodOptions&) { return true; }
-
 /// A hull of few silhouettes is wider than what it holds, and nothing in the picture says so.
 void note_missing_mattes(const Instant& instant, RenderedView& view) {
   const auto frames = std::ranges::count_if(instant.frame_of_camera, [](int f) { return f >= 0; });
@@ -91,22 +84,6 @@ void note_missing_mattes(const Instant& instant, RenderedView& view) {
         fmt::format("visual_hull: {} of {} cameras have no matte here and do not carve",
                     frames - mattes, frames));
   }
-}
-
-RenderedView by_hull(const ViewRequest& request) {
-  RenderedView view = render_lumigraph(
-      request, visual_hull_surface(request.options, request.instant, request.kept),
-      ray_weighing(request.options), WeightField::kPerPixel, Missed::kNothingThere);
-  note_missing_mattes(request.instant, view);
-  return view;
-}
-
-RenderedView by_hull_reference(const ViewRequest& request) {
-  RenderedView view = render_lumigraph_reference(
-      request, visual_hull_surface_reference(request.options, request.instant, request.kept),
-      ray_weighing(request.options), Missed::kNothingThere);
-  note_missing_mattes(request.instant, view);
-  return view;
 }
 
 }  // namespace
@@ -125,32 +102,69 @@ RaySurface visual_hull_surface_reference(const MethodOptions& options, const Ins
                                 options.number("nearest"), kReferenceSteps);
 }
 
-Method visual_hull_method() {
-  static const std::vector<OptionSpec> options = [] {
-    std::vector<OptionSpec> all = ray_weighing_options();
-    all.push_back(number_option("threshold", 0.5, 0, 1,
-                                "share of a matte's full scale from which a pixel is foreground"));
-    all.push_back(
-        number_option("seen_by", 0.5, 0, 1,
-                      "share of the cameras with mattes that must see a point of the hull"));
-    all.push_back(number_option("nearest", 0.1, 1e-6, 1e6,
-                                "metres from the eye; what is nearer is not looked for"));
-    return all;
-  }();
-  return {"visual_hull",
-          "the foreground within all cameras' mattes, alone",
-          options,
-          by_hull,
-          by_hull_reference,
-          mattes_read,
-          true,
-          {},
-          nullptr,
-          false,
-          true,
-          check,
-          nullptr,
-          rows_alone};
+namespace {
+
+std::vector<OptionSpec> hull_options() {
+  std::vector<OptionSpec> all = ray_weighing_options();
+  all.push_back(number_option("threshold", 0.5, 0, 1,
+                              "share of a matte's full scale from which a pixel is foreground"));
+  all.push_back(number_option(
+      "seen_by", 0.5, 0, 1, "share of the cameras with mattes that must see a point of the hull"));
+  all.push_back(number_option("nearest", 0.1, 1e-6, 1e6,
+                              "metres from the eye; what is nearer is not looked for"));
+  return all;
+}
+
+class VisualHullMethod final : public Method {
+ public:
+  std::string_view name() const override { return "visual_hull"; }
+  std::string_view summary() const override {
+    return "the foreground within all cameras' mattes, alone";
+  }
+  std::span<const OptionSpec> options() const override { return options_; }
+
+  RenderedView render(const ViewRequest& request) const override {
+    RenderedView view = render_lumigraph(
+        request, visual_hull_surface(request.options, request.instant, request.kept),
+        ray_weighing(request.options), WeightField::kPerPixel, Missed::kNothingThere);
+    note_missing_mattes(request.instant, view);
+    return view;
+  }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    RenderedView view = render_lumigraph_reference(
+        request, visual_hull_surface_reference(request.options, request.instant, request.kept),
+        ray_weighing(request.options), Missed::kNothingThere);
+    note_missing_mattes(request.instant, view);
+    return view;
+  }
+
+  void check(const MethodOptions& options, const Take& take) const override {
+    check_mattes(options, take);
+  }
+  std::vector<std::filesystem::path> files_read(const MethodOptions&, const Take& take,
+                                                const FrameSelection& frames) const override {
+    return mattes_of(take, frames.frame);
+  }
+
+  RaySurface surface(const SurfaceRequest& r) const override {
+    const auto hull = r.reference ? visual_hull_surface_reference : visual_hull_surface;
+    return hull(r.options, r.instant, r.kept);
+  }
+  bool has_ray_weights() const override { return true; }
+  bool uses_focal_plane() const override { return false; }
+  bool marks_empty_space() const override { return true; }
+  bool shows_foreground_only() const override { return true; }
+  bool is_row_independent(const MethodOptions&) const override { return true; }
+
+ private:
+  std::vector<OptionSpec> options_ = hull_options();
+};
+
+}  // namespace
+
+const Method& visual_hull_method() {
+  static const VisualHullMethod method;
+  return method;
 }
 
 }  // namespace raystage

@@ -10,7 +10,7 @@ namespace raystage {
 /// transparent where they meet none. Colours by lumigraph weights. Parts of the hull that hide it
 /// from a camera are not looked for: between cameras far apart, colours may come from what stands
 /// before.
-Method visual_hull_method();
+const Method& visual_hull_method();
 
 /// Where rays meet the hull that the method's options ask for, for who queries rays instead of a
 /// view; `instant`'s rig must live on. Throws Error (bad input) where no camera has a matte at the

@@ -70,7 +70,26 @@ class LumigraphFrame {
   }
 
   RenderedView render() {
-    RenderedView image = unset_view(view_);
+    sums_ = SampleSums::kFinish;
+    return render(unset_view(view_));
+  }
+
+  Contribution contribute() {
+    sums_ = SampleSums::kLeave;
+    RenderedView image = render(unset_view(view_, PixelValues(values_of_view(view_), 0.0F)));
+    Contribution contribution;
+    contribution.planes.push_back(std::move(image.rgba));
+    contribution.statistics = image.statistics;
+    return contribution;
+  }
+
+  RenderedView combine(PixelValues sums) {
+    sums_ = SampleSums::kGiven;
+    return render(unset_view(view_, std::move(sums)));
+  }
+
+ private:
+  RenderedView render(RenderedView image) {
     if (request_.measure_coverage) {
       image.cameras.assign(image.coverage.size(), 0.0F);
       image.nearest_ray.assign(image.coverage.size(), kNowhere);
@@ -83,7 +102,6 @@ class LumigraphFrame {
     return image;
   }
 
- private:
   std::size_t at(int x, int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
            static_cast<std::size_t>(x);
@@ -109,12 +127,13 @@ class LumigraphFrame {
     make_blocks(end);
     meet_surface(end, image);
     frames_.open(used_cameras());
-    if (!frames_.are_whole()) mark_wanted();
+    if (sums_ != SampleSums::kGiven && !frames_.are_whole()) mark_wanted();
     const auto planned = Clock::now();
     frames_.decode(image.statistics);
     for (ChunkCamera& camera : cameras_) camera.lens.rgba = frames_.pixels(camera.camera);
     const auto decoded = Clock::now();
     for_each_block([&](const Block& block, Scratch& scratch) {
+      if (sums_ == SampleSums::kLeave && !reads_any(block)) return;  // the sums are 0
       if (block.present.empty()) leave_empty(block, image);
       for_each_row(block, scratch, [&](int y) { blend_row(block, y, scratch, image); });
     });
@@ -216,10 +235,21 @@ class LumigraphFrame {
         });
   }
 
+  /// Whether this host reads the frame of a camera.
+  bool is_read(int camera) const {
+    return sums_ != SampleSums::kGiven && request_.instant.is_held(camera);
+  }
+
+  bool reads_any(const Block& block) const {
+    return std::ranges::any_of(block.present, [this](int camera) { return is_read(camera); });
+  }
+
   std::vector<bool> used_cameras() const {
     std::vector<bool> used(rig_.cameras.size());
     for (const Block& block : blocks_) {
-      for (const int camera : block.present) used[static_cast<std::size_t>(camera)] = true;
+      for (const int camera : block.present) {
+        if (is_read(camera)) used[static_cast<std::size_t>(camera)] = true;
+      }
     }
     return used;
   }
@@ -305,8 +335,10 @@ class LumigraphFrame {
   void mark_wanted() {
     for (ChunkCamera& camera : cameras_) frames_.plan_into(camera.camera, camera.lens);
     for_each_block([&](const Block& block, Scratch& scratch) {
+      if (!reads_any(block)) return;
       for_each_row(block, scratch, [&](int) {
         for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
+          if (!is_read(scratch.cameras[c]->camera)) continue;
           mark_camera(scratch.cameras[c]->lens, scratch.weights[c], scratch.chunk.count);
         }
       });
@@ -326,9 +358,10 @@ class LumigraphFrame {
   void blend_row(const Block& block, int y, Scratch& scratch, RenderedView& image) const {
     const RayChunk& chunk = scratch.chunk;
     const std::size_t first = at(block.x0, y);
-    blend_chunk(scratch.cameras, scratch.weights, chunk.count,
-                request_.instant.cache->blend_space(),
-                static_cast<float>(request_.instant.cache->full_scale()), &image.rgba[first * 4]);
+    blend_chunk(
+        scratch.cameras, scratch.weights, chunk.count, request_.instant.cache->blend_space(),
+        static_cast<float>(request_.instant.cache->full_scale()), &image.rgba[first * 4], sums_);
+    if (sums_ == SampleSums::kLeave) return;
     const Vector3d forward = view_.pose.viewing_direction();
     for (std::size_t i = 0; i < static_cast<std::size_t>(chunk.count); ++i) {
       const float alpha = image.rgba[(first + i) * 4 + 3];
@@ -378,11 +411,23 @@ class LumigraphFrame {
   FramesOfCameras frames_;
   std::vector<int> present_, complete_;
   int top_ = 0;  // of the band, whose are
+  SampleSums sums_ = SampleSums::kFinish;
   std::vector<Block> blocks_;
   std::vector<double> inverse_distance_;
 };
 
 }  // namespace
+
+Contribution contribute_lumigraph(const ViewRequest& request, const RaySurface& surface,
+                                  const RayWeighing& weighing, WeightField field) {
+  return LumigraphFrame(request, surface, weighing, field, Missed::kUnseen).contribute();
+}
+
+RenderedView combine_lumigraph(const ViewRequest& request, const RaySurface& surface,
+                               const RayWeighing& weighing, WeightField field, PixelValues sums) {
+  return LumigraphFrame(request, surface, weighing, field, Missed::kUnseen)
+      .combine(std::move(sums));
+}
 
 RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
                               const RayWeighing& weighing, WeightField field, Missed missed) {

@@ -33,6 +33,14 @@ RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surf
                               const RayWeighing& weighing, WeightField field,
                               Missed missed = Missed::kUnseen);
 
+/// Returns what the cameras that this host holds contribute to render_lumigraph(): sums, one plane.
+Contribution contribute_lumigraph(const ViewRequest& request, const RaySurface& surface,
+                                  const RayWeighing& weighing, WeightField field);
+
+/// Returns the view of which all hosts' contributions have these `sums`.
+RenderedView combine_lumigraph(const ViewRequest& request, const RaySurface& surface,
+                               const RayWeighing& weighing, WeightField field, PixelValues sums);
+
 /// Ray by ray in double; any view; weights always per pixel.
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
                                         const RayWeighing& weighing,
@@ -47,6 +55,6 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
                          const Instant& instant, KeptResults& kept, std::size_t working_bytes,
                          bool use_take_folder, DepthWork& work);
 
-Method lumigraph_method();
+const Method& lumigraph_method();
 
 }  // namespace raystage

@@ -265,12 +265,9 @@ void add_few(const SourceView& lens, const Taps& taps, int count, float* HWY_RES
   }
 }
 
-void blend_all(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
-               int count, BlendSpace space, float full_scale, float* HWY_RESTRICT rgba) {
+void sample_cameras(std::span<const ChunkCamera* const> cameras,
+                    std::span<const ChunkWeights> weights, int count, float* HWY_RESTRICT sums) {
   constexpr int kTogether = 4;
-  const hn::ScalableTag<float> d;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  HWY_ALIGN float sums[4 * kRays] = {};
   Taps taps[kTogether];
   const SourceView* sources[kTogether];
   int waiting = 0;
@@ -289,6 +286,23 @@ void blend_all(std::span<const ChunkCamera* const> cameras, std::span<const Chun
     waiting = 0;
   }
   add_samples<false>(sources, taps, waiting, count, sums);
+}
+
+void blend_all(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
+               int count, BlendSpace space, float full_scale, float* HWY_RESTRICT rgba,
+               SampleSums mode) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  HWY_ALIGN float sums[4 * kRays] = {};
+  if (mode == SampleSums::kGiven) {
+    read_sums(rgba, count, sums);
+  } else {
+    sample_cameras(cameras, weights, count, sums);
+  }
+  if (mode == SampleSums::kLeave) {
+    leave_sums(sums, nullptr, count, rgba);
+    return;
+  }
   for (int i = 0; i < count; i += lanes) {
     const float* from = sums + 4 * i;
     auto r = hn::Load(d, from), g = hn::Load(d, from + lanes);
@@ -390,8 +404,8 @@ bool counts(const ChunkWeights& weights, int count) {
   return HWY_DYNAMIC_DISPATCH(any)(weights, count);
 }
 void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
-                 int count, BlendSpace space, float full_scale, float* rgba) {
-  HWY_DYNAMIC_DISPATCH(blend_all)(cameras, weights, count, space, full_scale, rgba);
+                 int count, BlendSpace space, float full_scale, float* rgba, SampleSums sums) {
+  HWY_DYNAMIC_DISPATCH(blend_all)(cameras, weights, count, space, full_scale, rgba, sums);
 }
 void mark_camera(const SourceView& lens, const ChunkWeights& weights, int count) {
   HWY_DYNAMIC_DISPATCH(mark)(lens, weights, count);

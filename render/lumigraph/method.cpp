@@ -7,6 +7,7 @@
 #include "render/depth/depth_surface.h"
 #include "render/lumigraph/lumigraph.h"
 #include "render/lumigraph/proxy.h"
+#include "render/view/plane_surface.h"
 #include "schemas/error.h"
 #include "store/scene_depths.h"
 
@@ -22,30 +23,12 @@ RaySurface surface_of(const ViewRequest& r, DepthWork& work) {
                        r.use_take_folder, work);
 }
 
-RenderedView by_lumigraph(const ViewRequest& request) {
-  const bool field = request.options.text("weights") == "blending_field";
-  DepthWork work;
-  const RaySurface surface = surface_of(request, work);
-  RenderedView image =
-      render_lumigraph(request, surface, ray_weighing(request.options),
-                       field ? WeightField::kBlendingField : WeightField::kPerPixel);
-  image.statistics.working_bytes = std::max(image.statistics.working_bytes, work.bytes);
-  image.statistics.pixels_decoded += work.pixels_decoded;
-  return image;
-}
-
-RenderedView by_lumigraph_reference(const ViewRequest& request) {
-  DepthWork work;
-  return render_lumigraph_reference(request, surface_of(request, work),
-                                    ray_weighing(request.options));
-}
-
 DepthRange scene_of(const Take& take) {
   return scene_depths(take, {}, "proxy depth",
                       "Say depth_range_m in take.json, in metres in front of the array");
 }
 
-void check(const MethodOptions& options, const Take& take) {
+void check_proxy(const MethodOptions& options, const Take& take) {
   const std::string& proxy = options.text("proxy");
   const bool has_mesh = !options.text("mesh").empty();
   if (proxy != "mesh" && has_mesh) {
@@ -59,12 +42,6 @@ void check(const MethodOptions& options, const Take& take) {
   if (proxy == "depth") scene_of(take);
 }
 
-std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
-                                              const FrameSelection&) {
-  if (options.text("proxy") != "mesh") return {};
-  return {mesh_file(options, take)};
-}
-
 /// As depth::depths_unless_told().
 DepthSettings solving_of(const Take& take) {
   DepthSettings solving;
@@ -72,26 +49,13 @@ DepthSettings solving_of(const Take& take) {
   return solving;
 }
 
-std::filesystem::path stored_file(const MethodOptions& options, const Instant& instant) {
-  if (options.text("proxy") != "depth") return {};
-  return depth_file(instant.derived_folder(), depth_key(instant, solving_of(*instant.take)));
-}
-
-StoreResult store(const MethodOptions& /*options*/, const Instant& instant,
-                  std::size_t working_bytes) {
-  return store_camera_depths(instant, solving_of(*instant.take), working_bytes);
-}
-
-/// Depths that no memory keeps would be solved for every few rows.
-bool rows_alone(const MethodOptions& options) { return options.text("proxy") != "depth"; }
-
 }  // namespace
 
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
                          const Instant& instant, KeptResults& kept, std::size_t working_bytes,
                          bool use_take_folder, DepthWork& work) {
   RaySurface on_plane = plane_surface(plane);
-  check(options, *instant.take);
+  check_proxy(options, *instant.take);
   const std::string& proxy = options.text("proxy");
   if (proxy == "plane") return on_plane;
   if (proxy == "depth") {
@@ -112,36 +76,111 @@ RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& pl
   };
 }
 
-Method lumigraph_method() {
-  static const std::vector<OptionSpec> options = [] {
-    std::vector<OptionSpec> all = ray_weighing_options();
-    all.push_back(choice_option("proxy", "plane", "plane|mesh|depth",
-                                "where rays are looked up: on the focal plane, on a mesh and, "
-                                "beyond it, the plane, or where the method depth finds the scene"));
-    all.push_back(text_option("mesh", "",
-                              "file of the mesh (OBJ, PLY, glTF ...; world, metres), relative to "
-                              "the take's folder"));
-    all.push_back(choice_option("weights", "per_pixel", "per_pixel|blending_field",
-                                "worked out for every pixel, or every 16 pixels and interpolated"));
-    return all;
-  }();
-  static constexpr MethodPreset kPresets[]{
-      {"fast", "weights=blending_field"}, {"8 cameras", "cameras=8"}, {"on depth", "proxy=depth"}};
-  return {"lumigraph",
-          "the few cameras that suit each ray best, blended where it meets the scene's proxy",
-          options,
-          by_lumigraph,
-          by_lumigraph_reference,
-          files_read,
-          true,
-          kPresets,
-          nullptr,
-          true,
-          false,
-          check,
-          nullptr,
-          rows_alone,
-          {stored_file, store}};
+namespace {
+
+WeightField field_of(const ViewRequest& request) {
+  return request.options.text("weights") == "blending_field" ? WeightField::kBlendingField
+                                                             : WeightField::kPerPixel;
+}
+
+std::vector<OptionSpec> lumigraph_options() {
+  std::vector<OptionSpec> all = ray_weighing_options();
+  all.push_back(choice_option("proxy", "plane", "plane|mesh|depth",
+                              "where rays are looked up: on the focal plane, on a mesh and, "
+                              "beyond it, the plane, or where the method depth finds the scene"));
+  all.push_back(text_option("mesh", "",
+                            "file of the mesh (OBJ, PLY, glTF ...; world, metres), relative to "
+                            "the take's folder"));
+  all.push_back(choice_option("weights", "per_pixel", "per_pixel|blending_field",
+                              "worked out for every pixel, or every 16 pixels and interpolated"));
+  return all;
+}
+
+class LumigraphMethod final : public Method {
+ public:
+  std::string_view name() const override { return "lumigraph"; }
+  std::string_view summary() const override {
+    return "the few cameras that suit each ray best, blended where it meets the scene's proxy";
+  }
+  std::span<const OptionSpec> options() const override { return options_; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"fast", "weights=blending_field"},
+                                             {"8 cameras", "cameras=8"},
+                                             {"on depth", "proxy=depth"}};
+    return kPresets;
+  }
+
+  RenderedView render(const ViewRequest& request) const override {
+    DepthWork work;
+    const RaySurface surface = surface_of(request, work);
+    RenderedView image =
+        render_lumigraph(request, surface, ray_weighing(request.options), field_of(request));
+    image.statistics.working_bytes = std::max(image.statistics.working_bytes, work.bytes);
+    image.statistics.pixels_decoded += work.pixels_decoded;
+    return image;
+  }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    DepthWork work;
+    return render_lumigraph_reference(request, surface_of(request, work),
+                                      ray_weighing(request.options));
+  }
+
+  /// Depths would be solved by every host, of cameras that it does not hold.
+  bool is_distributed(const MethodOptions& options) const override {
+    return options.text("proxy") != "depth";
+  }
+  Contribution contribute(const ViewRequest& request) const override {
+    DepthWork none;
+    return contribute_lumigraph(request, surface_of(request, none), ray_weighing(request.options),
+                                field_of(request));
+  }
+  RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
+    DepthWork none;
+    return combine_lumigraph(request, surface_of(request, none), ray_weighing(request.options),
+                             field_of(request), std::move(planes.at(0)));
+  }
+
+  void check(const MethodOptions& options, const Take& take) const override {
+    check_proxy(options, take);
+  }
+  std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
+                                                const FrameSelection&) const override {
+    if (options.text("proxy") != "mesh") return {};
+    return {mesh_file(options, take)};
+  }
+
+  bool stores_data() const override { return true; }
+  std::filesystem::path stored_file(const MethodOptions& options,
+                                    const Instant& instant) const override {
+    if (options.text("proxy") != "depth") return {};
+    return depth_file(instant.derived_folder(), depth_key(instant, solving_of(*instant.take)));
+  }
+  StoreResult store(const MethodOptions& /*options*/, const Instant& instant,
+                    std::size_t working_bytes) const override {
+    return store_camera_depths(instant, solving_of(*instant.take), working_bytes);
+  }
+
+  RaySurface surface(const SurfaceRequest& r) const override {
+    DepthWork work;
+    return proxy_surface(r.options, r.focal_plane, r.instant, r.kept, r.working_bytes,
+                         r.use_take_folder, work);
+  }
+  bool has_ray_weights() const override { return true; }
+
+  /// Depths that no memory keeps would be solved for every few rows.
+  bool is_row_independent(const MethodOptions& options) const override {
+    return options.text("proxy") != "depth";
+  }
+
+ private:
+  std::vector<OptionSpec> options_ = lumigraph_options();
+};
+
+}  // namespace
+
+const Method& lumigraph_method() {
+  static const LumigraphMethod method;
+  return method;
 }
 
 }  // namespace raystage

@@ -13,10 +13,6 @@
 
 namespace raystage {
 
-/// The plane a x + b y + c z + d = 0; (0, 0, 0, d) lies at infinity. Throws Error (bad input) where
-/// all four are 0 or one is not finite.
-RaySurface plane_surface(const Eigen::Vector4d& plane);
-
 /// Triangles that stand for the scene, in Embree.
 class MeshProxy {
  public:

@@ -11,6 +11,7 @@
 #include "render/lumigraph/proxy.h"
 #include "render/view/any_geometry.h"
 #include "render/view/exact_geometry.h"
+#include "render/view/plane_surface.h"
 #include "render/view/worst_error.h"
 #include "schemas/test_folder.h"
 

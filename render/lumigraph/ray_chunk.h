@@ -81,9 +81,10 @@ bool counts(const ChunkWeights& weights, int count);
 
 /// The cameras' samples, bilinear, by their weights: premultiplied linear light (R, G, B, A; code
 /// 65535 being `full_scale`) of `count` rays. Cameras without a frame (SourceView::rgba) count for
-/// nothing.
+/// nothing. `sums`: as blend_run().
 void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
-                 int count, BlendSpace space, float full_scale, float* rgba);
+                 int count, BlendSpace space, float full_scale, float* rgba,
+                 SampleSums sums = SampleSums::kFinish);
 
 /// Marks in the lens's wanted_mcus all that blend_chunk() will read, and in its read_pixels, if
 /// there are any, exactly that. Many threads may mark the same bytes.

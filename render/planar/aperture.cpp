@@ -62,37 +62,97 @@ class ApertureFrame {
   }
 
   RenderedView render() {
-    const auto start = Clock::now();
-    if (!projection_.at_infinity() && projection_.distance() == 0) {
-      RenderedView nothing = empty_view(view_);  // eye on the plane
-      if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, nothing);
-      return nothing;
-    }
+    if (is_eye_on_plane()) return view_of_nothing();
     RenderedView image = unset_view(view_);
-    open_cameras();
-    mark_needed();
-    const auto planned = Clock::now();
-    sources_.decode(image.statistics);
-    const auto decoded = Clock::now();
-    const auto full_scale = static_cast<float>(instant_.cache->full_scale());
-    rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
-      std::vector<float> scratch;
-      blend_aperture_run(run_of(span, y, scratch), instant_.cache->blend_space(), full_scale,
-                         &image.rgba[at * 4], &image.coverage[at], &image.z[at]);
-    });
-    image.statistics.plan_ms = milliseconds(planned - start);
-    image.statistics.decode_ms = milliseconds(decoded - planned);
+    const auto decoded = decode(image.statistics);
+    blend(image, SampleSums::kFinish);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
-    if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, image);
-    if (!lens_.note().empty()) image.notes.push_back(lens_.note());
+    complete(image);
+    return image;
+  }
+
+  Contribution contribute() {
+    Contribution contribution;
+    contribution.planes.emplace_back(values_of_view(view_), 0.0F);
+    if (is_eye_on_plane()) return contribution;
+    const auto decoded = decode(contribution.statistics);
+    rows_.for_each_part([&](int first, int end) {
+      std::vector<float> scratch;
+      for (int y = first; y < end; ++y) {
+        for (const RayCells::Span& span : rows_.spans(y)) {
+          if (!has_frame(span.cell)) continue;
+          const std::size_t at =
+              static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
+              static_cast<std::size_t>(span.begin);
+          blend_aperture_run(run_of(span, y, scratch), instant_.cache->blend_space(), 1,
+                             &contribution.planes[0][at * 4], nullptr, nullptr, SampleSums::kLeave);
+        }
+      }
+    });
+    contribution.statistics.render_ms = milliseconds(Clock::now() - decoded);
+    return contribution;
+  }
+
+  RenderedView combine(PixelValues sums) {
+    if (is_eye_on_plane()) return view_of_nothing();
+    const auto start = Clock::now();
+    RenderedView image = unset_view(view_, std::move(sums));
+    find_cameras();
+    blend(image, SampleSums::kGiven);
+    image.statistics.render_ms = milliseconds(Clock::now() - start);
+    complete(image);
     return image;
   }
 
  private:
-  /// Cameras that may gather some ray through a cell, and of them all those present.
-  void open_cameras() {
+  bool is_eye_on_plane() const { return !projection_.at_infinity() && projection_.distance() == 0; }
+
+  RenderedView view_of_nothing() const {
+    RenderedView nothing = empty_view(view_);
+    if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, nothing);
+    return nothing;
+  }
+
+  /// Plans and decodes; returns when that was done.
+  Clock::time_point decode(RenderStatistics& statistics) {
+    const auto start = Clock::now();
+    open_cameras();
+    mark_needed();
+    const auto planned = Clock::now();
+    sources_.decode(statistics);
+    const auto decoded = Clock::now();
+    statistics.plan_ms = milliseconds(planned - start);
+    statistics.decode_ms = milliseconds(decoded - planned);
+    return decoded;
+  }
+
+  void blend(RenderedView& image, SampleSums sums) {
+    const auto full_scale = static_cast<float>(instant_.cache->full_scale());
+    rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
+      std::vector<float> scratch;
+      blend_aperture_run(run_of(span, y, scratch), instant_.cache->blend_space(), full_scale,
+                         &image.rgba[at * 4], &image.coverage[at], &image.z[at], sums);
+    });
+  }
+
+  void complete(RenderedView& image) const {
+    if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, image);
+    if (!lens_.note().empty()) image.notes.push_back(lens_.note());
+  }
+
+  /// Whether this host has a frame of a camera that may gather rays through a cell.
+  bool has_frame(int cell) const {
+    return std::ranges::any_of(cameras_[static_cast<std::size_t>(cell)],
+                               [](const ApertureCamera& camera) {
+                                 return camera.source != nullptr && camera.source->rgba != nullptr;
+                               });
+  }
+
+  /// Cameras that may gather some ray through a cell.
+  void find_cameras() {
     const std::size_t count = cells_.cells().size();
-    std::vector<bool> cell_used(count), used(lens_.cameras().size());
+    std::vector<bool> cell_used(count);
+    used_.assign(lens_.cameras().size(), false);
     for (int y = 0; y < view_.height; ++y) {
       for (const RayCells::Span& span : rows_.spans(y)) {
         cell_used[static_cast<std::size_t>(span.cell)] = true;
@@ -107,24 +167,30 @@ class ApertureFrame {
         corners.push_back(place(cell.camera[i]));
       }
       const Disc disc = disc_around(corners);
-      for (std::size_t i = 0; i < used.size(); ++i) {
+      for (std::size_t i = 0; i < used_.size(); ++i) {
         if (may_gather(static_cast<int>(i), disc)) {
           gathering_[c].push_back(static_cast<int>(i));
-          used[i] = true;
+          used_[i] = true;
         }
       }
     }
-    std::vector<int> present;
-    for (std::size_t i = 0; i < used.size(); ++i) {
-      if (used[i] && instant_.is_present(static_cast<int>(i))) {
-        present.push_back(static_cast<int>(i));
-      }
-    }
-    sources_.open(present);
     cameras_.resize(count);
     for (std::size_t c = 0; c < count; ++c) {
       for (const int camera : gathering_[c]) cameras_[c].push_back(as_seen(camera));
     }
+  }
+
+  /// Those of them that are present and that this host holds.
+  void open_cameras() {
+    find_cameras();
+    std::vector<int> opened;
+    for (std::size_t i = 0; i < used_.size(); ++i) {
+      const int camera = static_cast<int>(i);
+      if (used_[i] && instant_.is_present(camera) && instant_.is_held(camera)) {
+        opened.push_back(camera);
+      }
+    }
+    sources_.open(opened);
   }
 
   const Eigen::Vector2d& place(int camera) const {
@@ -302,47 +368,56 @@ class ApertureFrame {
   ViewRows rows_;
   SourceFrames sources_;
   std::vector<std::array<float, 2>> sides_;
+  std::vector<bool> used_;                            // per camera of the rig: gathers some ray
   std::vector<std::vector<int>> gathering_;           // per cell: cameras of the rig
   std::vector<std::vector<ApertureCamera>> cameras_;  // the same
 };
 
 }  // namespace
 
+RenderedView render_aperture(const ViewRequest& request) { return ApertureFrame(request).render(); }
+
 namespace {
 
-std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
-                                              const FrameSelection&) {
-  const std::filesystem::path map = depth_map_file(options, take);
-  return map.empty() ? std::vector<std::filesystem::path>{} : std::vector{map};
-}
-
-void check(const MethodOptions& options, const Take&) { check_lens(options); }
-
-bool without_map(const MethodOptions& options) { return options.text("depth_map").empty(); }
-
-bool rows_alone(const MethodOptions&) { return true; }
+class ApertureMethod final : public Method {
+ public:
+  std::string_view name() const override { return "aperture"; }
+  std::string_view summary() const override {
+    return "all cameras within an aperture around the ray, where it meets the focal plane or a "
+           "depth map: blurs the rest";
+  }
+  std::span<const OptionSpec> options() const override { return aperture_options(); }
+  RenderedView render(const ViewRequest& request) const override {
+    return render_aperture(request);
+  }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return render_aperture_reference(request);
+  }
+  bool is_distributed(const MethodOptions&) const override { return true; }
+  Contribution contribute(const ViewRequest& request) const override {
+    return ApertureFrame(request).contribute();
+  }
+  RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
+    return ApertureFrame(request).combine(std::move(planes.at(0)));
+  }
+  void check(const MethodOptions& options, const Take&) const override { check_lens(options); }
+  std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
+                                                const FrameSelection&) const override {
+    const std::filesystem::path map = depth_map_file(options, take);
+    return map.empty() ? std::vector<std::filesystem::path>{} : std::vector{map};
+  }
+  bool caches_frames_only(const MethodOptions& options) const override {
+    return options.text("depth_map").empty();
+  }
+  bool is_row_independent(const MethodOptions&) const override { return true; }
+  bool has_lens() const override { return true; }
+};
 
 }  // namespace
 
-RenderedView render_aperture(const ViewRequest& request) { return ApertureFrame(request).render(); }
-
-Method aperture_method() {
-  return {
-      "aperture",
-      "all cameras within an aperture around the ray, where it meets the focal plane or a depth "
-      "map: blurs the rest",
-      aperture_options(),
-      render_aperture,
-      render_aperture_reference,
-      files_read,
-      true,
-      {},
-      without_map,
-      true,
-      false,
-      check,
-      nullptr,
-      rows_alone};
+const Method& aperture_method() {
+  static const ApertureMethod method;
+  return method;
 }
 
 }  // namespace raystage

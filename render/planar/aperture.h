@@ -23,6 +23,6 @@ RenderedView render_aperture(const ViewRequest& request);
 /// views with distortion too.
 RenderedView render_aperture_reference(const ViewRequest& request);
 
-Method aperture_method();
+const Method& aperture_method();
 
 }  // namespace raystage

@@ -44,25 +44,69 @@ class FocalPlaneFrame {
         sources_(instant, projection_, count_needed) {}
 
   RenderedView render() {
-    const auto start = Clock::now();
-    if (!projection_.at_infinity() && projection_.distance() == 0)
-      return empty_view(view_);  // eye on the plane
+    if (is_eye_on_plane()) return empty_view(view_);
     RenderedView image = unset_view(view_);
-    open_cameras();
-    mark_needed();
-    const auto planned = Clock::now();
-    sources_.decode(image.statistics);
-    const auto decoded = Clock::now();
-    blend(image);
+    const auto decoded = decode(image.statistics);
+    blend(image, SampleSums::kFinish);
     lower_coverage_of_absent(image);
-    image.statistics.plan_ms = milliseconds(planned - start);
-    image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
     return image;
   }
 
+  Contribution contribute() {
+    Contribution contribution;
+    contribution.planes.emplace_back(values_of_view(view_), 0.0F);
+    if (is_eye_on_plane()) return contribution;
+    const auto decoded = decode(contribution.statistics);
+    rows_.for_each_part([&](int first, int end) {
+      for (int y = first; y < end; ++y) {
+        for (const RayCells::Span& span : rows_.spans(y)) {
+          const PixelRun run = run_of(span, y);
+          if (!has_frame(run)) continue;
+          const std::size_t at =
+              static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
+              static_cast<std::size_t>(span.begin);
+          blend_run(run, instant_.cache->blend_space(), 1, &contribution.planes[0][at * 4], nullptr,
+                    nullptr, SampleSums::kLeave);
+        }
+      }
+    });
+    contribution.statistics.render_ms = milliseconds(Clock::now() - decoded);
+    return contribution;
+  }
+
+  RenderedView combine(PixelValues sums) {
+    if (is_eye_on_plane()) return empty_view(view_);
+    const auto start = Clock::now();
+    RenderedView image = unset_view(view_, std::move(sums));
+    blend(image, SampleSums::kGiven);
+    lower_coverage_of_absent(image);
+    image.statistics.render_ms = milliseconds(Clock::now() - start);
+    return image;
+  }
+
  private:
-  /// The cameras of all cells in view.
+  bool is_eye_on_plane() const { return !projection_.at_infinity() && projection_.distance() == 0; }
+
+  /// Plans and decodes; returns when that was done.
+  Clock::time_point decode(RenderStatistics& statistics) {
+    const auto start = Clock::now();
+    open_cameras();
+    mark_needed();
+    const auto planned = Clock::now();
+    sources_.decode(statistics);
+    const auto decoded = Clock::now();
+    statistics.plan_ms = milliseconds(planned - start);
+    statistics.decode_ms = milliseconds(decoded - planned);
+    return decoded;
+  }
+
+  static bool has_frame(const PixelRun& run) {
+    return std::any_of(run.source.begin(), run.source.begin() + run.count,
+                       [](const SourceView* source) { return source->rgba != nullptr; });
+  }
+
+  /// The cameras of all cells in view that this host holds.
   void open_cameras() {
     std::vector<bool> used(instant_.rig->cameras.size());
     for (int y = 0; y < view_.height; ++y) {
@@ -75,7 +119,8 @@ class FocalPlaneFrame {
     }
     std::vector<int> cameras;
     for (std::size_t i = 0; i < used.size(); ++i) {
-      if (used[i]) cameras.push_back(static_cast<int>(i));
+      const int camera = static_cast<int>(i);
+      if (used[i] && instant_.is_held(camera)) cameras.push_back(camera);
     }
     sources_.open(cameras);
   }
@@ -136,12 +181,12 @@ class FocalPlaneFrame {
     });
   }
 
-  void blend(RenderedView& image) {
+  void blend(RenderedView& image, SampleSums sums) {
     const auto full_scale = static_cast<float>(instant_.cache->full_scale());
     const BlendSpace space = instant_.cache->blend_space();
     rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
       blend_run(run_of(span, y), space, full_scale, &image.rgba[at * 4], &image.coverage[at],
-                &image.z[at]);
+                &image.z[at], sums);
     });
   }
 
@@ -200,6 +245,18 @@ RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instan
   return FocalPlaneFrame(view, instant, plane, weights, count_needed_pixels, region).render();
 }
 
+Contribution contribute_focal_plane(const VirtualCamera& view, const Instant& instant,
+                                    const Eigen::Vector4d& plane, CornerWeights weights,
+                                    bool count_needed_pixels, const ViewRegion* region) {
+  return FocalPlaneFrame(view, instant, plane, weights, count_needed_pixels, region).contribute();
+}
+
+RenderedView combine_focal_plane(const VirtualCamera& view, const Instant& instant,
+                                 const Eigen::Vector4d& plane, CornerWeights weights,
+                                 PixelValues sums, const ViewRegion* region) {
+  return FocalPlaneFrame(view, instant, plane, weights, false, region).combine(std::move(sums));
+}
+
 namespace {
 
 std::filesystem::path objects_file(const MethodOptions& options, const Take& take) {
@@ -219,53 +276,28 @@ std::shared_ptr<const std::vector<ObjectPlane>> objects_of(const ViewRequest& re
       });
 }
 
-/// Every region of the view on its own plane.
+bool is_in_view(const ViewRegion& region) {
+  return std::ranges::any_of(region, [](const auto& row) { return !row.empty(); });
+}
+
+/// Returns the view with every region on its own plane: render(plane, region) gives each, of the
+/// focal plane first, then of the objects in view.
+template <class Render>
 RenderedView on_planes(const ViewRequest& r, const std::vector<ObjectPlane>& objects,
-                       CornerWeights weights) {
+                       const Render& render) {
+  if (objects.empty()) return render(0, r.focal_plane, nullptr);
   const auto start = Clock::now();
   const std::vector<ViewRegion> regions = regions_of(r.view, objects);
   const double regions_ms = milliseconds(Clock::now() - start);
-  RenderedView image = render_focal_plane(r.view, r.instant, r.focal_plane, weights,
-                                          r.count_needed_pixels, &regions.back());
+  RenderedView image = render(0, r.focal_plane, &regions.back());
   image.statistics.plan_ms += regions_ms;
   for (std::size_t i = 0; i < objects.size(); ++i) {
-    const bool in_view =
-        std::ranges::any_of(regions[i], [](const auto& row) { return !row.empty(); });
-    if (!in_view) continue;
-    add_region(render_focal_plane(r.view, r.instant, objects[i].plane, weights,
-                                  r.count_needed_pixels, &regions[i]),
-               regions[i], image);
+    if (!is_in_view(regions[i])) continue;
+    add_region(render(i + 1, objects[i].plane, &regions[i]), regions[i], image);
     image.statistics.working_bytes = bytes_of_view(r.view);  // one object's at a time
   }
   return image;
 }
-
-template <CornerWeights kWeights>
-RenderedView on_plane(const ViewRequest& r) {
-  const auto objects = objects_of(r);
-  RenderedView image = objects->empty() ? render_focal_plane(r.view, r.instant, r.focal_plane,
-                                                             kWeights, r.count_needed_pixels)
-                                        : on_planes(r, *objects, kWeights);
-  if (r.measure_coverage) measure_planar_coverage(r, kWeights, image);
-  return image;
-}
-
-template <CornerWeights kWeights>
-RenderedView on_plane_reference(const ViewRequest& r) {
-  RenderedView image = render_focal_plane_reference(r.view, r.instant, r.focal_plane, kWeights,
-                                                    r.count_needed_pixels, *objects_of(r));
-  if (r.measure_coverage) measure_planar_coverage(r, kWeights, image);
-  return image;
-}
-
-std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
-                                              const FrameSelection&) {
-  if (options.text("objects").empty()) return {};
-  return {objects_file(options, take)};
-}
-
-/// Objects are marked in the whole view.
-bool without_objects(const MethodOptions& options) { return options.text("objects").empty(); }
 
 const std::vector<OptionSpec>& plane_options() {
   static const std::vector<OptionSpec> options{text_option(
@@ -275,40 +307,109 @@ const std::vector<OptionSpec>& plane_options() {
   return options;
 }
 
+/// Three cameras per ray, on the focal plane or on the planes of objects.
+class PlaneMethod : public Method {
+ public:
+  explicit PlaneMethod(CornerWeights weights) : weights_(weights) {}
+
+  std::span<const OptionSpec> options() const override { return plane_options(); }
+
+  RenderedView render(const ViewRequest& r) const override {
+    RenderedView image =
+        on_planes(r, *objects_of(r),
+                  [&](std::size_t, const Eigen::Vector4d& plane, const ViewRegion* region) {
+                    return render_focal_plane(r.view, r.instant, plane, weights_,
+                                              r.count_needed_pixels, region);
+                  });
+    if (r.measure_coverage) measure_planar_coverage(r, weights_, image);
+    return image;
+  }
+
+  bool is_distributed(const MethodOptions&) const override { return true; }
+
+  Contribution contribute(const ViewRequest& r) const override {
+    const auto objects = objects_of(r);
+    const auto on_plane = [&](const Eigen::Vector4d& plane, const ViewRegion* region) {
+      return contribute_focal_plane(r.view, r.instant, plane, weights_, r.count_needed_pixels,
+                                    region);
+    };
+    if (objects->empty()) return on_plane(r.focal_plane, nullptr);
+    const std::vector<ViewRegion> regions = regions_of(r.view, *objects);
+    Contribution all = on_plane(r.focal_plane, &regions.back());
+    for (std::size_t i = 0; i < objects->size(); ++i) {
+      Contribution one = on_plane((*objects)[i].plane, &regions[i]);
+      all.planes.push_back(std::move(one.planes[0]));
+      all.statistics.pixels_decoded += one.statistics.pixels_decoded;
+      all.statistics.decode_ms += one.statistics.decode_ms;
+      all.statistics.render_ms += one.statistics.render_ms;
+    }
+    return all;
+  }
+
+  RenderedView combine(const ViewRequest& r, std::vector<PixelValues> planes) const override {
+    RenderedView image =
+        on_planes(r, *objects_of(r),
+                  [&](std::size_t index, const Eigen::Vector4d& plane, const ViewRegion* region) {
+                    return combine_focal_plane(r.view, r.instant, plane, weights_,
+                                               std::move(planes.at(index)), region);
+                  });
+    if (r.measure_coverage) measure_planar_coverage(r, weights_, image);
+    return image;
+  }
+
+  RenderedView render_reference(const ViewRequest& r) const override {
+    RenderedView image = render_focal_plane_reference(r.view, r.instant, r.focal_plane, weights_,
+                                                      r.count_needed_pixels, *objects_of(r));
+    if (r.measure_coverage) measure_planar_coverage(r, weights_, image);
+    return image;
+  }
+
+  std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
+                                                const FrameSelection&) const override {
+    if (options.text("objects").empty()) return {};
+    return {objects_file(options, take)};
+  }
+
+  /// Objects are marked in the whole view.
+  bool is_row_independent(const MethodOptions& options) const override {
+    return options.text("objects").empty();
+  }
+  bool caches_frames_only(const MethodOptions& options) const override {
+    return options.text("objects").empty();
+  }
+
+ private:
+  CornerWeights weights_;
+};
+
+class FocalPlaneMethod final : public PlaneMethod {
+ public:
+  FocalPlaneMethod() : PlaneMethod(CornerWeights::kLinear) {}
+  std::string_view name() const override { return "focal_plane"; }
+  std::string_view summary() const override {
+    return "three cameras a ray, blended where it meets the focal plane";
+  }
+};
+
+class NearestMethod final : public PlaneMethod {
+ public:
+  NearestMethod() : PlaneMethod(CornerWeights::kNearest) {}
+  std::string_view name() const override { return "nearest"; }
+  std::string_view summary() const override {
+    return "the camera nearest to the ray, alone, where it meets the focal plane";
+  }
+};
+
 }  // namespace
 
-Method focal_plane_method() {
-  return {"focal_plane",
-          "three cameras a ray, blended where it meets the focal plane",
-          plane_options(),
-          on_plane<CornerWeights::kLinear>,
-          on_plane_reference<CornerWeights::kLinear>,
-          files_read,
-          true,
-          {},
-          without_objects,
-          true,
-          false,
-          nullptr,
-          nullptr,
-          without_objects};
+const Method& focal_plane_method() {
+  static const FocalPlaneMethod method;
+  return method;
 }
 
-Method nearest_method() {
-  return {"nearest",
-          "the camera nearest to the ray, alone, where it meets the focal plane",
-          plane_options(),
-          on_plane<CornerWeights::kNearest>,
-          on_plane_reference<CornerWeights::kNearest>,
-          files_read,
-          true,
-          {},
-          without_objects,
-          true,
-          false,
-          nullptr,
-          nullptr,
-          without_objects};
+const Method& nearest_method() {
+  static const NearestMethod method;
+  return method;
 }
 
 }  // namespace raystage

@@ -24,6 +24,17 @@ RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instan
                                 const Eigen::Vector4d& plane, CornerWeights weights,
                                 bool count_needed_pixels, const ViewRegion* region = nullptr);
 
+/// Returns what the cameras that this host holds contribute to render_focal_plane(): sums, one
+/// plane.
+Contribution contribute_focal_plane(const VirtualCamera& view, const Instant& instant,
+                                    const Eigen::Vector4d& plane, CornerWeights weights,
+                                    bool count_needed_pixels, const ViewRegion* region = nullptr);
+
+/// Returns the view of which all hosts' contributions have these `sums`.
+RenderedView combine_focal_plane(const VirtualCamera& view, const Instant& instant,
+                                 const Eigen::Vector4d& plane, CornerWeights weights,
+                                 PixelValues sums, const ViewRegion* region = nullptr);
+
 /// The same, ray by ray in double with whole frames and CameraModel: slow and obvious, and good for
 /// views with distortion too. Rays that meet `objects` are looked up on the nearest one's plane.
 RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
@@ -32,7 +43,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
                                           std::span<const ObjectPlane> objects = {});
 
 /// Both as methods to choose by name.
-Method focal_plane_method();
-Method nearest_method();
+const Method& focal_plane_method();
+const Method& nearest_method();
 
 }  // namespace raystage

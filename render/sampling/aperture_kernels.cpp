@@ -260,7 +260,7 @@ void add_others(const ApertureRun& run, std::span<const ApertureCamera> cameras,
 }
 
 void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
-                    float* coverage, float* z) {
+                    float* coverage, float* z, SampleSums mode) {
   constexpr int kChunks = 4;
   constexpr std::size_t kCameras = 32;  // at a time
   Weights weights;
@@ -298,9 +298,19 @@ void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, 
       if (any_windowed) join(length, windowed[c], crossings[c], sums[c]);
       find_shares(cell.at_infinity, along, length, crossings[c]);
       const std::size_t at = static_cast<std::size_t>(from - cell.begin);
-      write_pixels(sums[c], crossings[c].present, crossings[c].absent, length,
-                   std::max(cell.end, cell.room_end) - from, space, full_scale, along,
-                   cell.at_infinity, rgba + 4 * at, coverage + at, z + at);
+      const float* share = crossings[c].present;
+      if (mode == SampleSums::kLeave) {
+        leave_sums(sums[c], share, length, rgba + 4 * at);
+        return;
+      }
+      int room_end = std::max(cell.end, cell.room_end);
+      if (mode == SampleSums::kGiven) {  // which are shares already
+        read_sums(rgba + 4 * at, length, sums[c]);
+        share = nullptr;
+        room_end = cell.end;  // those to the right are another run's
+      }
+      write_pixels(sums[c], share, crossings[c].absent, length, room_end - from, space, full_scale,
+                   along, cell.at_infinity, rgba + 4 * at, coverage + at, z + at);
       if (run.inverse_depth != nullptr) {
         write_depths(run.inverse_depth + at, coverage + at, length, z + at);
       }
@@ -346,8 +356,8 @@ HWY_EXPORT(blend_aperture);
 
 void mark_pixels_of_aperture(const ApertureRun& run) { HWY_DYNAMIC_DISPATCH(mark_aperture)(run); }
 void blend_aperture_run(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
-                        float* coverage, float* z) {
-  HWY_DYNAMIC_DISPATCH(blend_aperture)(run, space, full_scale, rgba, coverage, z);
+                        float* coverage, float* z, SampleSums sums) {
+  HWY_DYNAMIC_DISPATCH(blend_aperture)(run, space, full_scale, rgba, coverage, z, sums);
 }
 
 }  // namespace raystage

@@ -42,7 +42,8 @@ void mark_pixels_of_aperture(const ApertureRun& run);
 
 /// As blend_run(). Alpha: the part of the light that the cameras present, of which all count with
 /// their weight, have seen. `coverage`: the same with those that are absent counted too.
+/// `sums`: as blend_run(); cameras without a frame still count in the weights.
 void blend_aperture_run(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
-                        float* coverage, float* z);
+                        float* coverage, float* z, SampleSums sums = SampleSums::kFinish);
 
 }  // namespace raystage

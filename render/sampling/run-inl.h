@@ -170,6 +170,30 @@ HWY_INLINE void write_pixels(const float* sums, const float* share, const float*
   }
 }
 
+/// Writes sums in the order of transpose_blocks() as R, G, B, weight per pixel, times `share`, if
+/// any.
+HWY_INLINE void leave_sums(const float* sums, const float* share, int n, float* rgba) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::FixedTag<float, 4> d;
+  for (int i = 0; i < n; ++i) {
+    const auto sum = hn::Load(d, sums + 4 * slot_of(hn::ScalableTag<float>(), i));
+    const auto part = hn::Set(d, share == nullptr ? 1.0F : share[i]);
+    hn::StoreU(hn::Mul(sum, part), d, rgba + static_cast<std::ptrdiff_t>(i) * 4);
+  }
+}
+
+/// Reads what leave_sums() writes.
+HWY_INLINE void read_sums(const float* rgba, int n, float* sums) {
+  namespace hn = hwy::HWY_NAMESPACE;
+  const hn::FixedTag<float, 4> d;
+  const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
+  std::fill_n(sums, 4 * ((n + lanes - 1) / lanes * lanes), 0.0F);  // whole vectors are written
+  for (int i = 0; i < n; ++i) {
+    hn::Store(hn::LoadU(d, rgba + static_cast<std::ptrdiff_t>(i) * 4), d,
+              sums + 4 * slot_of(hn::ScalableTag<float>(), i));
+  }
+}
+
 /// Marks the pixels that taps read with a weight.
 HWY_INLINE void mark_pixels(const SourceView& source, const Taps& taps, int n) {
   for (int i = 0; i < n; ++i) {

@@ -50,30 +50,45 @@ void keep_nearest(const std::array<double, 3>& corner_products, int n, Weights& 
   }
 }
 
-void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-           float* z) {
+/// The run's chunk of n pixels from `begin` on. `along`: see inverse_depth().
+void sample_cameras(const PixelRun& run, int begin, int n, Ramp along, float* sums) {
   Weights weights;
   Taps taps[3];
+  find_weights(run, begin, n, weights);
+  if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
+  if (!run.at_infinity) drop_unmet(along, n, weights);
+  const SourceView* sources[3];
+  int count = 0;
+  for (int c = 0; c < run.count; ++c) {
+    if (run.source[c]->rgba == nullptr) continue;  // sees nothing of this view
+    find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
+    prefetch_taps(*run.source[c], taps[count], n);
+    sources[count++] = run.source[c];
+  }
+  add_samples<true>(sources, taps, count, n, sums);
+}
+
+void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
+           float* z, SampleSums mode) {
   HWY_ALIGN float sums[4 * kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
+    const std::size_t at = static_cast<std::size_t>(begin - run.begin);
     // Positive where the ray meets the focal plane: 1 / depth.
     const Ramp along = inverse_depth(run.slope, run.distance, begin, run.y, n);
-    find_weights(run, begin, n, weights);
-    if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
-    if (!run.at_infinity) drop_unmet(along, n, weights);
-    const SourceView* sources[3];
-    int count = 0;
-    for (int c = 0; c < run.count; ++c) {
-      if (run.source[c]->rgba == nullptr) continue;  // sees nothing of this view
-      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
-      prefetch_taps(*run.source[c], taps[count], n);
-      sources[count++] = run.source[c];
+    if (mode == SampleSums::kGiven) {
+      read_sums(rgba + 4 * at, n, sums);
+    } else {
+      sample_cameras(run, begin, n, along, sums);
     }
-    add_samples<true>(sources, taps, count, n, sums);
-    const std::size_t at = static_cast<std::size_t>(begin - run.begin);
-    write_pixels(sums, nullptr, nullptr, n, std::max(run.end, run.room_end) - begin, space,
-                 full_scale, along, run.at_infinity, rgba + 4 * at, alpha + at, z + at);
+    if (mode == SampleSums::kLeave) {
+      leave_sums(sums, nullptr, n, rgba + 4 * at);
+      continue;
+    }
+    // Given sums to the right of the run are another run's.
+    const int room_end = mode == SampleSums::kGiven ? run.end : std::max(run.end, run.room_end);
+    write_pixels(sums, nullptr, nullptr, n, room_end - begin, space, full_scale, along,
+                 run.at_infinity, rgba + 4 * at, alpha + at, z + at);
   }
 }
 
@@ -165,8 +180,8 @@ HWY_EXPORT(target);
 
 void mark_run(const PixelRun& run) { HWY_DYNAMIC_DISPATCH(mark)(run); }
 void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-               float* z) {
-  HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, alpha, z);
+               float* z, SampleSums sums) {
+  HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, alpha, z, sums);
 }
 void codes_of_run(const PixelRun& run, std::uint16_t* rgba) {
   HWY_DYNAMIC_DISPATCH(codes)(run, rgba);

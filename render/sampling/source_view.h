@@ -6,6 +6,7 @@
 #include <atomic>
 #include <cstdint>
 
+#include "render/view/contribution.h"
 #include "rig/camera_model.h"
 #include "store/frames/blend_space.h"
 
@@ -76,8 +77,9 @@ void mark_run(const PixelRun& run);
 /// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats a pixel
 /// (premultiplied linear light, code 65535 being `full_scale`), `alpha` 1 float (A once more), `z`
 /// 1 float (+infinity where A is 0).
+/// `sums`: kLeave writes `rgba` alone, and nothing beyond the run; kGiven reads `rgba` first.
 void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-               float* z);
+               float* z, SampleSums sums = SampleSums::kFinish);
 
 /// The run's sums of weighted codes themselves, rounded, on the scale of the blend space: R, G, B,
 /// A per pixel, A = 65535 where all cameras see. Rays that do not meet the plane give 0.

@@ -8,6 +8,7 @@
 
 #include "render/slabs/slabs.h"
 #include "render/view/plane_projection.h"
+#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -49,10 +50,6 @@ RigSlabs make_slabs(const Instant& instant, const SlabSettings& settings) {
   }
   return made;
 }
-
-/// Even where memory is too short to keep images of nodes: then bands make those anew that they
-/// share, and what is granted has no say in the pixels.
-bool rows_alone(const MethodOptions&) { return true; }
 
 }  // namespace
 
@@ -97,23 +94,47 @@ std::shared_ptr<const RigSlabs> slabs_of(const ViewRequest& request) {
   });
 }
 
-Method slabs_method() {
-  static constexpr MethodPreset kPresets[]{{"fast", "interpolation=bilinear_st"},
-                                           {"small", "uv_scale=0.5"}};
-  return {"slabs",
-          "four cameras a ray, from two-plane slabs into which the frames are rectified once",
-          kOptions,
-          render_slabs,
-          render_slabs_reference,
-          nullptr,
-          true,
-          kPresets,
-          nullptr,
-          true,
-          false,
-          nullptr,
-          nullptr,
-          rows_alone};
+namespace {
+
+class SlabsMethod final : public Method {
+ public:
+  std::string_view name() const override { return "slabs"; }
+  std::string_view summary() const override {
+    return "four cameras a ray, from two-plane slabs into which the frames are rectified once";
+  }
+  std::span<const OptionSpec> options() const override { return kOptions; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"fast", "interpolation=bilinear_st"},
+                                             {"small", "uv_scale=0.5"}};
+    return kPresets;
+  }
+  RenderedView render(const ViewRequest& request) const override { return render_slabs(request); }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return render_slabs_reference(request);
+  }
+  bool is_distributed(const MethodOptions&) const override { return true; }
+  Contribution contribute(const ViewRequest& request) const override {
+    return contribute_slabs(request);
+  }
+  RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
+    return combine_slabs(request, planes.at(0));
+  }
+  void check_rays(const MethodOptions& options) const override {
+    if (options.text("layout") != "box") return;
+    throw Error::bad_input(
+        "slabs in a box look rays up on a plane before each side, single rays on one plane alone",
+        "method slabs", "Ask for views, or for the rays of another method");
+  }
+  /// Even where memory is too short to keep images of nodes: then bands make those anew that they
+  /// share, and what is granted has no say in the pixels.
+  bool is_row_independent(const MethodOptions&) const override { return true; }
+};
+
+}  // namespace
+
+const Method& slabs_method() {
+  static const SlabsMethod method;
+  return method;
 }
 
 }  // namespace raystage

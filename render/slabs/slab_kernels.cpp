@@ -171,26 +171,39 @@ void add_samples(const std::uint16_t* HWY_RESTRICT texels, int width, const Taps
   }
 }
 
-void sample_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z) {
+void sample_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
+                SampleSums mode) {
   Taps taps[4];
   HWY_ALIGN float sums[4 * kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
-    find_taps(run, begin, n, taps);
-    std::fill(sums, sums + 4 * n, 0.0F);
-    for (int c = 0; c < 4; ++c) {
-      if (run.node[static_cast<std::size_t>(c)] == nullptr) continue;
-      add_samples(run.node[static_cast<std::size_t>(c)], run.width, taps[c], n, sums);
+    float* out = rgba + static_cast<std::size_t>(begin - run.begin) * 4;
+    if (mode == SampleSums::kGiven) {
+      std::copy_n(out, 4 * n, sums);
+    } else {
+      find_taps(run, begin, n, taps);
+      std::fill(sums, sums + 4 * n, 0.0F);
+      for (int c = 0; c < 4; ++c) {
+        if (run.node[static_cast<std::size_t>(c)] == nullptr) continue;
+        add_samples(run.node[static_cast<std::size_t>(c)], run.width, taps[c], n, sums);
+      }
     }
     const Ramp along = ramp(run.slope, begin, run.y, run.at_infinity ? 1 : 1 / run.distance);
+    const auto slope_at = [&](int i) { return along.base + static_cast<float>(i) * along.step; };
+    for (int i = 0; i < n; ++i) {
+      if (!run.at_infinity && !(slope_at(i) > 0)) std::fill(sums + 4 * i, sums + 4 * i + 4, 0.0F);
+    }
+    if (mode == SampleSums::kLeave) {
+      std::copy_n(sums, 4 * n, out);
+      continue;
+    }
     float* out_z = z + (begin - run.begin);
     for (int i = 0; i < n; ++i) {
-      const float slope = along.base + static_cast<float>(i) * along.step;
-      if (!run.at_infinity && !(slope > 0)) std::fill(sums + 4 * i, sums + 4 * i + 4, 0.0F);
+      const float slope = slope_at(i);
       out_z[i] = !run.at_infinity && sums[4 * i + 3] > 0 ? 1 / slope
                                                          : std::numeric_limits<float>::infinity();
     }
-    finish(sums, n, space, full_scale, rgba + static_cast<std::size_t>(begin - run.begin) * 4);
+    finish(sums, n, space, full_scale, out);
   }
 }
 
@@ -207,9 +220,9 @@ namespace raystage {
 HWY_EXPORT(sample_run);
 HWY_EXPORT(target);
 
-void sample_slab_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba,
-                     float* z) {
-  HWY_DYNAMIC_DISPATCH(sample_run)(run, space, full_scale, rgba, z);
+void sample_slab_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
+                     SampleSums sums) {
+  HWY_DYNAMIC_DISPATCH(sample_run)(run, space, full_scale, rgba, z, sums);
 }
 const char* slab_kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 
+#include "render/view/contribution.h"
 #include "store/frames/blend_space.h"
 
 namespace raystage {
@@ -41,7 +42,9 @@ struct SlabRun {
 /// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats a pixel
 /// (premultiplied linear light, code 65535 being `full_scale`), `z` 1 float (+infinity where alpha
 /// is 0). Run-time dispatch: see slab_kernel_target().
-void sample_slab_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z);
+/// `sums`: as blend_run(); kLeave does not write `z`.
+void sample_slab_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
+                     SampleSums sums = SampleSums::kFinish);
 
 /// The instruction set in use, e.g. "AVX3".
 const char* slab_kernel_target();

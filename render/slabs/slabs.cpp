@@ -29,12 +29,15 @@ double milliseconds(Clock::duration duration) {
 class SlabFrame {
  public:
   SlabFrame(const ViewRequest& request, const PlaneProjection& projection, const Slab& slab,
-            const std::vector<NodeSources>& nodes, NeededPixels& needed)
+            const std::vector<NodeSources>& nodes, NeededPixels& needed, SampleSums sums,
+            const PixelValues& given)
       : request_(request),
         projection_(projection),
         slab_(slab),
         nodes_(nodes),
         needed_(needed),
+        sums_(sums),
+        given_(given),
         interpolation_(interpolation_of(request.options)),
         rays_(request.view, slab),
         functions_(slab, rays_, projection),
@@ -95,7 +98,7 @@ class SlabFrame {
       for (const SlabRays::Run& run : runs_[static_cast<std::size_t>(y)]) {
         for (const int node : nodes_of(run)) {
           const auto i = static_cast<std::size_t>(std::max(node, 0));
-          if (node < 0 || needed[i] || nodes_[i].count == 0) continue;
+          if (node < 0 || needed[i] || !is_made_here(nodes_[i])) continue;
           needed[i] = true;
           added.push_back(i);
         }
@@ -107,6 +110,14 @@ class SlabFrame {
       return y;
     }
     return request_.view.height;
+  }
+
+  /// Whether this host makes the node's image.
+  bool is_made_here(const NodeSources& node) const {
+    if (node.count == 0 || sums_ == SampleSums::kGiven) return false;
+    const auto heaviest = std::max_element(node.weight.begin(), node.weight.begin() + node.count) -
+                          node.weight.begin();
+    return request_.instant.is_held(node.camera[static_cast<std::size_t>(heaviest)]);
   }
 
   Error too_large(std::size_t count) const {
@@ -221,9 +232,19 @@ class SlabFrame {
         const auto& held = held_[static_cast<std::size_t>(nodes[i])];
         run.node[i] = held ? held->rgba.get() : nullptr;
       }
+      const bool has_node =
+          std::ranges::any_of(run.node, [](const auto* n) { return n != nullptr; });
       const std::size_t at = row_start + static_cast<std::size_t>(part.begin);
+      const auto values = 4 * static_cast<std::size_t>(part.end - part.begin);
+      if (sums_ == SampleSums::kGiven) std::copy_n(&given_[at * 4], values, &image.rgba[at * 4]);
+      if (sums_ == SampleSums::kLeave && !has_node) {
+        // A ray on the border of two slabs may have another's sums.
+        std::fill_n(&image.rgba[at * 4], values, 0.0F);
+        continue;
+      }
       sample_slab_run(run, request_.instant.cache->blend_space(), full_scale, &image.rgba[at * 4],
-                      &image.z[at]);
+                      &image.z[at], sums_);
+      if (sums_ == SampleSums::kLeave) continue;
       set_coverage(part, nodes, y, image);
     }
   }
@@ -267,6 +288,8 @@ class SlabFrame {
   const Slab& slab_;
   const std::vector<NodeSources>& nodes_;
   NeededPixels& needed_;
+  SampleSums sums_;
+  const PixelValues& given_;  // sums in place of samples, kGiven
   SlabInterpolation interpolation_;
   SlabRays rays_;
   SlabRuns functions_;
@@ -276,10 +299,9 @@ class SlabFrame {
   std::vector<bool> camera_used_;
 };
 
-}  // namespace
-
-RenderedView render_slabs(const ViewRequest& request) {
-  RenderedView image = empty_view(request.view);
+/// `given`: of all hosts, with kGiven.
+void render_rays(const ViewRequest& request, SampleSums sums, const PixelValues& given,
+                 RenderedView& image) {
   const auto start = Clock::now();
   const auto slabs = slabs_of(request);
   image.statistics.plan_ms = milliseconds(Clock::now() - start);
@@ -292,10 +314,34 @@ RenderedView render_slabs(const ViewRequest& request) {
     on_face.focal_plane = focal_plane_of(slab, request);
     const PlaneProjection projection(request.view, on_face.focal_plane);
     if (!projection.at_infinity() && projection.distance() == 0) continue;  // eye on the plane
-    SlabFrame(on_face, projection, slab, slabs->nodes[i], needed).render(image);
+    SlabFrame(on_face, projection, slab, slabs->nodes[i], needed, sums, given).render(image);
   }
   image.statistics.pixels_needed = needed.count();
-  if (request.measure_coverage) measure_slab_coverage(request, *slabs, image);
+  if (request.measure_coverage && sums != SampleSums::kLeave) {
+    measure_slab_coverage(request, *slabs, image);
+  }
+}
+
+}  // namespace
+
+RenderedView render_slabs(const ViewRequest& request) {
+  RenderedView image = empty_view(request.view);
+  render_rays(request, SampleSums::kFinish, {}, image);
+  return image;
+}
+
+Contribution contribute_slabs(const ViewRequest& request) {
+  RenderedView image = empty_view(request.view);
+  render_rays(request, SampleSums::kLeave, {}, image);
+  Contribution contribution;
+  contribution.planes.push_back(std::move(image.rgba));
+  contribution.statistics = image.statistics;
+  return contribution;
+}
+
+RenderedView combine_slabs(const ViewRequest& request, const PixelValues& sums) {
+  RenderedView image = empty_view(request.view);
+  render_rays(request, SampleSums::kGiven, sums, image);
   return image;
 }
 

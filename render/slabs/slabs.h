@@ -30,11 +30,19 @@ SlabInterpolation interpolation_of(const MethodOptions& options);
 /// Error (bad input) where one row of the view needs more nodes than fit in `working_bytes`.
 RenderedView render_slabs(const ViewRequest& request);
 
+/// Returns what the nodes that are this host's contribute to render_slabs(): sums, one plane. A
+/// node is the host's that holds the camera with the largest weight in it; the frames of its other
+/// cameras are read, too.
+Contribution contribute_slabs(const ViewRequest& request);
+
+/// Returns the view of which all hosts' contributions have these `sums`.
+RenderedView combine_slabs(const ViewRequest& request, const PixelValues& sums);
+
 /// The same, ray by ray in double, without slabs: each node is looked up in the frames it is made
 /// of. Differs by what rectification costs: one more linear interpolation, except where the image
 /// plane falls on the cameras' own.
 RenderedView render_slabs_reference(const ViewRequest& request);
 
-Method slabs_method();
+const Method& slabs_method();
 
 }  // namespace raystage

@@ -142,25 +142,42 @@ float absent_share(const Plan& plan, const Instant& instant, int x, int y) {
 
 }  // namespace plane_sweep
 
-Method plane_sweep_method() {
-  static constexpr auto kCheck = [](const MethodOptions& options, const Take& take) {
+namespace {
+
+class PlaneSweepMethod final : public Method {
+ public:
+  std::string_view name() const override { return "plane_sweep"; }
+  std::string_view summary() const override {
+    return "the nearest cameras, where they agree best: depth found view by view";
+  }
+  std::span<const OptionSpec> options() const override { return plane_sweep::kOptions; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"},
+                                             {"6 cameras", "cameras=6"}};
+    return kPresets;
+  }
+  RenderedView render(const ViewRequest& request) const override {
+    return plane_sweep::render(request);
+  }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return plane_sweep::render_reference(request);
+  }
+  void check(const MethodOptions& options, const Take& take) const override {
     plane_sweep::settings_of(options);
     scene_depths(options, take, "plane_sweep");
-  };
-  static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"},
-                                           {"6 cameras", "cameras=6"}};
-  return {"plane_sweep",
-          "the nearest cameras, where they agree best: depth found view by view",
-          plane_sweep::kOptions,
-          plane_sweep::render,
-          plane_sweep::render_reference,
-          nullptr,
-          true,
-          kPresets,
-          nullptr,
-          false,
-          false,
-          kCheck};
+  }
+  /// Rays meet the scene where `depth` finds it between the same distances.
+  RayStandIn ray_stand_in(const MethodOptions& options) const override {
+    return {"depth", {{"near", options.number("near")}, {"far", options.number("far")}}};
+  }
+  bool uses_focal_plane() const override { return false; }
+};
+
+}  // namespace
+
+const Method& plane_sweep_method() {
+  static const PlaneSweepMethod method;
+  return method;
 }
 
 }  // namespace raystage

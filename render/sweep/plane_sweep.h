@@ -24,7 +24,7 @@ namespace raystage {
 /// the shares of cameras that would have been chosen had they a frame at this instant. z: planar
 /// depth of the point found. Throws Error (bad input) where neither the take nor the options say
 /// how deep the scene is.
-Method plane_sweep_method();
+const Method& plane_sweep_method();
 
 namespace plane_sweep {
 

@@ -13,8 +13,8 @@
 
 namespace raystage {
 
-/// Counts the light field frames whose stored data (Method::stored) a method needed; one counts
-/// again after its data was dropped from memory.
+/// Counts the light field frames whose stored data (Method::stored_file) a method needed; one
+/// counts again after its data was dropped from memory.
 struct StoredDataCounts {
   std::atomic<int> derived = 0;  ///< not stored before, or damaged
   std::atomic<int> read = 0;     ///< from their files
@@ -34,6 +34,9 @@ struct Instant {
   /// RendererSettings::ticks.
   std::vector<std::vector<int>> frames_beside;
   std::vector<int> members;  ///< cameras that are not left out, in increasing order
+  /// Per camera of the rig: whether this host contributes its frames to views that several hosts
+  /// render together. Empty: it contributes all.
+  std::vector<bool> held_cameras;
   /// Cells of the cameras present, and of all that could be (those not left out): rays are blended
   /// by the first, RenderedView::coverage is counted by the second. Equal when nobody is absent.
   std::shared_ptr<const Topology> present, complete;
@@ -48,6 +51,10 @@ struct Instant {
 
   /// To find surfaces in: those are where they are, whatever shows of them.
   FrameCache& opaque_frames() const { return opaque != nullptr ? *opaque : *cache; }
+
+  bool is_held(int camera) const {
+    return held_cameras.empty() || held_cameras[static_cast<std::size_t>(camera)];
+  }
 
   bool is_present(int camera) const {
     return frame_of_camera[static_cast<std::size_t>(camera)] >= 0;

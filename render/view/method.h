@@ -9,10 +9,12 @@
 #include <string_view>
 #include <vector>
 
+#include "render/view/contribution.h"
 #include "render/view/instant.h"
 #include "render/view/kept_results.h"
 #include "render/view/method_options.h"
 #include "render/view/view.h"
+#include "render/view/world_ray.h"
 #include "store/take.h"
 #include "store/timeline.h"
 
@@ -40,58 +42,130 @@ struct ViewRequest {
   int first_row = 0, whole_height = 0;
 };
 
+/// What is asked of a method that answers single rays: see Method::surface().
+struct SurfaceRequest {
+  const MethodOptions& options;  ///< of this method
+  const Instant& instant;        ///< its rig must outlive the surface
+  Eigen::Vector4d focal_plane;   ///< as ViewRequest
+  KeptResults& kept;
+  std::size_t working_bytes;
+  bool use_take_folder = true;  ///< as ViewRequest
+  bool reference = false;       ///< the slow, obvious surface
+};
+
 /// Options worth comparing with the method as it is unless told: cheaper, finer, or with a target.
 struct MethodPreset {
   std::string_view name;     ///< e.g. "fast"
   std::string_view options;  ///< "NAME=VALUE,..."
 };
 
-/// What became of data that a method was to store.
+/// The result of Method::store().
 struct StoreResult {
   bool was_stored = false;  ///< the file was there, whole
   std::string not_stored;   ///< why the data could not be stored; empty: it is stored
 };
 
-/// Data that a method derives once from a light field frame and stores for all views of it: camera
-/// depths. Null functions: the method stores nothing.
-struct StoredData {
-  /// Returns the file, below Instant::derived_folder(); empty: with these options there is none.
-  /// Reads the encoded frames of all cameras. Throws Error (bad input) as Method::check.
-  std::filesystem::path (*file)(const MethodOptions& options, const Instant& instant) = nullptr;
-  /// Derives the data and writes the file, unless it is there and whole: the same bytes as
-  /// rendering a view writes. Works in `working_bytes`. Throws Error as Method::render.
-  StoreResult (*store)(const MethodOptions& options, const Instant& instant,
-                       std::size_t working_bytes) = nullptr;
+/// The method that answers single rays in place of another one.
+struct RayStandIn {
+  std::string_view method;  ///< by name; empty: the method answers rays itself
+  OptionValues options;     ///< of that method
 };
 
-/// A way to reconstruct views, chosen by name. Whatever is done per pixel is done inside.
-struct Method {
-  std::string_view name;
-  std::string_view summary;  ///< for people, a line
-  std::span<const OptionSpec> options;
-  /// For views without lens distortion.
-  RenderedView (*render)(const ViewRequest& request);
-  /// The slow, obvious one, for any view.
-  RenderedView (*render_reference)(const ViewRequest& request);
-  /// Files beside the archives that determine the pixels, for fingerprints; null: none.
-  std::vector<std::filesystem::path> (*files_read)(const MethodOptions& options, const Take& take,
-                                                   const FrameSelection& frames) = nullptr;
-  bool measures_coverage = false;  ///< knows what ViewRequest::measure_coverage asks for
-  std::span<const MethodPreset> presets = {};
-  /// Whether it wants memory for decoded frames alone: keeps nothing, and works in little; null:
-  /// never.
-  bool (*frames_only)(const MethodOptions& options) = nullptr;
-  bool on_focal_plane = true;        ///< looks rays up on ViewRequest::focal_plane
-  bool tells_nothing_there = false;  ///< may fill RenderedView::nothing_there
+/// Reconstructs views of a light field. There is one immutable object per method; all members may
+/// be called from many threads at once. Every per-pixel operation happens inside.
+class Method {
+ public:
+  Method() = default;
+  virtual ~Method() = default;
+  Method(const Method&) = delete;
+  Method& operator=(const Method&) = delete;
+
+  virtual std::string_view name() const = 0;
+  virtual std::string_view summary() const = 0;  ///< for people, a line
+  virtual std::span<const OptionSpec> options() const = 0;
+  /// Returns option values that are worth comparing with the defaults.
+  virtual std::span<const MethodPreset> presets() const { return {}; }
+
+  /// Renders a view without lens distortion. Throws Error (bad input) for options that render no
+  /// view of the take and for frames that cannot be read.
+  virtual RenderedView render(const ViewRequest& request) const = 0;
+  /// Renders any view, slowly and obviously: what render() must match. Throws as render().
+  virtual RenderedView render_reference(const ViewRequest& request) const = 0;
+
   /// Throws Error (bad input) where these options render no view of the take, as far as that can be
-  /// known before one is; null: nothing to know.
-  void (*check)(const MethodOptions& options, const Take& take) = nullptr;
-  /// Whether pixels depend on Instant::frames_beside; null: never.
-  bool (*looks_beside)(const MethodOptions& options) = nullptr;
-  /// Whether pixels know nothing of those in other rows, so that any rows of a view can be rendered
-  /// by themselves; null: never. What is found for all of them is best kept: it is asked for anew.
-  bool (*rows_alone)(const MethodOptions& options) = nullptr;
-  StoredData stored = {};  ///< what it derives once from a light field frame
+  /// known before one is rendered.
+  virtual void check(const MethodOptions& /*options*/, const Take& /*take*/) const {}
+  /// Returns the files that determine the pixels, next to the archives, for fingerprints.
+  virtual std::vector<std::filesystem::path> files_read(const MethodOptions& /*options*/,
+                                                        const Take& /*take*/,
+                                                        const FrameSelection& /*frames*/) const {
+    return {};
+  }
+
+  // Views that several hosts render together, each from the cameras that it holds (thesis 4.1).
+
+  /// Whether contribute() and combine() render views with these options.
+  virtual bool is_distributed(const MethodOptions& /*options*/) const { return false; }
+  /// Returns what the cameras that this host holds (Instant::is_held) contribute to a view. Throws
+  /// as render(). Only where is_distributed().
+  virtual Contribution contribute(const ViewRequest& request) const;
+  /// Returns the view of the contributions of all hosts, added up plane by plane. Reads no frame.
+  /// Only where is_distributed().
+  virtual RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const;
+
+  // Data that a method derives once from a light field frame and stores for all views of it: camera
+  // depths.
+
+  virtual bool stores_data() const { return false; }
+  /// Returns the file of the stored data, below Instant::derived_folder(); empty: with these
+  /// options there is none. Reads the encoded frames of all cameras. Throws as check().
+  virtual std::filesystem::path stored_file(const MethodOptions& /*options*/,
+                                            const Instant& /*instant*/) const {
+    return {};
+  }
+  /// Derives the data and writes the file, unless it is there and whole: the same bytes as
+  /// rendering a view writes. Works in `working_bytes`. Throws Error as render().
+  virtual StoreResult store(const MethodOptions& /*options*/, const Instant& /*instant*/,
+                            std::size_t /*working_bytes*/) const {
+    return {};
+  }
+
+  // Single rays, see query_rays().
+
+  /// Throws Error (bad input) where the method cannot answer single rays: there is no one surface
+  /// that they meet.
+  virtual void check_rays(const MethodOptions& /*options*/) const {}
+  /// Returns the method whose surface() is asked instead.
+  virtual RayStandIn ray_stand_in(const MethodOptions& /*options*/) const { return {}; }
+  /// Returns where rays meet the scene; by default the focal plane. Throws as render().
+  virtual RaySurface surface(const SurfaceRequest& request) const;
+  /// Whether its options are ray_weighing()'s; rays of other methods are weighed by default
+  /// options.
+  virtual bool has_ray_weights() const { return false; }
+
+  // What the renderer and its users must know of the method.
+
+  /// Knows what ViewRequest::measure_coverage asks for.
+  virtual bool measures_coverage() const { return true; }
+  /// Needs memory for decoded frames alone: has no results to cache and works in little memory.
+  virtual bool caches_frames_only(const MethodOptions& /*options*/) const { return false; }
+  /// Looks rays up on ViewRequest::focal_plane.
+  virtual bool uses_focal_plane() const { return true; }
+  /// Looks rays up on it where the depth range of the scene is not known.
+  virtual bool may_use_focal_plane() const { return uses_focal_plane(); }
+  /// May fill RenderedView::nothing_there.
+  virtual bool marks_empty_space() const { return false; }
+  /// Shows the foreground alone: transparent pixels are no missing rays.
+  virtual bool shows_foreground_only() const { return false; }
+  /// Pixels depend on Instant::frames_beside.
+  virtual bool reads_adjacent_frames(const MethodOptions& /*options*/) const { return false; }
+  /// Pixels do not depend on those in other rows, so that any rows of a view can be rendered by
+  /// themselves. Results for all rows are best cached: they are asked for again.
+  virtual bool is_row_independent(const MethodOptions& /*options*/) const { return false; }
+  /// Has a lens: the options f_number, film_width and radius.
+  virtual bool has_lens() const { return false; }
+  /// Measures which method to use, on the take at hand.
+  virtual bool chooses_by_measuring() const { return false; }
 };
 
 }  // namespace raystage

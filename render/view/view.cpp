@@ -79,16 +79,19 @@ RenderedView empty_view(const VirtualCamera& view) {
   return image;
 }
 
-RenderedView unset_view(const VirtualCamera& view) {
+RenderedView unset_view(const VirtualCamera& view, PixelValues rgba) {
   RenderedView image;
   image.width = view.width;
   image.height = view.height;
-  const std::size_t pixels =
-      static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
-  image.rgba.resize(pixels * 4);
-  image.coverage.resize(pixels);
-  image.z.resize(pixels);
+  image.rgba = std::move(rgba);
+  image.rgba.resize(values_of_view(view));
+  image.coverage.resize(image.rgba.size() / 4);
+  image.z.resize(image.rgba.size() / 4);
   return image;
+}
+
+std::size_t values_of_view(const VirtualCamera& view) {
+  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * 4;
 }
 
 }  // namespace raystage

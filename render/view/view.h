@@ -104,7 +104,10 @@ struct RenderedView {
 std::size_t bytes_of_view(const VirtualCamera& view);
 /// An image of the view's size in which no camera saw a ray.
 RenderedView empty_view(const VirtualCamera& view);
-/// An image of the view's size for who writes every pixel of it.
-RenderedView unset_view(const VirtualCamera& view);
+/// An image of the view's size for who writes every pixel of it. `rgba`: its memory, with what it
+/// holds; empty: new memory.
+RenderedView unset_view(const VirtualCamera& view, PixelValues rgba = {});
+/// R, G, B, A values of a view.
+std::size_t values_of_view(const VirtualCamera& view);
 
 }  // namespace raystage

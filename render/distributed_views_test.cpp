@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+// Contributions of hosts that hold some of the cameras each, added and combined, against the view
+// that one host renders.
+#include <Imath/half.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <string>
+
+#include "render/fragments/encoding.h"
+#include "render/matching/large_buffer.h"
+#include "render/methods.h"
+#include "render/view/synthetic_take.h"
+#include "schemas/planes_document.h"
+#include "schemas/test_folder.h"
+#include "store/frames/frame_cache.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+/// How cameras of a grid are given to hosts.
+enum class Split { kBlocks, kRoundRobin };
+
+int half_steps(float a, float b) {
+  const auto ordered = [](float value) {
+    const int bits = Imath::half(value).bits();
+    return bits < 0x8000 ? bits : 0x8000 - bits;
+  };
+  return std::abs(ordered(a) - ordered(b));
+}
+
+class DistributedViews : public ::testing::Test {
+ protected:
+  static constexpr int kSide = 4, kCameras = kSide * kSide;
+
+  void SetUp() override {
+    testing::SyntheticTake settings;
+    settings.cameras = testing::camera_grid(kSide, kSide, 0.2, 96, 64);
+    settings.depth_range = DepthRange{2.5, 10};
+    testing::write_synthetic_take(settings, folder_.path() / "take");
+    take_ = std::make_unique<Take>(folder_.path() / "take");
+    cache_ = std::make_unique<FrameCache>(*take_, 1 << 28, BlendSpace::kPerceptual);
+    instant_.take = take_.get();
+    instant_.rig = &take_->rig();
+    instant_.cache = cache_.get();
+    instant_.frame_of_camera.assign(kCameras, 0);
+    for (int i = 0; i < kCameras; ++i) instant_.members.push_back(i);
+    instant_.complete =
+        std::make_shared<const Topology>(topology_of(take_->rig(), instant_.members));
+    instant_.present = instant_.complete;
+  }
+
+  void lose(const std::vector<int>& cameras) {
+    std::vector<int> present;
+    for (const int camera : cameras)
+      instant_.frame_of_camera[static_cast<std::size_t>(camera)] = -1;
+    for (const int camera : instant_.members) {
+      if (instant_.is_present(camera)) present.push_back(camera);
+    }
+    instant_.present = std::make_shared<const Topology>(topology_of(take_->rig(), present));
+  }
+
+  static int host_of(int camera, int hosts, Split split) {
+    if (split == Split::kRoundRobin) return camera % hosts;
+    const int column = camera % kSide, row = camera / kSide;
+    const int columns = hosts >= 4 ? 2 : 1;  // of hosts
+    return (row * (hosts / columns) / kSide) * columns + column * columns / kSide;
+  }
+
+  ViewRequest request(const Instant& instant, const MethodOptions& options) {
+    ViewRequest asked{view_, instant, plane_, options, kept_, 1 << 28, buffers_};
+    asked.measure_coverage = measure_coverage_;
+    return asked;
+  }
+
+  RenderedView distributed(const Method& method, const MethodOptions& options, int hosts,
+                           Split split) {
+    std::vector<PixelValues> planes;
+    for (int host = 0; host < hosts; ++host) {
+      Instant own = instant_;
+      own.held_cameras.resize(kCameras);
+      for (int camera = 0; camera < kCameras; ++camera) {
+        own.held_cameras[static_cast<std::size_t>(camera)] = host_of(camera, hosts, split) == host;
+      }
+      const Contribution contribution = method.contribute(request(own, options));
+      planes.resize(contribution.planes.size(), PixelValues(values_of_view(view_), 0.0F));
+      for (std::size_t plane = 0; plane < planes.size(); ++plane) {
+        const FragmentTag tag{1, 0, static_cast<std::uint32_t>(plane)};
+        const auto message = encode_fragments(tag, contribution.planes[plane], view_.width,
+                                              view_.height, {}, counts_);
+        add_fragments(message, tag, view_.width, view_.height, planes[plane]);
+      }
+    }
+    return method.combine(request(instant_, options), std::move(planes));
+  }
+
+  /// Compares a view of several hosts with that of one, in the half floats of the files.
+  void expect_same(const RenderedView& distributed, const RenderedView& local,
+                   const std::string& what) {
+    ASSERT_EQ(distributed.rgba.size(), local.rgba.size());
+    int most = 0;
+    std::size_t differ = 0;
+    for (std::size_t i = 0; i < local.rgba.size(); ++i) {
+      const int steps = half_steps(distributed.rgba[i], local.rgba[i]);
+      most = std::max(most, steps);
+      differ += steps > 0 ? 1 : 0;
+    }
+    EXPECT_LE(most, 1) << what;
+    EXPECT_LE(differ, local.rgba.size() / 100) << what;
+    EXPECT_EQ(distributed.z, local.z) << what;
+    for (std::size_t i = 0; i < local.coverage.size(); ++i) {
+      ASSERT_LE(half_steps(distributed.coverage[i], local.coverage[i]), 1) << what;
+    }
+    EXPECT_EQ(distributed.cameras, local.cameras) << what;
+    EXPECT_EQ(distributed.nearest_ray, local.nearest_ray) << what;
+  }
+
+  void expect_all_same(const std::string& name, const OptionValues& values) {
+    const Method& method = method_named(name);
+    const MethodOptions options(method.options(), values, name);
+    ASSERT_TRUE(method.is_distributed(options));
+    const RenderedView local = method.render(request(instant_, options));
+    EXPECT_GT(*std::ranges::max_element(local.rgba), 0.05F) << name << " shows nothing";
+    for (const int hosts : {1, 2, 4, 8}) {
+      for (const Split split : {Split::kBlocks, Split::kRoundRobin}) {
+        expect_same(distributed(method, options, hosts, split), local,
+                    name + " of " + std::to_string(hosts) + " hosts");
+      }
+    }
+  }
+
+  void expect_all_methods_same() {
+    std::ofstream(folder_.path() / "take" / "box.obj")
+        << "v -0.4 -0.4 -3\nv 0.4 -0.4 -3\nv 0 0.5 -3.5\nf 1 2 3\n";
+    expect_all_same("focal_plane", {});
+    expect_all_same("nearest", {});
+    expect_all_same("aperture", {{"radius", 0.3}});
+    expect_all_same("lumigraph", {});
+    expect_all_same("lumigraph", {{"weights", std::string("blending_field")}});
+    expect_all_same("lumigraph",
+                    {{"proxy", std::string("mesh")}, {"mesh", std::string("box.obj")}});
+    expect_all_same("slabs", {});
+    expect_all_same("slabs", {{"interpolation", std::string("nearest")}});
+    expect_all_same("slabs", {{"columns", 3.0}, {"rows", 5.0}});
+  }
+
+  TestFolder folder_;
+  std::unique_ptr<Take> take_;
+  std::unique_ptr<FrameCache> cache_;
+  Instant instant_;
+  KeptResults kept_{1 << 28};
+  BufferPool buffers_;
+  VirtualCamera view_ = virtual_camera_with_fov(
+      83, 61, 0.9, Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.06, -0.03, 0.2)});
+  Eigen::Vector4d plane_{0, 0, 1, 4};
+  bool measure_coverage_ = false;
+  FragmentCounts counts_;
+};
+
+TEST_F(DistributedViews, EqualTheViewOfOneHost) { expect_all_methods_same(); }
+
+TEST_F(DistributedViews, EqualItWithATiltedPlaneAndMeasures) {
+  measure_coverage_ = true;
+  plane_ = {0.3, 0.1, 1, 3};
+  expect_all_methods_same();
+}
+
+TEST_F(DistributedViews, EqualItAtInfinity) {
+  plane_ = {0, 0, 0, 1};
+  expect_all_methods_same();
+}
+
+TEST_F(DistributedViews, EqualItWhereCamerasHaveNoFrame) {
+  lose({5, 6, 15});
+  measure_coverage_ = true;
+  expect_all_methods_same();
+}
+
+TEST_F(DistributedViews, EqualItWhereTheViewLeavesTheArray) {
+  view_ = virtual_camera_with_fov(70, 50, 1.8,
+                                  Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.5, 0, 1)});
+  expect_all_methods_same();
+}
+
+TEST_F(DistributedViews, EqualItWithPlanesOfObjects) {
+  const PlanesDocument planes{
+      {{"a", {{-0.5, -0.5, -3}, {0.1, -0.5, -3}, {0.1, 0.5, -3}, {-0.5, 0.5, -3}}}}};
+  std::ofstream(folder_.path() / "take" / "planes.json") << format_planes(planes);
+  expect_all_same("focal_plane", {{"objects", std::string("planes.json")}});
+  expect_all_same("nearest", {{"objects", std::string("planes.json")}});
+}
+
+TEST_F(DistributedViews, CrossAsSamplesOfThePictureNotOfTheCameras) {
+  const Method& method = method_named("focal_plane");
+  const MethodOptions none(method.options(), {}, "focal_plane");
+  // As large as the array, which stands between it and the scene: all cameras contribute.
+  view_ = virtual_camera_with_fov(240, 240, 0.8,
+                                  Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0, 0, 0.7)});
+  distributed(method, none, 4, Split::kBlocks);
+  EXPECT_LE(static_cast<double>(counts_.samples) / (240 * 240), 1.75);  // 15 / 9 but for the edges
+  counts_ = {};
+  distributed(method, none, 16, Split::kRoundRobin);  // a camera a host: three a pixel
+  EXPECT_NEAR(static_cast<double>(counts_.samples) / (240 * 240), 3, 0.25);
+}
+
+TEST_F(DistributedViews, AreRefusedByMethodsThatCannot) {
+  const auto is_distributed = [](std::string_view name, const OptionValues& values) {
+    const Method& method = method_named(name);
+    return method.is_distributed({method.options(), values, name});
+  };
+  EXPECT_FALSE(is_distributed("visual_hull", {}));
+  EXPECT_FALSE(is_distributed("auto", {}));
+  EXPECT_FALSE(is_distributed("lumigraph", {{"proxy", std::string("depth")}}));
+  const MethodOptions none;
+  EXPECT_THROW(method_named("auto").contribute(request(instant_, none)), std::logic_error);
+}
+
+}  // namespace
+}  // namespace raystage

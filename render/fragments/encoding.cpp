@@ -1,0 +1,309 @@
+// SPDX-License-Identifier: Apache-2.0
+// Fragments as bytes. A message is a header, the list of rectangles, and one block of samples that
+// depends on the encoding (docs/formats/fragments.md). Ranks of one job run the same program on
+// machines of one byte order; the reader still checks every size, because a message may be damaged.
+#include "render/fragments/encoding.h"
+
+#include <Imath/half.h>
+#include <fmt/format.h>
+#include <zstd.h>
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "schemas/error.h"
+#include "store/jpeg/decode.h"
+#include "store/jpeg/encode.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::uint32_t kMagic = 0x31465352;  // "RSF1"
+constexpr int kMostPixels = 1 << 30;
+
+struct Header {
+  std::uint32_t magic = kMagic;
+  FragmentTag tag;
+  std::int32_t width = 0, height = 0;
+  std::uint32_t encoding = 0;
+  std::uint32_t count = 0;  ///< rectangles
+};
+static_assert(sizeof(Header) == 32);
+static_assert(sizeof(FragmentArea) == 16);
+
+template <class T>
+void append(const T* values, std::size_t count, std::vector<std::byte>& message) {
+  const auto* bytes = reinterpret_cast<const std::byte*>(values);  // trivially copyable
+  message.insert(message.end(), bytes, bytes + count * sizeof(T));
+}
+
+Error damaged(const std::string& what) {
+  return Error::bad_input("a message with fragments is damaged: " + what, "fragments",
+                          "Check the network between the hosts and render again");
+}
+
+/// Reads a message from its front.
+class Reader {
+ public:
+  explicit Reader(std::span<const std::byte> message) : rest_(message) {}
+  std::span<const std::byte> bytes(std::size_t count) {
+    if (count > rest_.size()) throw damaged("it is cut short");
+    const auto taken = rest_.first(count);
+    rest_ = rest_.subspan(count);
+    return taken;
+  }
+  template <class T>
+  T value() {
+    T result;
+    std::memcpy(&result, bytes(sizeof(T)).data(), sizeof(T));
+    return result;
+  }
+  bool is_empty() const { return rest_.empty(); }
+
+ private:
+  std::span<const std::byte> rest_;
+};
+
+/// Calls body(pointer to the row's first value, pixels) for each row of an area.
+template <class Value, class Body>
+void for_each_row(std::span<Value> sums, int width, const FragmentArea& area, const Body& body) {
+  for (int y = area.y; y < area.y + area.height; ++y) {
+    const std::size_t at = (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
+                            static_cast<std::size_t>(area.x)) *
+                           4;
+    body(sums.data() + at, static_cast<std::size_t>(area.width));
+  }
+}
+
+void append_floats(std::span<const float> sums, int width, const FragmentArea& area,
+                   std::vector<std::byte>& message) {
+  for_each_row(sums, width, area,
+               [&](const float* row, std::size_t n) { append(row, 4 * n, message); });
+}
+
+void add_floats(Reader& reader, const FragmentArea& area, int width, std::span<float> sums) {
+  for_each_row(sums, width, area, [&](float* row, std::size_t n) {
+    const auto bytes = reader.bytes(4 * n * sizeof(float));
+    for (std::size_t i = 0; i < 4 * n; ++i) {
+      float value = 0;
+      std::memcpy(&value, bytes.data() + i * sizeof(float), sizeof(float));
+      row[i] += value;
+    }
+  });
+}
+
+constexpr float kFullScale = 65535;
+
+void append_halves(std::span<const float> sums, int width, const FragmentArea& area,
+                   std::vector<std::byte>& message) {
+  for_each_row(sums, width, area, [&](const float* row, std::size_t n) {
+    for (std::size_t i = 0; i < 4 * n; ++i) {
+      const std::uint16_t bits = Imath::half(row[i] / kFullScale).bits();
+      append(&bits, 1, message);
+    }
+  });
+}
+
+void add_halves(Reader& reader, const FragmentArea& area, int width, std::span<float> sums) {
+  for_each_row(sums, width, area, [&](float* row, std::size_t n) {
+    for (std::size_t i = 0; i < 4 * n; ++i) {
+      Imath::half value;
+      value.setBits(reader.value<std::uint16_t>());
+      row[i] += static_cast<float>(value) * kFullScale;
+    }
+  });
+}
+
+/// Weights of an area as differences from the plane through three neighbours: blending weights are
+/// linear in the pixel over a cell of the array, so that nearly all differences are 0 or 1.
+class WeightPlane {
+ public:
+  explicit WeightPlane(const FragmentArea& area) : width_(area.width) {
+    codes_.resize(area.pixels());
+  }
+  std::vector<std::uint16_t>& codes() { return codes_; }
+  std::uint16_t predicted(std::size_t at) const {
+    const auto width = static_cast<std::size_t>(width_);
+    const bool has_left = at % width > 0, has_upper = at >= width;
+    if (has_left && has_upper) {
+      return static_cast<std::uint16_t>(codes_[at - 1] + codes_[at - width] -
+                                        codes_[at - width - 1]);
+    }
+    return has_left ? codes_[at - 1] : has_upper ? codes_[at - width] : std::uint16_t{0};
+  }
+
+ private:
+  int width_;
+  std::vector<std::uint16_t> codes_;
+};
+
+std::uint16_t code_of(float value) {
+  return static_cast<std::uint16_t>(std::clamp(value, 0.0F, kFullScale) + 0.5F);
+}
+
+void append_block(std::span<const std::byte> block, std::vector<std::byte>& message) {
+  const auto size = static_cast<std::uint32_t>(block.size());
+  append(&size, 1, message);
+  append(block.data(), block.size(), message);
+}
+
+void append_jpeg(std::span<const float> sums, int width, const FragmentArea& area, int quality,
+                 std::vector<std::byte>& message, std::vector<std::uint8_t>& differences) {
+  RgbImage image{area.width, area.height, {}};
+  image.pixels.reserve(area.pixels() * 3);
+  WeightPlane weights(area);
+  std::size_t at = 0;
+  for_each_row(sums, width, area, [&](const float* row, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const float code = std::clamp(row[4 * i + c] / 257.0F, 0.0F, 255.0F);
+        image.pixels.push_back(static_cast<std::uint8_t>(code + 0.5F));
+      }
+      weights.codes()[at++] = code_of(row[4 * i + 3]);
+    }
+  });
+  append_block(encode_jpeg(image, {quality, JpegEncodeSettings::Chroma::k420, 0}), message);
+  // Low bytes, then high bytes: the high ones are nearly all alike.
+  const std::size_t first = differences.size();
+  differences.resize(first + 2 * at);
+  for (std::size_t i = 0; i < at; ++i) {
+    const auto difference = static_cast<std::uint16_t>(weights.codes()[i] - weights.predicted(i));
+    differences[first + i] = static_cast<std::uint8_t>(difference & 0xFF);
+    differences[first + at + i] = static_cast<std::uint8_t>(difference >> 8);
+  }
+}
+
+void add_jpeg(Reader& reader, const FragmentArea& area, int width,
+              std::span<const std::uint8_t> differences, std::span<float> sums) {
+  const auto size = reader.value<std::uint32_t>();
+  JpegDecoder decoder;
+  const RgbImage image = decoder.decode(reader.bytes(size), "fragments");
+  if (image.width != area.width || image.height != area.height) {
+    throw damaged("a picture has another size than its rectangle");
+  }
+  WeightPlane weights(area);
+  const std::size_t count = area.pixels();
+  std::size_t at = 0;
+  for_each_row(sums, width, area, [&](float* row, std::size_t n) {
+    for (std::size_t i = 0; i < n; ++i, ++at) {
+      const unsigned difference = differences[at] | unsigned{differences[count + at]} << 8;
+      weights.codes()[at] = static_cast<std::uint16_t>(weights.predicted(at) + difference);
+      for (std::size_t c = 0; c < 3; ++c) {
+        row[4 * i + c] += 257.0F * static_cast<float>(image.pixels[3 * at + c]);
+      }
+      row[4 * i + 3] += static_cast<float>(weights.codes()[at]);
+    }
+  });
+}
+
+void check(const FragmentArea& area, int width, int height) {
+  const bool is_inside = area.x >= 0 && area.y >= 0 && area.width > 0 && area.height > 0 &&
+                         area.width <= width && area.height <= height &&
+                         area.x <= width - area.width && area.y <= height - area.height;
+  if (!is_inside) throw damaged("a rectangle lies outside of the view");
+}
+
+std::vector<std::byte> compressed(std::span<const std::uint8_t> bytes) {
+  std::vector<std::byte> result(ZSTD_compressBound(bytes.size()));
+  const std::size_t size =
+      ZSTD_compress(result.data(), result.size(), bytes.data(), bytes.size(), 3);
+  if (ZSTD_isError(size) != 0) throw Error::failed("zstd failed", "fragments", "Free some memory");
+  result.resize(size);
+  return result;
+}
+
+std::vector<std::uint8_t> decompressed(std::span<const std::byte> bytes, std::size_t size) {
+  std::vector<std::uint8_t> result(size);
+  const std::size_t got = ZSTD_decompress(result.data(), size, bytes.data(), bytes.size());
+  if (ZSTD_isError(got) != 0 || got != size) throw damaged("its weights cannot be read");
+  return result;
+}
+
+}  // namespace
+
+std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const float> sums,
+                                        int width, int height,
+                                        const FragmentEncodingSettings& settings,
+                                        FragmentCounts& counts) {
+  const std::vector<FragmentArea> areas = covering_areas(sums, width, height);
+  Header header;
+  header.tag = tag;
+  header.width = width;
+  header.height = height;
+  header.encoding = static_cast<std::uint32_t>(settings.encoding);
+  header.count = static_cast<std::uint32_t>(areas.size());
+  std::vector<std::byte> message;
+  append(&header, 1, message);
+  append(areas.data(), areas.size(), message);
+  std::vector<std::uint8_t> differences;
+  for (const FragmentArea& area : areas) {
+    counts.samples += static_cast<std::int64_t>(area.pixels());
+    switch (settings.encoding) {
+      case FragmentEncoding::kFloat:
+        append_floats(sums, width, area, message);
+        break;
+      case FragmentEncoding::kHalf:
+        append_halves(sums, width, area, message);
+        break;
+      case FragmentEncoding::kJpeg:
+        append_jpeg(sums, width, area, settings.jpeg_quality, message, differences);
+        break;
+    }
+  }
+  if (settings.encoding == FragmentEncoding::kJpeg) append_block(compressed(differences), message);
+  counts.fragments += static_cast<std::int64_t>(areas.size());
+  counts.bytes += static_cast<std::int64_t>(message.size());
+  return message;
+}
+
+void add_fragments(std::span<const std::byte> message, const FragmentTag& tag, int width,
+                   int height, std::span<float> sums) {
+  Reader reader(message);
+  const auto header = reader.value<Header>();
+  if (header.magic != kMagic) throw damaged("it does not begin with RSF1");
+  if (header.tag != tag) throw damaged("it belongs to another view");
+  if (header.width != width || header.height != height) {
+    throw damaged(
+        fmt::format("its view is {}x{}, not {}x{}", header.width, header.height, width, height));
+  }
+  if (header.count > static_cast<std::uint32_t>(kMostPixels)) throw damaged("too many rectangles");
+  const auto listed = reader.bytes(header.count * sizeof(FragmentArea));
+  std::vector<FragmentArea> areas(header.count);
+  std::memcpy(areas.data(), listed.data(), listed.size());
+  std::size_t pixels = 0;
+  for (const FragmentArea& area : areas) {
+    check(area, width, height);
+    pixels += area.pixels();
+  }
+  if (pixels > sums.size() / 4) throw damaged("its rectangles overlap");
+  std::vector<std::uint8_t> differences;
+  if (header.encoding == static_cast<std::uint32_t>(FragmentEncoding::kJpeg)) {
+    // The weights follow the pictures; they are needed with each of them.
+    Reader ahead = reader;
+    for (std::size_t i = 0; i < areas.size(); ++i) ahead.bytes(ahead.value<std::uint32_t>());
+    const auto size = ahead.value<std::uint32_t>();
+    differences = decompressed(ahead.bytes(size), 2 * pixels);
+  }
+  std::size_t first = 0;
+  for (const FragmentArea& area : areas) {
+    switch (static_cast<FragmentEncoding>(header.encoding)) {
+      case FragmentEncoding::kFloat:
+        add_floats(reader, area, width, sums);
+        break;
+      case FragmentEncoding::kHalf:
+        add_halves(reader, area, width, sums);
+        break;
+      case FragmentEncoding::kJpeg:
+        add_jpeg(reader, area, width, std::span(differences).subspan(first, 2 * area.pixels()),
+                 sums);
+        break;
+      default:
+        throw damaged("its encoding is unknown");
+    }
+    first += 2 * area.pixels();
+  }
+}
+
+}  // namespace raystage

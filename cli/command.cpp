@@ -93,7 +93,7 @@ int run_command(std::string_view name, const CommandBody& body, OnSignal on_sign
     code = static_cast<int>(error.exit_code());
   } catch (const std::bad_alloc&) {
     complain("out of memory. Use fewer threads or a smaller --memory.");
-    code = 33;                                // the farms' agreed code for "retry with more memory"
+    code = kOutOfMemoryCode;
   } catch (const std::system_error& error) {  // fmt's, where it cannot print
     complain(fmt::format("{}. Check the room on the disk that the output goes to.", error.what()));
   } catch (const std::exception& error) {

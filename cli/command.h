@@ -34,6 +34,9 @@ enum class ProgressStyle {
   kNone
 };
 
+/// The exit code that render managers agree on for "try again with more memory".
+inline constexpr int kOutOfMemoryCode = 33;
+
 /// Progress on stderr: flushed, only rising. Thread-safe.
 class Progress {
  public:

@@ -5,6 +5,7 @@
 
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <string>
@@ -66,6 +67,13 @@ const char* missing_instructions() {
   return nullptr;
 }
 
+/// Whether the command is one rank of several that mpirun started. Another program does it then, so
+/// that the usual one loads no MPI.
+bool is_one_of_ranks(std::string_view command) {
+  const char* ranks = std::getenv("OMPI_COMM_WORLD_SIZE");  // NOLINT(concurrency-mt-unsafe)
+  return command == "render" && ranks != nullptr && std::atoi(ranks) > 1;
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -93,7 +101,8 @@ int main(int argc, char** argv) {
     }
     std::error_code error;
     const auto here = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-    const std::string program = (here / ("raystage-" + std::string(command))).string();
+    const std::string name = std::string(command) + (is_one_of_ranks(command) ? "-ranks" : "");
+    const std::string program = (here / ("raystage-" + name)).string();
     execv(program.c_str(), argv + 1);
     std::fprintf(stderr, "raystage: %s: cannot be run: %s. Reinstall raystage.\n", program.c_str(),
                  std::strerror(errno));

@@ -46,6 +46,7 @@ foreach(module core imgproc video calib3d features2d aruco mcc dnn)   # opencv_c
 endforeach()
 # Loaded at run time only, by the version that its header names.
 pkg_check_modules(AVDEVICE REQUIRED libavdevice)
+find_package(MPI REQUIRED COMPONENTS C)            # MPI::MPI_C
 if(RAYSTAGE_TESTS)
   find_package(GTest REQUIRED)                     # GTest::gtest_main
   find_package(rapidcheck REQUIRED)                # rapidcheck

@@ -76,6 +76,7 @@ FramePainter::FramePainter(const ShotPlan& plan, const MemoryPlan& memory)
     settings.matte = light_field->matte();
     settings.cache_folder = plan.cache_folder();
     settings.stored_data_counts = stored_data_;
+    if (plan.hosts() != nullptr) plan.hosts()->share(light_field->take(), settings);
     renderers_.back() = std::make_unique<const LightFieldRenderer>(light_field->take(), settings);
   }
 }

@@ -314,15 +314,16 @@ std::string default_output(const std::filesystem::path& shot_file, const ShotDoc
 CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options) {
   auto opened = std::make_unique<const ShotPlan>(
-      shot_file,
-      ShotPlanOptions{options.fill, options.target, options.layout, options.color_config,
-                      options.aovs, options.frames, options.cache_folder, options.folder});
+      shot_file, ShotPlanOptions{options.fill, options.target, options.layout, options.color_config,
+                                 options.aovs, options.frames, options.cache_folder, options.folder,
+                                 options.hosts});
   const ShotPlan& plan = *opened;
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options.frames, options.say);
   std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
   if (plan.measures_coverage()) check_measures(plan, shot_file);
+  if (plan.hosts() != nullptr) check_hosts(plan, shot_file);
   MemoryPlan memory =
       plan_memory(plan, frames, {options.memory_bytes, options.frames_in_flight, options.deep});
   SequenceOptions resolved = options;

@@ -44,6 +44,7 @@ struct SequenceOptions {
   bool deep = false;
   std::filesystem::path cache_folder;  ///< as ShotPlanOptions
   std::filesystem::path folder;        ///< as ShotPlanOptions
+  TakeHosts* hosts = nullptr;          ///< as ShotPlanOptions
   std::string program_version;
   /// Rising from 0 to 1; called from many threads.
   std::function<void(double)> progress = [](double) {};

@@ -122,6 +122,40 @@ void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file
   }
 }
 
+void check_hosts(const ShotPlan& plan, const std::filesystem::path& shot_file) {
+  const auto refuse = [&](std::size_t layer, const char* member, const std::string& what) {
+    throw Error::bad_input(what, fmt::format("{}#/layers/{}{}", shot_file.string(), layer, member),
+                           "Gather the archives in one take and render that (docs/farm.md lists "
+                           "what is rendered from several hosts)");
+  };
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    const LightFieldLayer* light_field = plan.light_field(i);
+    if (light_field == nullptr) continue;
+    const Reconstruction& reconstruction = light_field->reconstruction();
+    const Method& method = method_named(reconstruction.method);
+    const MethodOptions options(method.options(), reconstruction.options, method.name());
+    if (method.distribution(options) == Distribution::kNone) {
+      refuse(i, "/method",
+             fmt::format("method {} with these options cannot be rendered from archives on several "
+                         "hosts",
+                         method.name()));
+    }
+    if (light_field->matte()) {
+      refuse(i, "/matte", "a layer with a matte cannot be rendered from archives on several hosts");
+    }
+    for (const ShotPlan::LayerLight& light : plan.light_field_lights()) {
+      if (std::ranges::find(light.layers, i) == light.layers.end()) continue;
+      refuse(i, "", "a light field that is a light cannot be on several hosts");
+    }
+  }
+  if (plan.wants("lf.confidence")) {
+    throw Error::bad_input("lf.confidence cannot be measured from archives on several hosts",
+                           shot_file.string(),
+                           "Leave out --confidence, and lf.confidence of "
+                           "output.aovs, or gather the archives in one take");
+  }
+}
+
 void check_deep(const ShotPlan& plan, const std::filesystem::path& shot_file) {
   std::size_t pictures = 0;  // layers around one volume are one
   for (std::size_t i = plan.layers(); i > 0; i -= plan.layers_of_picture(i - 1)) ++pictures;

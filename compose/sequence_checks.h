@@ -22,6 +22,8 @@ void check_existing(const SequenceName& name, std::span<const int> frames);
 void check_plates(const ShotPlan& plan, const SequenceName& name,
                   const std::filesystem::path& shot_file);
 SequenceName checked_name(const SequenceOptions& options, std::size_t frames);
+/// Throws Error (bad input) for what cannot be rendered from archives on several hosts.
+void check_hosts(const ShotPlan& plan, const std::filesystem::path& shot_file);
 void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file);
 /// Readers put deep samples together by depth, and so must we.
 void check_deep(const ShotPlan& plan, const std::filesystem::path& shot_file);

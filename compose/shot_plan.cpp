@@ -66,6 +66,7 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
     : shot_file_(shot_file),
       cache_folder_(options.cache_folder),
       folder_(options.folder.empty() ? shot_file.parent_path() : options.folder),
+      hosts_(options.hosts),
       shot_(shot_with(read_shot(shot_file), options)),
       camera_(shot_, shot_file, folder_),
       colors_(shot_colors(shot_, shot_file, folder_, options.color_config)) {
@@ -85,9 +86,9 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
     if (!shows_in(i, options.frames)) continue;
     if (shot_.layers[i].is_light_field()) {
       // A target is one for views; a light is asked for rays.
-      light_fields_.back() =
-          std::make_unique<const LightFieldLayer>(shot_, i, shot_file, folder_, options.fill,
-                                                  is_light(i) ? OptionValues{} : options.target);
+      light_fields_.back() = std::make_unique<const LightFieldLayer>(
+          shot_, i, shot_file, folder_, options.fill, is_light(i) ? OptionValues{} : options.target,
+          options.hosts);
       if (is_light(i)) check_answers_rays(light_fields_.back()->reconstruction());
     } else if (shot_.layers[i].geometry) {
       open_geometry(i);

@@ -18,6 +18,7 @@
 #include "compose/layers/light_field_layer.h"
 #include "compose/plate.h"
 #include "compose/shot_colors.h"
+#include "render/view_hosts.h"
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
 
@@ -49,6 +50,8 @@ struct ShotPlanOptions {
   std::filesystem::path cache_folder = {};
   /// What paths in the shot are relative to; empty: the shot file's folder.
   std::filesystem::path folder = {};
+  /// Who holds the takes' archives; null: each take's folder does. Refers to it.
+  TakeHosts* hosts = nullptr;
 };
 
 /// A shot with its takes and meshes opened and everything checked that can be before rendering.
@@ -96,6 +99,7 @@ class ShotPlan {
   const ShotColors& colors() const { return colors_; }
   /// As ShotPlanOptions.
   const std::filesystem::path& cache_folder() const { return cache_folder_; }
+  TakeHosts* hosts() const { return hosts_; }
   /// Whether the files are to tell an AOV of this name (ShotDocument::Output::aovs).
   bool wants(std::string_view aov) const;
   /// Whether one of them is among what RendererSettings::measure_coverage gives.
@@ -133,6 +137,7 @@ class ShotPlan {
   bool shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
 
   std::filesystem::path shot_file_, cache_folder_, folder_;
+  TakeHosts* hosts_;
   ShotDocument shot_;
   ShotCamera camera_;
   ShotColors colors_;

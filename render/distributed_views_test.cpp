@@ -82,9 +82,9 @@ class DistributedViews : public ::testing::Test {
     std::vector<PixelValues> planes;
     for (int host = 0; host < hosts; ++host) {
       Instant own = instant_;
-      own.held_cameras.resize(kCameras);
+      own.this_host = host;
       for (int camera = 0; camera < kCameras; ++camera) {
-        own.held_cameras[static_cast<std::size_t>(camera)] = host_of(camera, hosts, split) == host;
+        own.host_of_camera.push_back(host_of(camera, hosts, split));
       }
       const Contribution contribution = method.contribute(request(own, options));
       planes.resize(contribution.planes.size(), PixelValues(values_of_view(view_), 0.0F));
@@ -122,7 +122,7 @@ class DistributedViews : public ::testing::Test {
   void expect_all_same(const std::string& name, const OptionValues& values) {
     const Method& method = method_named(name);
     const MethodOptions options(method.options(), values, name);
-    ASSERT_TRUE(method.is_distributed(options));
+    ASSERT_EQ(method.distribution(options), Distribution::kContributions);
     const RenderedView local = method.render(request(instant_, options));
     EXPECT_GT(*std::ranges::max_element(local.rgba), 0.05F) << name << " shows nothing";
     for (const int hosts : {1, 2, 4, 8}) {
@@ -210,7 +210,7 @@ TEST_F(DistributedViews, CrossAsSamplesOfThePictureNotOfTheCameras) {
 TEST_F(DistributedViews, AreRefusedByMethodsThatCannot) {
   const auto is_distributed = [](std::string_view name, const OptionValues& values) {
     const Method& method = method_named(name);
-    return method.is_distributed({method.options(), values, name});
+    return method.distribution({method.options(), values, name}) != Distribution::kNone;
   };
   EXPECT_FALSE(is_distributed("visual_hull", {}));
   EXPECT_FALSE(is_distributed("auto", {}));

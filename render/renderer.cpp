@@ -9,6 +9,7 @@
 #include <mutex>
 #include <numeric>
 #include <optional>
+#include <stdexcept>
 #include <utility>
 
 #include "render/confidence/confidence.h"
@@ -99,9 +100,61 @@ struct LightFieldRenderer::State {
     instant.complete = present == members ? instant.present : topology(members);
     return instant;
   }
+
+  /// The view of all hosts' contributions.
+  RenderedView render_together(const Method& method, const ViewRequest& request,
+                               const Reconstruction& reconstruction) const {
+    HostView asked{request.view,
+                   {request.instant.time_ns, {}, {}},
+                   request.instant.frames_beside,
+                   reconstruction.method,
+                   reconstruction.options,
+                   reconstruction.focal_plane,
+                   request.supersampling,
+                   request.first_row,
+                   request.whole_height};
+    asked.frames.frame.assign(request.instant.frame_of_camera.begin(),
+                              request.instant.frame_of_camera.end());
+    asked.in_step = method.distribution(request.options) == Distribution::kInStep;
+    Contribution all = settings.hosts->sum(asked, [&](const HostGroup* group) {
+      Instant own = request.instant;
+      own.host_of_camera = settings.host_of_camera;
+      own.this_host = settings.this_host;
+      ViewRequest of_own{request.view,
+                         own,
+                         request.focal_plane,
+                         request.options,
+                         request.kept,
+                         request.working_bytes,
+                         request.buffers,
+                         request.count_needed_pixels,
+                         false,
+                         request.use_take_folder,
+                         request.supersampling,
+                         request.first_row,
+                         request.whole_height,
+                         group};
+      return method.contribute(of_own);
+    });
+    RenderedView image = method.combine(request, std::move(all.planes));
+    const RenderStatistics& sampled = all.statistics;
+    image.statistics.plan_ms += sampled.plan_ms;
+    image.statistics.decode_ms += sampled.decode_ms;
+    image.statistics.render_ms += sampled.render_ms;
+    image.statistics.pixels_decoded = sampled.pixels_decoded;
+    image.statistics.pixels_needed = sampled.pixels_needed;
+    image.statistics.cameras_used = sampled.cameras_used;
+    image.statistics.working_bytes =
+        std::max(image.statistics.working_bytes, sampled.working_bytes);
+    return image;
+  }
 };
 
 namespace {
+
+bool is_summed(Distribution distribution) {
+  return distribution == Distribution::kContributions || distribution == Distribution::kInStep;
+}
 
 /// With what the request and the method add to a RenderedView.
 std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settings) {
@@ -235,6 +288,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
       sampling_of(ratio, view, state_->settings, is_row_independent(method, options, view));
   const bool distorted = !(view.intrinsics.distortion == Distortion{});
   const bool by_reference = state_->settings.reference || distorted;
+  const bool is_together =
+      state_->settings.hosts != nullptr && is_summed(method.distribution(options));
   const auto render_rows = [&, factor = factor](int first, int end) {
     const VirtualCamera fine = supersampled(rows_of(view, first, end), factor);
     const ViewRequest request{fine,
@@ -250,7 +305,9 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                               factor,
                               first,
                               view.height};
-    RenderedView image = by_reference ? method.render_reference(request) : method.render(request);
+    RenderedView image = by_reference  ? method.render_reference(request)
+                         : is_together ? state_->render_together(method, request, reconstruction)
+                                       : method.render(request);
     if (state_->settings.measure_confidence) {
       (by_reference ? measure_confidence_reference : measure_confidence)(fine, instant, image);
     }
@@ -289,6 +346,20 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
                     halves / 2));
   }
   return image;
+}
+
+Contribution LightFieldRenderer::contribute(const HostView& view, const HostGroup* group) const {
+  const Method& method = method_named(view.method);
+  const MethodOptions options(method.options(), view.options, "method " + view.method);
+  Instant instant = state_->instant(view.frames);
+  instant.frames_beside = view.frames_beside;
+  instant.host_of_camera = state_->settings.host_of_camera;
+  instant.this_host = state_->settings.this_host;
+  if (!instant.present) throw std::logic_error("a view without cameras");
+  return method.contribute({view.view, instant, view.focal_plane, options, *state_->kept,
+                            state_->settings.working_bytes, state_->buffers, false, false,
+                            state_->settings.use_take_folder, view.supersampling, view.first_row,
+                            view.whole_height, group});
 }
 
 std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const FrameSelection& frames,

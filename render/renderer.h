@@ -15,6 +15,7 @@
 #include "render/view/method.h"
 #include "render/view/view.h"
 #include "render/view/world_ray.h"
+#include "render/view_hosts.h"
 #include "schemas/hole_fill.h"
 #include "schemas/option_values.h"
 #include "store/frames/blend_space.h"
@@ -68,6 +69,11 @@ struct RendererSettings {
   std::filesystem::path cache_folder = {};
   /// Counts what methods derived and read, for views and for rays; null: no counts.
   std::shared_ptr<StoredDataCounts> stored_data_counts = nullptr;
+  /// Who renders views of distributed methods together with this host; null: it renders alone.
+  std::shared_ptr<const ViewHosts> hosts = nullptr;
+  /// As Instant, for views that are rendered together.
+  std::vector<int> host_of_camera = {};
+  int this_host = 0;
 };
 
 /// What a light field is asked for.
@@ -90,6 +96,10 @@ class LightFieldRenderer {
   /// unknown method, options that it does not have, or frames that cannot be read.
   RenderedView render(const VirtualCamera& view, const FrameSelection& frames,
                       const Reconstruction& reconstruction) const;
+
+  /// Returns what the cameras that this host holds contribute to a view that another one puts
+  /// together. `group`: as ViewRequest. Throws as render().
+  Contribution contribute(const HostView& view, const HostGroup* group) const;
 
   /// Memory that the view's own values take while it is rendered, bytes: with what is measured,
   /// and, where it is supersampled, of the samples and of their mean.

@@ -9,9 +9,11 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "schemas/time.h"
+#include "store/remote_frames.h"
 
 namespace raystage {
 
@@ -124,6 +126,10 @@ class ArchiveReader {
   /// Throws Error (bad input): no Matroska file, another time scale, a journal of a future version
   /// or of another archive.
   ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal);
+  /// The archive of a camera on another host: its stored frames, in order, and who gives their
+  /// bytes; null: nobody does (`frames` must be empty then).
+  ArchiveReader(const ArchiveWriter::Description& description, std::vector<FrameRecord> frames,
+                std::shared_ptr<const RemoteFrames> remote);
   ~ArchiveReader();
   ArchiveReader(ArchiveReader&&) noexcept;
   ArchiveReader& operator=(ArchiveReader&&) noexcept;
@@ -136,10 +142,20 @@ class ArchiveReader {
   /// Index of the frame whose time is nearest (the earlier at a tie), nullopt without frames.
   std::optional<int> nearest_frame(Nanoseconds time) const;
 
-  /// The JPEG bytes of frame i, mapped from the file and brought into memory: valid as long as the
-  /// reader. What they are is not checked; see verify_frame. Throws Error (bad input) where the
-  /// disk cannot read them or the file was cut.
-  std::span<const std::byte> jpeg(int frame) const;
+  /// The JPEG bytes of frame i, mapped from the file and brought into memory, valid as long as the
+  /// reader; or fetched from another host. What they are is not checked; see verify_frame. Throws
+  /// Error (bad input) where the disk cannot read them or the file was cut.
+  FrameBytes jpeg(int frame) const;
+  /// Returns the structure of frame i. Throws as jpeg() and parse_jpeg_layout(); `name` stands in
+  /// errors.
+  JpegLayout layout(int frame, std::string_view name) const;
+  /// As jpeg(), but only what decoding the `wanted` MCUs reads is sure to be there (empty: all).
+  /// `layout`: of the frame.
+  FrameBytes jpeg_part(int frame, const JpegLayout& layout, const McuMask& wanted) const;
+  /// Whether the frames are on another host.
+  bool is_remote() const;
+  /// Adds `by` to the times of all records: the archive counts from another epoch than its take.
+  void move_times(Nanoseconds by);
   /// Asks for frame i to be read from the disk while the caller goes on. A hint.
   void read_ahead(int frame) const;
   /// Whether the bytes of frame i still have the journal's XXH3; false where it holds none. Throws

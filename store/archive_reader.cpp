@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -14,16 +15,18 @@
 namespace raystage {
 
 struct ArchiveReader::State {
+  State() = default;
   explicit State(const std::filesystem::path& archive) : path(archive), file(archive) {}
 
   std::span<const std::byte> mapped(int frame) const {
     assert(frame >= 0 && static_cast<std::size_t>(frame) < index.frames.size());
     const FrameRecord& record = index.frames[static_cast<std::size_t>(frame)];
-    return file.bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
+    return file->bytes().subspan(static_cast<std::size_t>(record.offset), record.size);
   }
 
   std::filesystem::path path;
-  MappedFile file;
+  std::optional<MappedFile> file;  // none: on another host
+  std::shared_ptr<const RemoteFrames> remote;
   ArchiveIndex index;
 };
 
@@ -46,7 +49,20 @@ ArchiveReader::ArchiveReader(const std::filesystem::path& archive,
   std::optional<MappedFile> journal_file;
   if (std::filesystem::exists(journal)) journal_file.emplace(journal);
   state_ = std::make_unique<State>(archive);
-  state_->index = index_files(state_->file, journal_file, archive, journal);
+  state_->index = index_files(*state_->file, journal_file, archive, journal);
+}
+
+ArchiveReader::ArchiveReader(const ArchiveWriter::Description& description,
+                             std::vector<FrameRecord> frames,
+                             std::shared_ptr<const RemoteFrames> remote)
+    : state_(std::make_unique<State>()) {
+  assert(remote != nullptr || frames.empty());
+  state_->path = "camera " + description.camera_id;
+  state_->remote = std::move(remote);
+  state_->index.description = description;
+  state_->index.records = frames;
+  state_->index.frames = std::move(frames);
+  state_->index.closed = true;
 }
 
 ArchiveReader::~ArchiveReader() = default;
@@ -71,17 +87,41 @@ std::optional<int> ArchiveReader::nearest_frame(Nanoseconds time) const {
   return behind <= ahead ? index - 1 : index;
 }
 
-std::span<const std::byte> ArchiveReader::jpeg(int frame) const {
+FrameBytes ArchiveReader::jpeg(int frame) const {
+  if (state_->remote) return state_->remote->jpeg(frame);
   const auto bytes = state_->mapped(frame);
-  if (!state_->file.can_read(bytes)) {
+  if (!state_->file->can_read(bytes)) {
     throw Error::bad_input("frame " + std::to_string(frame) + " cannot be read",
                            state_->path.string(),
                            "Check the disk and run `raystage verify` on the take");
   }
-  return bytes;
+  return FrameBytes(bytes);
 }
 
-void ArchiveReader::read_ahead(int frame) const { state_->file.read_ahead(state_->mapped(frame)); }
+JpegLayout ArchiveReader::layout(int frame, std::string_view name) const {
+  return state_->remote ? state_->remote->layout(frame) : parse_jpeg_layout(jpeg(frame), name);
+}
+
+FrameBytes ArchiveReader::jpeg_part(int frame, const JpegLayout& layout,
+                                    const McuMask& wanted) const {
+  const bool is_part = state_->remote && layout.regions_decodable() && !wanted.empty();
+  return is_part ? state_->remote->jpeg_part(frame, layout, wanted) : jpeg(frame);
+}
+
+bool ArchiveReader::is_remote() const { return !state_->file.has_value(); }
+
+void ArchiveReader::move_times(Nanoseconds by) {
+  for (auto* records : {&state_->index.records, &state_->index.frames}) {
+    for (FrameRecord& record : *records) {
+      record.time_ns += by;
+      if (record.arrival_ns != kUnknownTime) record.arrival_ns += by;
+    }
+  }
+}
+
+void ArchiveReader::read_ahead(int frame) const {
+  if (state_->file) state_->file->read_ahead(state_->mapped(frame));
+}
 
 bool ArchiveReader::verify_frame(int frame) const {
   const auto bytes = jpeg(frame);
@@ -93,7 +133,9 @@ const ArchiveWriter::Description& ArchiveReader::description() const {
 }
 
 bool ArchiveReader::was_closed() const { return state_->index.closed; }
-std::uint64_t ArchiveReader::bytes() const { return state_->file.bytes().size(); }
+std::uint64_t ArchiveReader::bytes() const {
+  return state_->file ? state_->file->bytes().size() : 0;
+}
 int ArchiveReader::recovered_frames() const { return state_->index.recovered; }
 int ArchiveReader::damaged_records() const { return state_->index.damaged_records; }
 

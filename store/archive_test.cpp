@@ -114,9 +114,9 @@ TEST_F(Archive, GivesBackWhatWentIn) {
   EXPECT_EQ(in.frames()[0].time_ns, 66'666'667);
   EXPECT_EQ(in.frames()[1].time_ns, 200'000'001);
   EXPECT_EQ(in.frames()[2].time_ns, matroska::kMaxTime);
-  EXPECT_THAT(in.jpeg(0), testing::ElementsAreArray(fake_jpeg(1)));
-  EXPECT_THAT(in.jpeg(1), testing::ElementsAreArray(fake_jpeg(2, 1)));
-  EXPECT_TRUE(std::ranges::equal(in.jpeg(2), fake_jpeg(3, 100'000)));
+  EXPECT_THAT(in.jpeg(0).bytes(), testing::ElementsAreArray(fake_jpeg(1)));
+  EXPECT_THAT(in.jpeg(1).bytes(), testing::ElementsAreArray(fake_jpeg(2, 1)));
+  EXPECT_TRUE(std::ranges::equal(in.jpeg(2).bytes(), fake_jpeg(3, 100'000)));
   for (int i = 0; i < 3; ++i) EXPECT_TRUE(in.verify_frame(i));
 }
 
@@ -232,7 +232,7 @@ TEST_F(Archive, RottenRecordCostsOnlyItsHash) {
     ASSERT_EQ(in.records().size(), 4u) << bit;
     ASSERT_EQ(in.frames().size(), 3u) << bit;
     EXPECT_EQ(in.frames()[1].time_ns, 2);
-    EXPECT_TRUE(std::ranges::equal(in.jpeg(1), fake_jpeg(2)));
+    EXPECT_TRUE(std::ranges::equal(in.jpeg(1).bytes(), fake_jpeg(2)));
     EXPECT_EQ(in.recovered_frames(), 1);
     EXPECT_EQ(in.damaged_records(), 1);
     EXPECT_FALSE(in.verify_frame(1));
@@ -260,8 +260,8 @@ TEST_F(Archive, AFrameThatIsCutOffIsRefused) {
   }
   const ArchiveReader in = reader();
   std::filesystem::resize_file(mkv, in.frames()[1].offset);
-  EXPECT_EQ(in.jpeg(0).back(), std::byte{7});
-  const Error error = error_of([&] { in.jpeg(2); });
+  EXPECT_EQ(in.jpeg(0).bytes().back(), std::byte{7});
+  const Error error = error_of([&] { in.jpeg(2).bytes(); });
   EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
   EXPECT_THAT(error.what(), HasSubstr("frame 2 cannot be read"));
   EXPECT_THROW(in.verify_frame(1), Error);

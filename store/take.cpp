@@ -37,8 +37,9 @@ struct Take::State {
     std::optional<ArchiveReader> reader;
   };
 
-  explicit State(std::filesystem::path path)
+  State(std::filesystem::path path, std::shared_ptr<const RemoteArchives> others)
       : folder(std::move(path)),
+        remote(std::move(others)),
         document(read_take(checked_take(folder) / "take.json")),
         rig(rig_from_document(read_rig(folder / "rig.json"))),
         slots(document.cameras.size()) {}
@@ -47,6 +48,7 @@ struct Take::State {
   ArchiveReader open(std::size_t camera) const;
 
   std::filesystem::path folder;
+  std::shared_ptr<const RemoteArchives> remote;  // null: all archives are in the folder
   TakeDocument document;
   Rig rig;
   mutable std::vector<Slot> slots;
@@ -70,6 +72,9 @@ void Take::State::check_cameras() const {
 
 ArchiveReader Take::State::open(std::size_t camera) const {
   const auto& entry = document.cameras[camera];
+  if (remote) {
+    if (auto elsewhere = remote->open(static_cast<int>(camera))) return std::move(*elsewhere);
+  }
   ArchiveReader reader(folder / entry.archive, folder / entry.journal);
   // An archive cut within its header has no name and no frames: nothing to mistake.
   const auto& found = reader.description();
@@ -94,7 +99,8 @@ ArchiveReader Take::State::open(std::size_t camera) const {
   return reader;
 }
 
-Take::Take(std::filesystem::path folder) : state_(std::make_unique<State>(std::move(folder))) {
+Take::Take(std::filesystem::path folder, std::shared_ptr<const RemoteArchives> remote)
+    : state_(std::make_unique<State>(std::move(folder), std::move(remote))) {
   state_->check_cameras();
 }
 
@@ -123,6 +129,10 @@ int Take::camera_index(std::string_view id) const {
     if (cameras[i].id == id) return static_cast<int>(i);
   }
   return -1;
+}
+
+bool Take::is_missing(int camera) const {
+  return state_->remote && state_->remote->is_missing(camera);
 }
 
 const ArchiveReader& Take::archive(int camera) const {

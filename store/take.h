@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -12,13 +13,25 @@
 
 namespace raystage {
 
+/// The archives of a take that are not in its folder.
+class RemoteArchives {
+ public:
+  virtual ~RemoteArchives() = default;
+  /// Returns the archive of a camera that another host holds; nothing: it is in the take's folder.
+  virtual std::optional<ArchiveReader> open(int camera) const = 0;
+  /// Whether no host holds the camera's archive, and that is accepted: it has no frame then, at any
+  /// time (open() returns an archive without frames).
+  virtual bool is_missing(int camera) const = 0;
+};
+
 /// A take on disk, opened for reading. Archives are opened when first asked for; const members may
 /// be called from many threads at once.
 class Take {
  public:
   /// Throws Error (bad input) where the folder is no take, take.json or rig.json is wrong, or they
   /// disagree.
-  explicit Take(std::filesystem::path folder);
+  explicit Take(std::filesystem::path folder,
+                std::shared_ptr<const RemoteArchives> remote = nullptr);
   ~Take();
   Take(Take&&) noexcept;
   Take& operator=(Take&&) noexcept;
@@ -34,6 +47,8 @@ class Take {
   /// Throws Error (bad input) where the archive cannot be read, is of another camera, image size or
   /// epoch than the documents say, or has another camera's journal.
   const ArchiveReader& archive(int camera) const;
+  /// Whether the camera's archive is missing everywhere: see RemoteArchives.
+  bool is_missing(int camera) const;
 
  private:
   struct State;

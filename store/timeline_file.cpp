@@ -210,7 +210,7 @@ std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t f
   return file;
 }
 
-Timeline decode_timeline(std::span<const std::byte> file, std::uint64_t fingerprint,
+Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uint64_t> fingerprint,
                          std::size_t cameras, std::string_view name) {
   const auto refuse = [&](const std::string& what) {
     return Error::bad_input(what, std::string(name), "Run `raystage sync` on the take");
@@ -228,7 +228,7 @@ Timeline decode_timeline(std::span<const std::byte> file, std::uint64_t fingerpr
     throw refuse("the timeline has format version " + std::to_string(version) +
                  ", this program reads versions 1 to " + std::to_string(kVersion));
   }
-  if (load_little_endian<std::uint64_t>(payload, kFingerprintAt) != fingerprint ||
+  if ((fingerprint && load_little_endian<std::uint64_t>(payload, kFingerprintAt) != *fingerprint) ||
       load_little_endian<std::uint32_t>(payload, kCamerasAt) != cameras) {
     throw refuse("the timeline is not of this take, or frames have changed since it was made");
   }
@@ -287,10 +287,24 @@ Timeline read_timeline(const Take& take) {
                            "Run `raystage sync` on the take");
   }
   const std::string bytes = read_file(path);
-  Timeline timeline = decode_timeline(std::as_bytes(std::span(bytes)), fingerprint_of(take),
-                                      static_cast<std::size_t>(take.camera_count()), path.string());
+  // The fingerprint is of all archives; what can be checked without one is checked below.
+  bool is_complete = true;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    is_complete = is_complete && !take.is_missing(camera);
+  }
+  Timeline timeline =
+      decode_timeline(std::as_bytes(std::span(bytes)),
+                      is_complete ? std::optional(fingerprint_of(take)) : std::nullopt,
+                      static_cast<std::size_t>(take.camera_count()), path.string());
   // With the fingerprint right, every entry must be a frame of this take at its time.
   for (std::size_t camera = 0; camera < static_cast<std::size_t>(take.camera_count()); ++camera) {
+    if (take.is_missing(static_cast<int>(camera))) {
+      for (FrameSelection& tick : timeline.ticks) {
+        tick.frame[camera] = -1;
+        tick.difference[camera] = 0;
+      }
+      continue;
+    }
     const auto frames = take.archive(static_cast<int>(camera)).frames();
     const CameraClock clock = timeline.clocks.empty() ? CameraClock{} : timeline.clocks[camera];
     for (const FrameSelection& tick : timeline.ticks) {

@@ -3,6 +3,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 #include <vector>
@@ -22,8 +23,9 @@ std::vector<std::byte> encode_timeline(const Timeline& timeline, std::uint64_t f
 
 /// Reads any bytes; memory grows with what they really hold, not with what they claim. Throws Error
 /// (bad input): damaged, of a future version, of another take than the one with `fingerprint` and
-/// `cameras`. Frame numbers are only checked to be -1 or above.
-Timeline decode_timeline(std::span<const std::byte> file, std::uint64_t fingerprint,
+/// `cameras`; without a fingerprint that is not checked. Frame numbers are only checked to be -1 or
+/// above.
+Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uint64_t> fingerprint,
                          std::size_t cameras, std::string_view name);
 
 }  // namespace raystage

@@ -46,6 +46,7 @@ ROOMS = {
                "render/hull", "render/lumigraph", "render/matching", "render/planar", "render/quality", "render/rays",
                "render/sampling", "render/slabs", "render/sweep", "render/view"],
     "render/evaluation": ["render", "render/quality", "render/view"],
+    "farm/ranks": ["farm"],
     "images/exr": [],
     "ingest/simulated": [],
     "ingest/record": ["ingest/sources"],

@@ -98,14 +98,15 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
 LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
                                  const std::filesystem::path& shot_file,
                                  const std::filesystem::path& folder, std::optional<HoleFill> fill,
-                                 const OptionValues& target)
+                                 const OptionValues& target, TakeHosts* hosts)
     : index_(index),
       shot_file_(shot_file),
       layer_(shot.layers[index]),
       first_frame_(shot.first_frame),
       fps_numerator_(shot.fps_numerator),
       fps_denominator_(shot.fps_denominator),
-      take_((folder / layer_.take).lexically_normal()),
+      take_(hosts == nullptr ? Take((folder / layer_.take).lexically_normal())
+                             : hosts->open((folder / layer_.take).lexically_normal())),
       timeline_(read_timeline(take_)),
       reconstruction_(
           reconstruction_of(layer_, take_, pointer_of(shot_file, index), fill, target)) {

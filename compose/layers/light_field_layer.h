@@ -40,9 +40,10 @@ class LightFieldLayer {
   /// focal plane `best` without a depth range. `index`: of the shot's layers. `shot_file`:
   /// what errors name. `folder`: what paths are relative to. `fill`: in place of what the layer
   /// says. `target`: not empty, the method `auto` with these options in place of the layer's.
+  /// `hosts`: as ShotPlanOptions.
   LightFieldLayer(const ShotDocument& shot, std::size_t index,
                   const std::filesystem::path& shot_file, const std::filesystem::path& folder,
-                  std::optional<HoleFill> fill, const OptionValues& target);
+                  std::optional<HoleFill> fill, const OptionValues& target, TakeHosts* hosts);
   LightFieldLayer(const LightFieldLayer&) = delete;  // the matte refers to the take
   LightFieldLayer& operator=(const LightFieldLayer&) = delete;
 

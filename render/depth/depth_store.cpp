@@ -183,8 +183,8 @@ DepthKey depth_key(const Instant& instant, const DepthSettings& s) {
   key.instant = key.set;
   for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
     const int frame = instant.frame_of_camera[i];
-    const auto jpeg = frame < 0 ? std::span<const std::byte>{}
-                                : instant.take->archive(static_cast<int>(i)).jpeg(frame);
+    const auto jpeg =
+        frame < 0 ? FrameBytes() : instant.take->archive(static_cast<int>(i)).jpeg(frame);
     key.instant = XXH3_64bits_withSeed(jpeg.data(), jpeg.size(), key.instant);
   }
   return key;

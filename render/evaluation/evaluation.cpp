@@ -108,7 +108,8 @@ void read_ahead(const Take& take, const std::vector<EvaluationSubject>& subjects
       const int frame = subject.frames.frame[static_cast<std::size_t>(camera)];
       if (frame < 0 || std::ranges::find(left_out, camera) != left_out.end()) continue;
       constexpr std::size_t kPage = 4096;
-      const auto bytes = take.archive(camera).jpeg(frame);
+      const FrameBytes jpeg = take.archive(camera).jpeg(frame);
+      const std::span<const std::byte> bytes = jpeg;
       for (std::size_t at = 0; at < bytes.size(); at += kPage) {
         sum += static_cast<std::uint64_t>(bytes[at]);
       }

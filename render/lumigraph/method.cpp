@@ -126,8 +126,8 @@ class LumigraphMethod final : public Method {
   }
 
   /// Depths would be solved by every host, of cameras that it does not hold.
-  bool is_distributed(const MethodOptions& options) const override {
-    return options.text("proxy") != "depth";
+  Distribution distribution(const MethodOptions& options) const override {
+    return options.text("proxy") == "depth" ? Distribution::kNone : Distribution::kContributions;
   }
   Contribution contribute(const ViewRequest& request) const override {
     DepthWork none;

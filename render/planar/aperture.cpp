@@ -393,7 +393,9 @@ class ApertureMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return render_aperture_reference(request);
   }
-  bool is_distributed(const MethodOptions&) const override { return true; }
+  Distribution distribution(const MethodOptions&) const override {
+    return Distribution::kContributions;
+  }
   Contribution contribute(const ViewRequest& request) const override {
     return ApertureFrame(request).contribute();
   }

@@ -325,7 +325,9 @@ class PlaneMethod : public Method {
     return image;
   }
 
-  bool is_distributed(const MethodOptions&) const override { return true; }
+  Distribution distribution(const MethodOptions&) const override {
+    return Distribution::kContributions;
+  }
 
   Contribution contribute(const ViewRequest& r) const override {
     const auto objects = objects_of(r);

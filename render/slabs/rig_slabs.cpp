@@ -112,7 +112,9 @@ class SlabsMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return render_slabs_reference(request);
   }
-  bool is_distributed(const MethodOptions&) const override { return true; }
+  Distribution distribution(const MethodOptions&) const override {
+    return Distribution::kContributions;
+  }
   Contribution contribute(const ViewRequest& request) const override {
     return contribute_slabs(request);
   }

@@ -162,6 +162,11 @@ class PlaneSweepMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return plane_sweep::render_reference(request);
   }
+  /// What is matched are small parts of few cameras' frames; a cost volume is a hundred times as
+  /// large.
+  Distribution distribution(const MethodOptions&) const override {
+    return Distribution::kFetchedFrames;
+  }
   void check(const MethodOptions& options, const Take& take) const override {
     plane_sweep::settings_of(options);
     scene_depths(options, take, "plane_sweep");

@@ -34,9 +34,10 @@ struct Instant {
   /// RendererSettings::ticks.
   std::vector<std::vector<int>> frames_beside;
   std::vector<int> members;  ///< cameras that are not left out, in increasing order
-  /// Per camera of the rig: whether this host contributes its frames to views that several hosts
-  /// render together. Empty: it contributes all.
-  std::vector<bool> held_cameras;
+  /// Per camera of the rig: which host contributes its frames to views that several hosts render
+  /// together; -1: none. Empty: this host contributes all.
+  std::vector<int> host_of_camera;
+  int this_host = 0;
   /// Cells of the cameras present, and of all that could be (those not left out): rays are blended
   /// by the first, RenderedView::coverage is counted by the second. Equal when nobody is absent.
   std::shared_ptr<const Topology> present, complete;
@@ -53,7 +54,7 @@ struct Instant {
   FrameCache& opaque_frames() const { return opaque != nullptr ? *opaque : *cache; }
 
   bool is_held(int camera) const {
-    return held_cameras.empty() || held_cameras[static_cast<std::size_t>(camera)];
+    return host_of_camera.empty() || host_of_camera[static_cast<std::size_t>(camera)] == this_host;
   }
 
   bool is_present(int camera) const {

@@ -21,6 +21,7 @@
 namespace raystage {
 
 class BufferPool;
+class HostGroup;
 
 /// What a method is asked for: a view of one instant.
 struct ViewRequest {
@@ -40,6 +41,7 @@ struct ViewRequest {
   /// Where the view is some rows of the picture that is wanted: the first of them, and how high
   /// that is, in its own pixels; height 0: the view is all of it.
   int first_row = 0, whole_height = 0;
+  const HostGroup* group = nullptr;  ///< of contribute(), with Distribution::kInStep
 };
 
 /// What is asked of a method that answers single rays: see Method::surface().
@@ -69,6 +71,14 @@ struct StoreResult {
 struct RayStandIn {
   std::string_view method;  ///< by name; empty: the method answers rays itself
   OptionValues options;     ///< of that method
+};
+
+/// How hosts that hold some of the cameras each render a view together.
+enum class Distribution {
+  kNone,           ///< they do not: the archives must be gathered
+  kContributions,  ///< each contributes samples of its own cameras: contribute(), combine()
+  kInStep,         ///< the same, and they exchange what they found meanwhile: ViewRequest::group
+  kFetchedFrames   ///< one renders the view, and fetches the parts of frames that it reads
 };
 
 /// Reconstructs views of a light field. There is one immutable object per method; all members may
@@ -104,13 +114,16 @@ class Method {
 
   // Views that several hosts render together, each from the cameras that it holds (thesis 4.1).
 
-  /// Whether contribute() and combine() render views with these options.
-  virtual bool is_distributed(const MethodOptions& /*options*/) const { return false; }
+  virtual Distribution distribution(const MethodOptions& /*options*/) const {
+    return Distribution::kNone;
+  }
   /// Returns what the cameras that this host holds (Instant::is_held) contribute to a view. Throws
-  /// as render(). Only where is_distributed().
+  /// as render(). Only where distribution() is kContributions or
+  /// kInStep.
   virtual Contribution contribute(const ViewRequest& request) const;
   /// Returns the view of the contributions of all hosts, added up plane by plane. Reads no frame.
-  /// Only where is_distributed().
+  /// Only where distribution() is kContributions or
+  /// kInStep.
   virtual RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const;
 
   // Data that a method derives once from a light field frame and stores for all views of it: camera

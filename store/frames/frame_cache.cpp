@@ -109,8 +109,8 @@ struct FrameCache::State {
 
   const JpegLayout& layout_of(const Key& key, Entry& held) {
     if (!held.layout) {
-      auto layout = std::make_shared<JpegLayout>(
-          parse_jpeg_layout(take.archive(key.first).jpeg(key.second), name_of(key)));
+      auto layout =
+          std::make_shared<JpegLayout>(take.archive(key.first).layout(key.second, name_of(key)));
       const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(key.first)].model;
       if (layout->width != model.width() || layout->height != model.height()) {
         throw Error::bad_input("the frame is " + std::to_string(layout->width) + "x" +
@@ -173,7 +173,7 @@ struct FrameCache::State {
                            const McuMask& mcus) {
     const auto start = std::chrono::steady_clock::now();
     const PhotometricCorrection& correction = corrections[static_cast<std::size_t>(key.first)];
-    const auto jpeg = take.archive(key.first).jpeg(key.second);
+    const FrameBytes jpeg = take.archive(key.first).jpeg_part(key.second, layout, mcus);
     const std::int64_t decoded = decoders.local().decode_region(
         jpeg, layout, mcus, correction.table(), pixels_of(frame), name_of(key));
     correction.correct(pixels_of(frame), layout, mcus);

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "cli/command.h"
+#include "cli/parse.h"
+#include "compose/sequence.h"
+#include "schemas/hole_fill.h"
+
+namespace raystage {
+
+/// What the command line of `raystage render` says.
+struct RenderOptions {
+  std::string shot, output, frames, simd;
+  int threads = 0, frames_in_flight = 0;
+  double memory_gb = 0;
+  bool chromaticities = false, coverage = false, confidence = false, deep = false;
+  std::string layout;
+  std::filesystem::path color_config, cache_folder, relative_to;
+  ExistingFiles existing = ExistingFiles::kError;
+  MissingFrames missing = MissingFrames::kError;
+  std::optional<HoleFill> fill;
+  double target_error = 0, target_time = 0;
+  ProgressStyle progress = ProgressStyle::kAuto;
+  // Of several hosts, see docs/farm.md.
+  std::vector<std::string> take_folders;
+  bool absent_archives = false;
+  std::string fragments;
+  int jpeg_quality = 0;
+};
+
+void declare(CLI::App& app, RenderOptions& options, char** argv);
+
+/// Renders the shot. `hosts`: as SequenceOptions; `on_hosts`: for the first line that is said.
+ExitCode render(const RenderOptions& options, Progress& progress, TakeHosts* hosts,
+                std::string_view on_hosts, std::stop_token stop);
+
+}  // namespace raystage

@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+// raystage render under MPI: one rank of those that hold the cameras of the shot's takes.
+#include <fmt/format.h>
+
+#include <exception>
+#include <new>
+
+#include "cli/render_command.h"
+#include "cli/threads.h"
+#include "farm/path_map.h"
+#include "farm/ranks/first_rank.h"
+#include "farm/ranks/other_rank.h"
+
+namespace raystage {
+namespace {
+
+FragmentEncodingSettings encoding_of(const RenderOptions& options) {
+  FragmentEncodingSettings settings;
+  if (options.fragments == "half") settings.encoding = FragmentEncoding::kHalf;
+  if (options.fragments == "jpeg") settings.encoding = FragmentEncoding::kJpeg;
+  if (options.jpeg_quality > 0) settings.jpeg_quality = options.jpeg_quality;
+  return settings;
+}
+
+std::vector<farm::PathRule> folders_of(const RenderOptions& options) {
+  std::vector<farm::PathRule> rules;
+  for (const std::string& text : options.take_folders) {
+    rules.push_back(farm::parse_path_rule(text));
+  }
+  return rules;
+}
+
+std::string traffic_text(const farm::RankTraffic& traffic) {
+  constexpr double kMegabyte = 1e6;
+  const auto pixels = static_cast<double>(std::max<std::int64_t>(traffic.view_pixels, 1));
+  return fmt::format(
+      "between ranks: {:.3f} samples per pixel of the views, {} fragments, {:.2f} MB; {} parts of "
+      "frames, {:.2f} MB",
+      static_cast<double>(traffic.fragments.samples) / pixels, traffic.fragments.fragments,
+      static_cast<double>(traffic.fragments.bytes) / kMegabyte, traffic.frames.requests,
+      static_cast<double>(traffic.frames.bytes) / kMegabyte);
+}
+
+ExitCode render_as_first(farm::MpiWorld& world, const RenderOptions& options,
+                         const std::stop_token& stop) {
+  Progress progress(options.progress);
+  farm::FirstRank ranks(
+      world,
+      {folders_of(options),
+       options.absent_archives ? farm::MissingArchives::kAbsent : farm::MissingArchives::kError,
+       encoding_of(options), [&](std::string_view line) { progress.say(line); }});
+  const ExitCode code =
+      render(options, progress, &ranks, fmt::format(", the first of {} ranks", world.size()), stop);
+  progress.say(traffic_text(ranks.traffic()));
+  return code;
+}
+
+void serve(farm::MpiWorld& world, const RenderOptions& options) {
+  const int threads = thread_count(options.threads);
+  const ThreadLimit limit(threads);
+  try {
+    farm::serve_first_rank(world, {folders_of(options), encoding_of(options), threads});
+  } catch (const std::bad_alloc&) {
+    fmt::print(stderr, "raystage render: rank {}: out of memory\n", world.rank());
+    world.abort(kOutOfMemoryCode);
+  } catch (const std::exception& error) {  // the other ranks would wait for this one
+    fmt::print(stderr, "raystage render: rank {}: {}\n", world.rank(), error.what());
+    world.abort(static_cast<int>(ExitCode::kFailed));
+  }
+}
+
+}  // namespace
+}  // namespace raystage
+
+int main(int argc, char** argv) {
+  using namespace raystage;
+  CLI::App app{"Renders a shot as an EXR sequence, as one rank of several.", "raystage render"};
+  RenderOptions options;
+  declare(app, options, argv);
+  return parse_and_run(app, argc, argv, "render", [&](std::stop_token stop) {
+    farm::MpiWorld world(&argc, &argv);
+    if (world.rank() == 0) return render_as_first(world, options, stop);
+    serve(world, options);
+    return ExitCode::kSuccess;
+  });
+}

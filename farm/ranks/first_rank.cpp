@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/ranks/first_rank.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "farm/ranks/rank_views.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string list_text(const std::vector<std::string>& names) {
+  constexpr std::size_t kMost = 8;
+  if (names.size() <= kMost) return fmt::format("{}", fmt::join(names, ", "));
+  return fmt::format("{} and {} more", fmt::join(names.begin(), names.begin() + kMost, ", "),
+                     names.size() - kMost);
+}
+
+}  // namespace
+
+/// A light field of the shot, as views of it are summed.
+class FirstRank::LightField : public ViewHosts {
+ public:
+  LightField(FirstRank& ranks, int number, std::vector<int> members)
+      : ranks_(ranks), number_(number), members_(std::move(members)) {}
+
+  Contribution sum(const HostView& view, const Contribute& own) const override {
+    std::unique_lock in_step(ranks_.in_step_, std::defer_lock);
+    if (view.in_step) in_step.lock();
+    Request request;
+    request.kind = Request::Kind::kView;
+    request.light_field = number_;
+    request.view = view;
+    request.view_number = ranks_.views_++;
+    ranks_.send_to_all(request);
+    FragmentCounts counts;
+    Contribution all = sum_of_subtree(
+        {ranks_.world_, ranks_.options_.encoding}, request.view_number, number_, view.view,
+        [&] {
+          return contribute_as_rank({ranks_.world_, members_}, view, request.view_number, own);
+        },
+        counts);
+    const std::scoped_lock lock(ranks_.mutex_);
+    ranks_.traffic_.fragments += counts;
+    ranks_.traffic_.view_pixels += static_cast<std::int64_t>(values_of_view(view.view) / 4);
+    return all;
+  }
+
+ private:
+  FirstRank& ranks_;
+  int number_;
+  std::vector<int> members_;
+};
+
+FirstRank::FirstRank(MpiWorld& world, RankOptions options)
+    : world_(world), options_(std::move(options)), frames_(std::make_unique<FrameService>(world)) {}
+
+FirstRank::~FirstRank() {
+  send_to_all({});
+  frames_.reset();
+}
+
+void FirstRank::send_to_all(const Request& request) {
+  const MessageBytes message = encode(request);
+  for (int rank = 1; rank < world_.size(); ++rank) world_.send(rank, kRequestTag, message);
+}
+
+std::vector<int> FirstRank::holders_of(const Take& take,
+                                       const std::vector<TakeTable>& tables) const {
+  const auto cameras = static_cast<std::size_t>(take.camera_count());
+  std::vector<int> holders;
+  std::vector<std::string> missing;
+  for (std::size_t camera = 0; camera < cameras; ++camera) {
+    std::vector<int> candidates;
+    for (std::size_t rank = 0; rank < tables.size(); ++rank) {
+      if (camera < tables[rank].cameras.size() && tables[rank].cameras[camera].is_held) {
+        candidates.push_back(static_cast<int>(rank));
+      }
+    }
+    if (candidates.empty()) {
+      missing.push_back(take.document().cameras[camera].id);
+      holders.push_back(-1);
+    } else {  // of shared storage each takes a part, neighbours together
+      holders.push_back(candidates[camera * candidates.size() / cameras]);
+    }
+  }
+  if (missing.empty()) return holders;
+  const std::string what = fmt::format("no rank has the archives of {} of {} cameras: {}",
+                                       missing.size(), cameras, list_text(missing));
+  if (options_.missing == MissingArchives::kError || missing.size() == cameras) {
+    throw Error::bad_input(what, take.folder().string(),
+                           "Start ranks on the hosts that hold them, or render without these "
+                           "cameras: --missing-archives absent");
+  }
+  options_.say(what + "; they are absent from all frames");
+  return holders;
+}
+
+Take FirstRank::open(const fs::path& folder) {
+  Request request;
+  request.kind = Request::Kind::kOpen;
+  request.take = static_cast<int>(takes_.size());
+  request.folder = fs::absolute(folder).string();
+  request.reply_tag = kFirstReplyTag - 1;
+  send_to_all(request);
+  const fs::path mine = folder_of_this_rank(request.folder, options_.takes, 0);
+  RankTake own = open_rank_take(world_, request.take, mine);
+  std::vector<TakeTable> tables{own.table};
+  for (int rank = 1; rank < world_.size(); ++rank) {
+    tables.push_back(decode_take_table(world_.receive(rank, request.reply_tag)));
+  }
+  if (!own.take) {
+    Take(mine, own.archives);  // throws what is wrong with it
+    throw Error::bad_input(own.table.error, mine.string(), "Mend the take on this host");
+  }
+  for (std::size_t rank = 1; rank < tables.size(); ++rank) {
+    if (!tables[rank].error.empty()) {
+      if (options_.missing == MissingArchives::kError) {
+        throw Error::bad_input(fmt::format("rank {} cannot open it: {}", rank, tables[rank].error),
+                               request.folder,
+                               "Copy take.json, rig.json and timeline.zst to that host "
+                               "(raystage join --documents-only makes them), or render without its "
+                               "cameras: --missing-archives absent");
+      }
+      options_.say(fmt::format("rank {} cannot open the take: {}", rank, tables[rank].error));
+      tables[rank].cameras.clear();
+    } else if (tables[rank].documents != own.table.documents) {
+      throw Error::bad_input(
+          fmt::format("take.json or rig.json of rank {} differ from those of rank 0", rank),
+          request.folder, "Copy the same documents to all hosts");
+    }
+  }
+  const std::vector<int> holders = holders_of(*own.take, tables);
+  std::vector<TakeTable::Camera> cameras(holders.size());
+  for (std::size_t camera = 0; camera < holders.size(); ++camera) {
+    if (holders[camera] < 0) continue;
+    cameras[camera] = std::move(tables[static_cast<std::size_t>(holders[camera])].cameras[camera]);
+  }
+  Opened opened;
+  opened.folder = mine;
+  for (std::size_t rank = 0; rank < tables.size(); ++rank) {
+    if (tables[rank].error.empty()) opened.ranks.push_back(static_cast<int>(rank));
+  }
+  own.archives->set_holders(holders, std::move(cameras));
+  opened.archives = own.archives;
+  opened.served = std::move(own.take);
+  frames_->add(request.take, *opened.served);
+  takes_.push_back(std::move(opened));
+  return Take(mine, takes_.back().archives);
+}
+
+void FirstRank::share(const Take& take, RendererSettings& settings) {
+  const auto found = std::ranges::find(takes_, take.folder(), &Opened::folder);
+  if (found == takes_.end()) {
+    throw Error::failed("the take was not opened by all ranks", take.folder().string(), "");
+  }
+  Request request;
+  request.kind = Request::Kind::kShare;
+  request.take = static_cast<int>(found - takes_.begin());
+  request.light_field = light_fields_++;
+  request.cache_bytes = settings.cache_bytes;
+  request.kept_bytes = settings.kept_bytes;
+  request.working_bytes = settings.working_bytes;
+  request.holder_of_camera = found->archives->holder_of_camera();
+  request.ranks = found->ranks;
+  send_to_all(request);
+  settings.hosts = std::make_shared<const LightField>(*this, request.light_field, found->ranks);
+  settings.host_of_camera = hosts_of(found->ranks, request.holder_of_camera);
+  settings.this_host = 0;
+}
+
+RankTraffic FirstRank::traffic() const {
+  const std::scoped_lock lock(mutex_);
+  RankTraffic traffic = traffic_;
+  for (const Opened& opened : takes_) {
+    traffic.frames.requests += opened.archives->fetched().requests;
+    traffic.frames.bytes += opened.archives->fetched().bytes;
+  }
+  return traffic;
+}
+
+}  // namespace raystage::farm

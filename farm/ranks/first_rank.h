@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string_view>
+#include <vector>
+
+#include "farm/path_map.h"
+#include "farm/ranks/mpi_world.h"
+#include "farm/ranks/rank_takes.h"
+#include "render/fragments/encoding.h"
+#include "render/view_hosts.h"
+
+namespace raystage::farm {
+
+/// What to do about cameras whose archives no rank has.
+enum class MissingArchives {
+  kError,  ///< refuse before anything is rendered
+  kAbsent  ///< render without them: their rays are missing, and the files say so
+};
+
+struct RankOptions {
+  std::vector<PathRule> takes;  ///< where ranks keep takes: see folder_of_this_rank()
+  MissingArchives missing = MissingArchives::kError;
+  FragmentEncodingSettings encoding;
+  std::function<void(std::string_view)> say = [](std::string_view) {};
+};
+
+/// What crossed between the ranks.
+struct RankTraffic {
+  FragmentCounts fragments;      ///< summed over all messages
+  std::int64_t view_pixels = 0;  ///< of the views that fragments were summed for
+  FetchCounts frames;            ///< fetched by rank 0
+};
+
+/// Rank 0: opens takes on all ranks, and asks them for their contributions to views.
+class FirstRank : public TakeHosts {
+ public:
+  FirstRank(MpiWorld& world, RankOptions options);
+  /// Tells all ranks that nothing follows.
+  ~FirstRank() override;
+  FirstRank(const FirstRank&) = delete;
+  FirstRank& operator=(const FirstRank&) = delete;
+
+  Take open(const std::filesystem::path& folder) override;
+  void share(const Take& take, RendererSettings& settings) override;
+  RankTraffic traffic() const;
+
+ private:
+  class LightField;
+  struct Opened {
+    std::filesystem::path folder;
+    std::shared_ptr<RankArchives> archives;
+    std::unique_ptr<Take> served;  ///< gives frames to other ranks
+    std::vector<int> ranks;        ///< that have opened it
+  };
+  void send_to_all(const Request& request);
+  std::vector<int> holders_of(const Take& take, const std::vector<TakeTable>& tables) const;
+
+  MpiWorld& world_;
+  RankOptions options_;
+  std::vector<Opened> takes_;
+  int light_fields_ = 0;
+  std::atomic<std::uint32_t> views_ = 0;
+  mutable std::mutex in_step_;  // views in step, one at a time
+  mutable std::mutex mutex_;    // of the traffic
+  RankTraffic traffic_;
+  std::unique_ptr<FrameService> frames_;  ///< ends before the takes do
+};
+
+}  // namespace raystage::farm

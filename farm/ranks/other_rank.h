@@ -1,0 +1,22 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "farm/path_map.h"
+#include "farm/ranks/mpi_world.h"
+#include "render/fragments/encoding.h"
+
+namespace raystage::farm {
+
+struct OtherRankOptions {
+  std::vector<PathRule> takes;  ///< as RankOptions
+  FragmentEncodingSettings encoding;
+  int threads = 1;  ///< of the TBB arena that views are made in
+};
+
+/// Any rank but the first: does what rank 0 asks for, and returns when that says that nothing
+/// follows. What cannot be done is reported to rank 0, never thrown.
+void serve_first_rank(MpiWorld& world, const OtherRankOptions& options);
+
+}  // namespace raystage::farm

@@ -1,0 +1,250 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/ranks/rank_takes.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <utility>
+
+#include "schemas/atomic_file.h"
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Tags of replies to this rank: unique for as long as a reply may be under way.
+int new_reply_tag() {
+  static std::atomic<std::uint32_t> next = 0;
+  return kFirstReplyTag + static_cast<int>(next++ % (1U << 29));
+}
+
+/// A camera's frames, on the rank that holds its archive.
+class FetchedFrames : public RemoteFrames {
+ public:
+  FetchedFrames(const RankArchives& archives, int camera) : archives_(archives), camera_(camera) {}
+
+  FrameBytes jpeg(int frame) const override {
+    return as_bytes(ask(FrameRequest::Kind::kWhole, frame, {}).bytes);
+  }
+
+  JpegLayout layout(int frame) const override {
+    return ask(FrameRequest::Kind::kLayout, frame, {}).layout;
+  }
+
+  /// The bytes of other segments are 0: the decoder does not read them.
+  FrameBytes jpeg_part(int frame, const JpegLayout& layout, const McuMask& wanted) const override {
+    const std::vector<std::uint32_t> segments = segments_with(layout, wanted);
+    const FrameReply reply = ask(FrameRequest::Kind::kSegments, frame, segments);
+    std::span<const std::byte> rest(reply.bytes);
+    MessageBytes jpeg(layout.scan_end + 2);
+    const auto copy = [&](std::size_t begin, std::size_t end) {
+      if (begin > end || end > jpeg.size() || end - begin > rest.size()) throw damaged(frame);
+      std::ranges::copy(rest.first(end - begin), jpeg.begin() + static_cast<std::ptrdiff_t>(begin));
+      rest = rest.subspan(end - begin);
+    };
+    copy(0, layout.scan_offset);
+    for (const std::uint32_t segment : segments) {
+      copy(layout.segment_offset[segment], layout.segment_offset[segment + 1]);
+    }
+    return as_bytes(std::move(jpeg));
+  }
+
+ private:
+  static FrameBytes as_bytes(MessageBytes bytes) {
+    return FrameBytes(std::make_shared<const std::vector<std::byte>>(std::move(bytes)));
+  }
+
+  static std::vector<std::uint32_t> segments_with(const JpegLayout& layout, const McuMask& wanted) {
+    std::vector<std::uint32_t> segments;
+    for (std::size_t mcu = 0; mcu < wanted.size(); ++mcu) {
+      if (wanted[mcu] == 0) continue;
+      const auto segment =
+          static_cast<std::uint32_t>(mcu / static_cast<std::size_t>(layout.restart_interval));
+      if (segments.empty() || segments.back() != segment) segments.push_back(segment);
+    }
+    return segments;
+  }
+
+  Error damaged(int frame) const {
+    return Error::failed("a part of a frame has another size than it should",
+                         fmt::format("camera {} frame {}", camera_, frame),
+                         "Check the network between the hosts and render again");
+  }
+
+  FrameReply ask(FrameRequest::Kind kind, int frame, std::vector<std::uint32_t> segments) const {
+    FrameRequest request;
+    request.kind = kind;
+    request.frame = frame;
+    request.segments = std::move(segments);
+    return archives_.fetch(camera_, std::move(request));
+  }
+
+  const RankArchives& archives_;
+  int camera_;
+};
+
+}  // namespace
+
+void RankArchives::set_holders(std::vector<int> holder_of_camera,
+                               std::vector<TakeTable::Camera> cameras) {
+  holders_ = std::move(holder_of_camera);
+  cameras_ = std::move(cameras);
+}
+
+std::optional<ArchiveReader> RankArchives::open(int camera) const {
+  const auto index = static_cast<std::size_t>(camera);
+  if (index < is_own_.size() && is_own_[index]) return std::nullopt;
+  if (is_missing(camera)) return ArchiveReader({}, {}, nullptr);
+  TakeTable::Camera known = index < cameras_.size() ? cameras_[index] : TakeTable::Camera{};
+  return ArchiveReader(known.description, std::move(known.frames),
+                       std::make_shared<const FetchedFrames>(*this, camera));
+}
+
+bool RankArchives::is_missing(int camera) const {
+  const auto index = static_cast<std::size_t>(camera);
+  return index < holders_.size() && holders_[index] < 0;
+}
+
+FrameReply RankArchives::fetch(int camera, FrameRequest request) const {
+  const int holder = holders_.at(static_cast<std::size_t>(camera));
+  request.reply_tag = new_reply_tag();
+  request.take = take_number_;
+  request.camera = camera;
+  world_.send(holder, kFrameRequestTag, encode(request));
+  const MessageBytes message = world_.receive(holder, request.reply_tag);
+  ++requests_;
+  bytes_ += static_cast<std::int64_t>(message.size());
+  FrameReply reply = decode_frame_reply(message);
+  if (reply.error.empty()) return reply;
+  throw Error::bad_input(reply.error, fmt::format("rank {}", holder),
+                         "Run `raystage verify` on that host's take");
+}
+
+RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
+  RankTake opened;
+  opened.archives = std::make_shared<RankArchives>(world, number);
+  try {
+    auto take = std::make_unique<Take>(folder, opened.archives);
+    const std::string documents = read_file(folder / "take.json") + read_file(folder / "rig.json");
+    opened.table.documents =
+        fmt::format("{:016x}", XXH3_64bits(documents.data(), documents.size()));
+    std::vector<bool> is_own;
+    for (const auto& camera : take->document().cameras) {
+      is_own.push_back(fs::exists(folder / camera.archive));
+    }
+    opened.archives->set_own(is_own);
+    for (std::size_t i = 0; i < is_own.size(); ++i) {
+      TakeTable::Camera camera;
+      camera.is_held = is_own[i];
+      if (camera.is_held) {
+        const ArchiveReader& archive = take->archive(static_cast<int>(i));
+        camera.description = archive.description();
+        camera.frames.assign(archive.frames().begin(), archive.frames().end());
+      }
+      opened.table.cameras.push_back(std::move(camera));
+    }
+    opened.take = std::move(take);
+  } catch (const Error& error) {
+    opened.table = {};
+    opened.table.error = error.what();
+  }
+  return opened;
+}
+
+fs::path folder_of_this_rank(const std::string& folder, std::span<const PathRule> rules, int rank) {
+  std::string mine = mapped(folder, rules);
+  std::array<char, 256> host{};
+  if (gethostname(host.data(), host.size() - 1) != 0) host = {};
+  const auto replace = [&](std::string_view name, const std::string& value) {
+    for (std::size_t at = mine.find(name); at != std::string::npos; at = mine.find(name, at)) {
+      mine.replace(at, name.size(), value);
+      at += value.size();
+    }
+  };
+  replace("{rank}", std::to_string(rank));
+  replace("{host}", host.data());
+  return mine;
+}
+
+FrameService::FrameService(MpiWorld& world)
+    : world_(world), thread_([this](const std::stop_token& stop) { run(stop); }) {}
+
+FrameService::~FrameService() {
+  thread_.request_stop();
+  thread_.join();
+}
+
+void FrameService::add(int number, const Take& take) {
+  const std::scoped_lock lock(mutex_);
+  takes_.resize(std::max(takes_.size(), static_cast<std::size_t>(number) + 1));
+  takes_[static_cast<std::size_t>(number)] = &take;
+}
+
+void FrameService::run(const std::stop_token& stop) {
+  PollPause pause;
+  while (!stop.stop_requested()) {
+    const auto received = world_.receive_if_any(kFrameRequestTag);
+    if (!received) {
+      pause.sleep();
+      continue;
+    }
+    pause.reset();
+    const FrameRequest request = decode_frame_request(received->message);
+    FrameReply reply;
+    try {
+      reply = answer(request);
+    } catch (const Error& error) {
+      reply = {};
+      reply.error = error.what();
+    }
+    world_.send(received->from, request.reply_tag, encode(reply));
+  }
+}
+
+FrameReply FrameService::answer(const FrameRequest& request) {
+  const Take* take = nullptr;
+  {
+    const std::scoped_lock lock(mutex_);
+    const auto number = static_cast<std::size_t>(request.take);
+    if (number < takes_.size()) take = takes_[number];
+  }
+  const std::string where = fmt::format("camera {} frame {}", request.camera, request.frame);
+  const bool is_known =
+      take != nullptr && request.camera >= 0 && request.camera < take->camera_count() &&
+      !take->archive(request.camera).is_remote() && request.frame >= 0 &&
+      static_cast<std::size_t>(request.frame) < take->archive(request.camera).frames().size();
+  if (!is_known) throw Error::failed("this rank does not hold the frame", where, "Start again");
+  const ArchiveReader& archive = take->archive(request.camera);
+  const FrameBytes jpeg = archive.jpeg(request.frame);
+  FrameReply reply;
+  const auto append = [&](std::size_t begin, std::size_t end) {
+    const auto part = jpeg.bytes().subspan(begin, end - begin);
+    reply.bytes.insert(reply.bytes.end(), part.begin(), part.end());
+  };
+  if (request.kind == FrameRequest::Kind::kWhole) {
+    append(0, jpeg.size());
+    return reply;
+  }
+  const JpegLayout layout = parse_jpeg_layout(jpeg, where);
+  if (request.kind == FrameRequest::Kind::kLayout) {
+    reply.layout = layout;
+    return reply;
+  }
+  append(0, layout.scan_offset);
+  for (const std::uint32_t segment : request.segments) {
+    if (segment >= static_cast<std::uint32_t>(layout.segment_count())) {
+      throw Error::failed("the frame has no such segment", where, "Start again");
+    }
+    append(layout.segment_offset[segment],
+           std::min<std::size_t>(layout.segment_offset[segment + 1], jpeg.size()));
+  }
+  return reply;
+}
+
+}  // namespace raystage::farm

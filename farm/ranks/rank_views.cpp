@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+// Adds the contributions of ranks along a binomial tree: rank r receives from r + 2^k for all 2^k
+// below the lowest set bit of r (rank 0: for all), so that n ranks take log2 n steps and each
+// sample crosses at most that often. Sums are in single precision, in one order for a given number
+// of ranks.
+#include "farm/ranks/rank_views.h"
+
+#include <algorithm>
+#include <exception>
+#include <optional>
+#include <utility>
+
+#include "schemas/error.h"
+
+namespace raystage::farm {
+namespace {
+
+/// Replies to a view number; above those of frames, see rank_takes.cpp.
+int tag_of(std::uint32_t view_number) {
+  return kFirstReplyTag + (1 << 29) + static_cast<int>(view_number % (1U << 28));
+}
+
+int tag_of_group(std::uint32_t view_number) { return tag_of(view_number) + (1 << 28); }
+
+/// The hosts of a take, in step. The last byte of a message says whether its sender has left the
+/// view.
+class RankGroup : public HostGroup {
+ public:
+  RankGroup(const RankMembers& members, std::uint32_t view_number)
+      : members_(members), tag_(tag_of_group(view_number)) {}
+
+  int host() const override { return host_of(members_.ranks, members_.world.rank()); }
+  int hosts() const override { return static_cast<int>(members_.ranks.size()); }
+
+  std::vector<Message> exchange(std::vector<Message> messages) const override {
+    for (Message& message : messages) message.push_back(kHere);
+    std::vector<Message> received =
+        members_.world.exchange(tag_, members_.ranks, std::move(messages));
+    for (std::size_t host = 0; host < received.size(); ++host) {
+      if (received[host].empty() || received[host].back() != kHere) {
+        throw Error::failed("rank " + std::to_string(members_.ranks[host]) + " has left the view",
+                            "", "See what it says");
+      }
+      received[host].pop_back();
+    }
+    return received;
+  }
+
+  void leave() const {
+    const Message left{kLeft};
+    for (const int rank : members_.ranks) {
+      if (rank != members_.world.rank()) members_.world.send(rank, tag_, left);
+    }
+  }
+
+ private:
+  static constexpr std::byte kHere{0}, kLeft{1};
+  RankMembers members_;
+  int tag_;
+};
+
+FragmentTag fragment_tag(std::uint32_t view_number, int light_field, std::size_t plane) {
+  return {view_number, static_cast<std::uint32_t>(light_field), static_cast<std::uint32_t>(plane)};
+}
+
+/// Of two hosts that worked at the same time.
+void add(const RenderStatistics& from, RenderStatistics& to) {
+  to.plan_ms = std::max(to.plan_ms, from.plan_ms);
+  to.decode_ms = std::max(to.decode_ms, from.decode_ms);
+  to.render_ms = std::max(to.render_ms, from.render_ms);
+  to.pixels_decoded += from.pixels_decoded;
+  to.pixels_needed += from.pixels_needed;
+  to.cameras_used += from.cameras_used;
+  to.working_bytes = std::max(to.working_bytes, from.working_bytes);
+}
+
+void add_notes(const std::vector<std::string>& from, std::vector<std::string>& to) {
+  for (const std::string& note : from) {
+    if (std::ranges::find(to, note) == to.end()) to.push_back(note);
+  }
+}
+
+/// What a rank could not do, as the rank that puts views together says it.
+struct Failure {
+  std::string what;
+  bool is_bad_input = false;
+  Error error() const {
+    const std::string advice = "Mend that and render again";
+    return is_bad_input ? Error::bad_input(what, "", advice) : Error::failed(what, "", advice);
+  }
+};
+
+}  // namespace
+
+int parent_of(int rank) { return rank & (rank - 1); }
+
+std::vector<int> children_of(int rank, int ranks) {
+  std::vector<int> children;
+  for (int bit = 1; bit < ranks && (rank & bit) == 0; bit <<= 1) {
+    if (rank + bit < ranks) children.push_back(rank + bit);
+  }
+  return children;
+}
+
+int host_of(std::span<const int> ranks, int rank) {
+  const auto found = std::ranges::find(ranks, rank);
+  return found == ranks.end() ? -1 : static_cast<int>(found - ranks.begin());
+}
+
+std::vector<int> hosts_of(std::span<const int> ranks, std::span<const int> holder_of_camera) {
+  std::vector<int> hosts;
+  for (const int holder : holder_of_camera) hosts.push_back(host_of(ranks, holder));
+  return hosts;
+}
+
+Contribution contribute_as_rank(const RankMembers& members, const HostView& view,
+                                std::uint32_t view_number, const ViewHosts::Contribute& own) {
+  if (!view.in_step) return own(nullptr);
+  const RankGroup group(members, view_number);
+  try {
+    return own(&group);
+  } catch (...) {
+    group.leave();
+    throw;
+  }
+}
+
+Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_number,
+                            int light_field, const VirtualCamera& view,
+                            const std::function<Contribution()>& own, FragmentCounts& counts) {
+  Contribution sum;
+  std::exception_ptr own_failure;
+  try {
+    sum = own();
+  } catch (...) {
+    own_failure = std::current_exception();  // the ranks below send all the same
+  }
+  std::optional<Failure> failure;
+  for (const int child : children_of(exchange.world.rank(), exchange.world.size())) {
+    const PartialView part =
+        decode_partial_view(exchange.world.receive(child, tag_of(view_number)));
+    if (!part.error.empty() && !failure) failure = Failure{part.error, part.is_bad_input};
+    if (own_failure || failure) continue;
+    add(part.statistics, sum.statistics);
+    add_notes(part.notes, sum.notes);
+    counts += part.counts;
+    sum.planes.resize(std::max(sum.planes.size(), part.planes.size()),
+                      PixelValues(values_of_view(view), 0.0F));
+    for (std::size_t i = 0; i < part.planes.size(); ++i) {
+      add_fragments(part.planes[i], fragment_tag(view_number, light_field, i), view.width,
+                    view.height, sum.planes[i]);
+    }
+  }
+  if (own_failure) std::rethrow_exception(own_failure);
+  if (failure) throw failure->error();
+  return sum;
+}
+
+void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
+                    const VirtualCamera& view, const std::function<Contribution()>& own) {
+  PartialView part;
+  try {
+    Contribution sum = sum_of_subtree(exchange, view_number, light_field, view, own, part.counts);
+    part.statistics = sum.statistics;
+    part.notes = std::move(sum.notes);
+    for (std::size_t i = 0; i < sum.planes.size(); ++i) {
+      part.planes.push_back(encode_fragments(fragment_tag(view_number, light_field, i),
+                                             sum.planes[i], view.width, view.height,
+                                             exchange.encoding, part.counts));
+      sum.planes[i] = {};
+    }
+  } catch (const Error& error) {
+    part = {};
+    part.error = error.what();
+    part.is_bad_input = error.exit_code() == ExitCode::kBadInput;
+  } catch (const std::exception& error) {
+    part = {};
+    part.error = "rank " + std::to_string(exchange.world.rank()) + ": " + error.what();
+  }
+  exchange.world.send(parent_of(exchange.world.rank()), tag_of(view_number), encode(part));
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "farm/ranks/messages.h"
+#include "farm/ranks/mpi_world.h"
+#include "render/view/contribution.h"
+#include "render/view_hosts.h"
+
+namespace raystage::farm {
+
+/// The binomial tree with rank 0 at its root along which contributions are added. A rank's children
+/// come in increasing order; so do the sums, whatever the order of arrival.
+int parent_of(int rank);
+std::vector<int> children_of(int rank, int ranks);
+
+/// How contributions travel.
+struct ViewExchange {
+  MpiWorld& world;
+  FragmentEncodingSettings encoding;
+};
+
+/// The ranks that have opened a take: its hosts, numbered in the order of their ranks.
+struct RankMembers {
+  MpiWorld& world;
+  std::span<const int> ranks;
+};
+/// Returns the number of a rank among them; -1: it is none of them.
+int host_of(std::span<const int> ranks, int rank);
+/// The same for the holder of each camera.
+std::vector<int> hosts_of(std::span<const int> ranks, std::span<const int> holder_of_camera);
+
+/// Calls `own` for a view: with all hosts as its group where the view is made in step. Where it
+/// throws, the other ranks learn that this one has left.
+Contribution contribute_as_rank(const RankMembers& members, const HostView& view,
+                                std::uint32_t view_number, const ViewHosts::Contribute& own);
+
+/// Returns what this rank and those below it in the tree contribute to a view. `own`: what this
+/// rank contributes. Adds what the messages of those below held to `counts`. Throws Error where one
+/// of them, or this one, cannot contribute, when all have answered.
+Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_number,
+                            int light_field, const VirtualCamera& view,
+                            const std::function<Contribution()>& own, FragmentCounts& counts);
+
+/// Sends what sum_of_subtree() returns, or why it did not return, to the rank above.
+void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
+                    const VirtualCamera& view, const std::function<Contribution()>& own);
+
+}  // namespace raystage::farm

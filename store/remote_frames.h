@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "store/jpeg/decode.h"
+#include "store/jpeg/layout.h"
+
+namespace raystage {
+
+/// Encoded bytes of a frame, and what keeps them in memory.
+class FrameBytes {
+ public:
+  FrameBytes() = default;
+  /// Bytes that others keep, longer than this.
+  explicit FrameBytes(std::span<const std::byte> bytes) : bytes_(bytes) {}
+  explicit FrameBytes(std::shared_ptr<const std::vector<std::byte>> owned)
+      : owned_(std::move(owned)), bytes_(*owned_) {}
+
+  std::span<const std::byte> bytes() const { return bytes_; }
+  // As a span, which it stands for.
+  operator std::span<const std::byte>() const { return bytes_; }  // NOLINT(*-explicit-*)
+  auto begin() const { return bytes_.begin(); }
+  auto end() const { return bytes_.end(); }
+  const std::byte* data() const { return bytes_.data(); }
+  std::size_t size() const { return bytes_.size(); }
+
+ private:
+  std::shared_ptr<const std::vector<std::byte>> owned_;
+  std::span<const std::byte> bytes_;
+};
+
+/// The frames of a camera whose archive is on another host. Thread-safe. Members throw Error
+/// (failed or bad input) where the host does not answer or cannot read the frame.
+class RemoteFrames {
+ public:
+  virtual ~RemoteFrames() = default;
+  /// Returns all of an encoded frame.
+  virtual FrameBytes jpeg(int frame) const = 0;
+  /// Returns the structure of a frame, without its bytes.
+  virtual JpegLayout layout(int frame) const = 0;
+  /// Returns a frame of which the bytes before the scan and the segments that hold `wanted` MCUs
+  /// are there; all others are 0. `layout`: of the frame.
+  virtual FrameBytes jpeg_part(int frame, const JpegLayout& layout,
+                               const McuMask& wanted) const = 0;
+};
+
+}  // namespace raystage

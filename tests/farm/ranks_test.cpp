@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shots rendered by MPI ranks, each with a folder that holds the archives of its own cameras alone.
+#include <Imath/half.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "compose/exr/file.h"
+#include "images/exr/exr_channels.h"
+#include "schemas/test_folder.h"
+#include "tests/end_to_end/run_command.h"
+
+namespace raystage::testing {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+class Ranks : public ::testing::Test {
+ protected:
+  static constexpr int kSide = 4;
+
+  void SetUp() override {
+    const CommandResult made = here(
+        "raystage simulate stage -q --rows 4 --columns 4 --width 96 --height 72 --fps 10 "
+        "--spacing-mm 60 --seconds 1.6 --truth-views 0 -o take && raystage sync -q take");
+    ASSERT_EQ(made.exit_code, 0) << made.err;
+  }
+
+  /// A folder for each rank with the take's documents and the archives of a block of its cameras.
+  void split(int ranks) const {
+    fs::remove_all(folder_.path() / "ranks");
+    const auto take = nlohmann::json::parse(text_of(folder_.path() / "take" / "take.json"));
+    const int columns = ranks >= 4 ? 2 : 1;  // of ranks
+    for (int rank = 0; rank < ranks; ++rank) {
+      const fs::path to = folder_.path() / "ranks" / std::to_string(rank) / "take";
+      fs::create_directories(to / "archive");
+      for (const char* document : {"take.json", "rig.json", "timeline.zst"}) {
+        fs::copy_file(folder_.path() / "take" / document, to / document);
+      }
+      for (int camera = 0; camera < kSide * kSide; ++camera) {
+        const int column = camera % kSide, row = camera / kSide;
+        if ((row * (ranks / columns) / kSide) * columns + column * columns / kSide != rank)
+          continue;
+        for (const char* file : {"archive", "journal"}) {
+          const auto name = take["cameras"][static_cast<std::size_t>(camera)][file];
+          fs::copy_file(folder_.path() / "take" / name, to / name);
+        }
+      }
+    }
+  }
+
+  void write_shot(const std::string& method, const std::string& options, int frames = 2) const {
+    write_text(folder_.path() / "shot.json",
+               R"({"schema": "raystage/shot/2", "width": 160, "height": 120, "fps": 10,
+  "first_frame": 1, "last_frame": )" +
+                   std::to_string(frames) + R"(, "camera": {"keys": [
+  {"frame": 1, "position": [-0.05, 0, 0.4], "target": [0, 0, -5], "horizontal_fov_deg": 40},
+  {"frame": 9, "position": [0.05, 0.02, 0.4], "target": [0, 0, -5], "horizontal_fov_deg": 40}]},
+  "layers": [{"take": "take", "method": ")" +
+                   method + R"(", "options": )" + options +
+                   R"(, "focal_plane": {"depth_m": 5}, "start_seconds": 0.5}]})");
+  }
+
+  CommandResult here(const std::string& command) const {
+    return run("cd '" + folder_.path().string() + "' && " + command);
+  }
+
+  /// mpirun on this host; it refuses to run as root and to take a busy machine, unless told.
+  CommandResult render_by(int ranks, const std::string& options) const {
+    return here(
+        "OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 mpirun --oversubscribe -n " +
+        std::to_string(ranks) +
+        " --mca btl tcp,self --mca btl_tcp_if_include lo --mca oob_tcp_if_include lo "
+        "raystage render shot.json -j 1 --take-folder \"$PWD/take=$PWD/ranks/{rank}/take\" " +
+        options);
+  }
+
+  CommandResult render_locally(const std::string& options = "") const {
+    return here("raystage render shot.json -j 1 -o local/f.####.exr --existing overwrite " +
+                options);
+  }
+
+  static int half_steps(float a, float b) {
+    const auto ordered = [](float value) {
+      const int bits = Imath::half(value).bits();
+      return bits < 0x8000 ? bits : 0x8000 - bits;
+    };
+    return std::abs(ordered(a) - ordered(b));
+  }
+
+  struct Difference {
+    int most = 0;         ///< units in the last place of half
+    double share = 0;     ///< of values that differ
+    double psnr_db = 99;  ///< of colours, full scale 1
+  };
+
+  Difference difference(const std::string& a, const std::string& b, int frame) const {
+    const auto file = [&](const std::string& folder) {
+      return folder_.path() / folder / ("f.000" + std::to_string(frame) + ".exr");
+    };
+    const ExrImage left = read_exr(file(a)), right = read_exr(file(b));
+    Difference found;
+    EXPECT_EQ(left.rgba.size(), right.rgba.size());
+    EXPECT_GT(*std::ranges::max_element(left.rgba), 0.05F) << "nothing is seen";
+    double squares = 0;
+    for (std::size_t i = 0; i < left.rgba.size(); ++i) {
+      const int steps = half_steps(left.rgba[i], right.rgba[i]);
+      found.most = std::max(found.most, steps);
+      if (steps > 0) found.share += 1.0 / static_cast<double>(left.rgba.size());
+      squares += std::pow(double{left.rgba[i]} - double{right.rgba[i]}, 2);
+    }
+    const double mean = squares / static_cast<double>(left.rgba.size());
+    if (mean > 0) found.psnr_db = -10 * std::log10(mean);
+    return found;
+  }
+
+  void expect_equal_to_local(const std::string& method, const std::string& options,
+                             bool byte_for_byte = false) const {
+    SCOPED_TRACE(method + " " + options);
+    write_shot(method, options);
+    const CommandResult local = render_locally();
+    ASSERT_EQ(local.exit_code, 0) << local.err;
+    for (const int ranks : {2, 4, 8}) {
+      split(ranks);
+      const CommandResult distributed =
+          render_by(ranks, "-o ranked/f.####.exr --existing overwrite");
+      ASSERT_EQ(distributed.exit_code, 0) << distributed.err;
+      for (const int frame : {1, 2}) {
+        const Difference found = difference("local", "ranked", frame);
+        EXPECT_LE(found.most, byte_for_byte ? 0 : 1) << ranks << " ranks";
+        EXPECT_LE(found.share, 0.01) << ranks << " ranks";
+      }
+    }
+  }
+
+  TestFolder folder_;
+};
+
+TEST_F(Ranks, RenderTheViewsOfFocalPlanesAsOneProcessDoes) {
+  expect_equal_to_local("focal_plane", "{}");
+  expect_equal_to_local("nearest", "{}");
+  expect_equal_to_local("aperture", R"({"radius": 0.08})");
+}
+
+TEST_F(Ranks, RenderTheViewsOfLumigraphsAndSlabsAsOneProcessDoes) {
+  write_text(folder_.path() / "take" / "wall.obj", "v -3 -3 -4\nv 3 -3 -4\nv 0 3 -5\nf 1 2 3\n");
+  expect_equal_to_local("lumigraph", "{}");
+  expect_equal_to_local("slabs", "{}");
+}
+
+TEST_F(Ranks, FetchPartsOfFramesForPlaneSweep) { expect_equal_to_local("plane_sweep", "{}", true); }
+
+TEST_F(Ranks, SayWhatCrossedBetweenThem) {
+  write_shot("focal_plane", "{}");
+  split(4);
+  const CommandResult rendered = render_by(4, "-o ranked/f.####.exr");
+  EXPECT_THAT(rendered.err, HasSubstr("the first of 4 ranks"));
+  EXPECT_THAT(rendered.err, HasSubstr("samples per pixel of the views"));
+}
+
+TEST_F(Ranks, SendFewerBytesWithLossySamples) {
+  write_shot("focal_plane", "{}");
+  split(4);
+  ASSERT_EQ(render_locally().exit_code, 0);
+  ASSERT_EQ(render_by(4, "-o ranked/f.####.exr --fragments half").exit_code, 0);
+  const Difference half = difference("local", "ranked", 1);
+  EXPECT_GT(half.most, 0);
+  EXPECT_LE(half.most, 3);
+  ASSERT_EQ(render_by(4, "-o ranked/f.####.exr --existing overwrite --fragments jpeg").exit_code,
+            0);
+  const Difference jpeg = difference("local", "ranked", 1);
+  EXPECT_GT(jpeg.psnr_db, 36);
+  EXPECT_LT(jpeg.psnr_db, 60);
+}
+
+TEST_F(Ranks, LeaveOutCamerasThatNoneHasOrRefuse) {
+  write_shot("focal_plane", "{}");
+  split(4);
+  fs::remove_all(folder_.path() / "ranks" / "2" / "take");
+  const CommandResult refused = render_by(4, "-o ranked/f.####.exr");
+  EXPECT_EQ(refused.exit_code, 2) << refused.err;
+  EXPECT_THAT(refused.err, HasSubstr("rank 2 cannot open it"));
+  fs::create_directories(folder_.path() / "ranks" / "2" / "take" / "archive");
+  for (const char* document : {"take.json", "rig.json", "timeline.zst"}) {
+    fs::copy_file(folder_.path() / "take" / document,
+                  folder_.path() / "ranks" / "2" / "take" / document);
+  }
+  const CommandResult without = render_by(4, "-o ranked/f.####.exr");
+  EXPECT_EQ(without.exit_code, 2) << without.err;
+  EXPECT_THAT(without.err, HasSubstr("no rank has the archives of 4 of 16 cameras"));
+  EXPECT_FALSE(fs::exists(folder_.path() / "ranked"));
+  const CommandResult absent = render_by(4, "-o ranked/f.####.exr --missing-archives absent");
+  ASSERT_EQ(absent.exit_code, 0) << absent.err;
+  constexpr ExrChannel kCoverage[] = {{"lf.coverage"}};
+  const ExrPixels coverage =
+      read_exr_channels(folder_.path() / "ranked" / "f.0001.exr", kCoverage, "");
+  EXPECT_LT(*std::ranges::min_element(coverage.values), 0.9F);
+  const CommandResult header = here("exrheader ranked/f.0001.exr");
+  EXPECT_THAT(header.out, HasSubstr("absentCameras"));
+}
+
+TEST_F(Ranks, RefuseWhatCannotBeRenderedTogether) {
+  split(2);
+  for (const auto& [method, options] : std::vector<std::pair<std::string, std::string>>{
+           {"auto", "{}"}, {"lumigraph", R"({"proxy": "depth"})"}}) {
+    write_shot(method, options);
+    const CommandResult refused = render_by(2, "-o ranked/f.####.exr");
+    EXPECT_EQ(refused.exit_code, 2) << method << refused.err;
+    EXPECT_THAT(refused.err, HasSubstr("cannot be rendered from archives on several hosts"));
+  }
+  write_shot("focal_plane", "{}");
+  const CommandResult alone = render_locally("--fragments half");
+  EXPECT_EQ(alone.exit_code, 2);
+  EXPECT_THAT(alone.err, HasSubstr("mpirun"));
+}
+
+TEST_F(Ranks, ReportADamagedFrameOfAnotherHostAndGoOn) {
+  write_shot("focal_plane", "{}", 5);
+  split(2);
+  // A frame in the middle of a camera of rank 1 loses its markers.
+  const fs::path archives = folder_.path() / "ranks" / "1" / "take" / "archive";
+  for (const auto& entry : fs::directory_iterator(archives)) {
+    if (entry.path().extension() != ".mkv") continue;
+    std::string bytes = text_of(entry.path());
+    for (std::size_t i = bytes.size() / 2; i < bytes.size() * 6 / 10; ++i) bytes[i] = '\xFF';
+    write_text(entry.path(), bytes);
+  }
+  const CommandResult some = render_by(2, "-o ranked/f.####.exr");
+  EXPECT_EQ(some.exit_code, 3) << some.err;
+  EXPECT_THAT(some.err, HasSubstr("failed:"));
+}
+
+}  // namespace
+}  // namespace raystage::testing

@@ -140,6 +140,12 @@ void check_hosts(const ShotPlan& plan, const std::filesystem::path& shot_file) {
                          "hosts",
                          method.name()));
     }
+    if (plan.measures_coverage() && method.distribution(options) == Distribution::kInStep) {
+      refuse(i, "/method",
+             fmt::format("the coverage of method {} cannot be measured from archives on several "
+                         "hosts (lf.cameras, lf.nearest)",
+                         method.name()));
+    }
     if (light_field->matte()) {
       refuse(i, "/matte", "a layer with a matte cannot be rendered from archives on several hosts");
     }

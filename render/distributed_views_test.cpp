@@ -6,13 +6,16 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <barrier>
 #include <cmath>
 #include <fstream>
 #include <string>
+#include <thread>
 
 #include "render/fragments/encoding.h"
 #include "render/matching/large_buffer.h"
 #include "render/methods.h"
+#include "render/view/host_group.h"
 #include "render/view/synthetic_take.h"
 #include "schemas/planes_document.h"
 #include "schemas/test_folder.h"
@@ -32,6 +35,37 @@ int half_steps(float a, float b) {
   };
   return std::abs(ordered(a) - ordered(b));
 }
+
+/// Hosts that are threads of this process.
+class Threads {
+ public:
+  explicit Threads(int hosts)
+      : boxes_(static_cast<std::size_t>(hosts)), barrier_(hosts), hosts_(hosts) {}
+
+  class Group : public HostGroup {
+   public:
+    Group(Threads& all, int host) : all_(all), host_(host) {}
+    int host() const override { return host_; }
+    int hosts() const override { return all_.hosts_; }
+    std::vector<Message> exchange(std::vector<Message> messages) const override {
+      all_.boxes_[static_cast<std::size_t>(host_)] = std::move(messages);
+      all_.barrier_.arrive_and_wait();
+      std::vector<Message> received;
+      for (const auto& box : all_.boxes_) received.push_back(box[static_cast<std::size_t>(host_)]);
+      all_.barrier_.arrive_and_wait();
+      return received;
+    }
+
+   private:
+    Threads& all_;
+    int host_;
+  };
+
+ private:
+  std::vector<std::vector<HostGroup::Message>> boxes_;  // by sender and receiver
+  std::barrier<> barrier_;
+  int hosts_;
+};
 
 class DistributedViews : public ::testing::Test {
  protected:
@@ -71,22 +105,39 @@ class DistributedViews : public ::testing::Test {
     return (row * (hosts / columns) / kSide) * columns + column * columns / kSide;
   }
 
-  ViewRequest request(const Instant& instant, const MethodOptions& options) {
-    ViewRequest asked{view_, instant, plane_, options, kept_, 1 << 28, buffers_};
+  ViewRequest request(const Instant& instant, const MethodOptions& options, KeptResults& kept) {
+    ViewRequest asked{view_, instant, plane_, options, kept, working_bytes_, buffers_};
+    asked.use_take_folder = false;
     asked.measure_coverage = measure_coverage_;
     return asked;
   }
 
   RenderedView distributed(const Method& method, const MethodOptions& options, int hosts,
                            Split split) {
-    std::vector<PixelValues> planes;
-    for (int host = 0; host < hosts; ++host) {
+    std::vector<Contribution> contributions(static_cast<std::size_t>(hosts));
+    const bool in_step = method.distribution(options) == Distribution::kInStep;
+    Threads threads(hosts);
+    const auto contribute = [&](int host) {
       Instant own = instant_;
       own.this_host = host;
       for (int camera = 0; camera < kCameras; ++camera) {
         own.host_of_camera.push_back(host_of(camera, hosts, split));
       }
-      const Contribution contribution = method.contribute(request(own, options));
+      KeptResults kept(1 << 28);
+      const Threads::Group group(threads, host);
+      ViewRequest asked = request(own, options, kept);
+      asked.measure_coverage = false;
+      if (in_step) asked.group = &group;
+      contributions[static_cast<std::size_t>(host)] = method.contribute(asked);
+    };
+    if (in_step) {
+      std::vector<std::jthread> running;
+      for (int host = 0; host < hosts; ++host) running.emplace_back(contribute, host);
+    } else {
+      for (int host = 0; host < hosts; ++host) contribute(host);
+    }
+    std::vector<PixelValues> planes;
+    for (const Contribution& contribution : contributions) {
       planes.resize(contribution.planes.size(), PixelValues(values_of_view(view_), 0.0F));
       for (std::size_t plane = 0; plane < planes.size(); ++plane) {
         const FragmentTag tag{1, 0, static_cast<std::uint32_t>(plane)};
@@ -95,7 +146,7 @@ class DistributedViews : public ::testing::Test {
         add_fragments(message, tag, view_.width, view_.height, planes[plane]);
       }
     }
-    return method.combine(request(instant_, options), std::move(planes));
+    return method.combine(request(instant_, options, kept_), std::move(planes));
   }
 
   /// Compares a view of several hosts with that of one, in the half floats of the files.
@@ -122,8 +173,9 @@ class DistributedViews : public ::testing::Test {
   void expect_all_same(const std::string& name, const OptionValues& values) {
     const Method& method = method_named(name);
     const MethodOptions options(method.options(), values, name);
-    ASSERT_EQ(method.distribution(options), Distribution::kContributions);
-    const RenderedView local = method.render(request(instant_, options));
+    ASSERT_THAT(method.distribution(options),
+                ::testing::AnyOf(Distribution::kContributions, Distribution::kInStep));
+    const RenderedView local = method.render(request(instant_, options, kept_));
     EXPECT_GT(*std::ranges::max_element(local.rgba), 0.05F) << name << " shows nothing";
     for (const int hosts : {1, 2, 4, 8}) {
       for (const Split split : {Split::kBlocks, Split::kRoundRobin}) {
@@ -158,6 +210,7 @@ class DistributedViews : public ::testing::Test {
       83, 61, 0.9, Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.06, -0.03, 0.2)});
   Eigen::Vector4d plane_{0, 0, 1, 4};
   bool measure_coverage_ = false;
+  std::size_t working_bytes_ = 1 << 28;
   FragmentCounts counts_;
 };
 
@@ -194,6 +247,17 @@ TEST_F(DistributedViews, EqualItWithPlanesOfObjects) {
   expect_all_same("nearest", {{"objects", std::string("planes.json")}});
 }
 
+TEST_F(DistributedViews, EqualItWithDepthsThatHostsFindTogether) {
+  expect_all_same("depth", {});
+  expect_all_same("depth", {{"cameras", 3.0}, {"witnesses", 4.0}, {"neighbours", 3.0}});
+}
+
+TEST_F(DistributedViews, EqualItWithDepthsWhereMemoryIsShortAndCamerasHaveNoFrame) {
+  lose({5, 6, 15});
+  working_bytes_ = 3 << 20;  // not all cameras' pictures, nor all rows' samples at once
+  expect_all_same("depth", {});
+}
+
 TEST_F(DistributedViews, CrossAsSamplesOfThePictureNotOfTheCameras) {
   const Method& method = method_named("focal_plane");
   const MethodOptions none(method.options(), {}, "focal_plane");
@@ -216,7 +280,7 @@ TEST_F(DistributedViews, AreRefusedByMethodsThatCannot) {
   EXPECT_FALSE(is_distributed("auto", {}));
   EXPECT_FALSE(is_distributed("lumigraph", {{"proxy", std::string("depth")}}));
   const MethodOptions none;
-  EXPECT_THROW(method_named("auto").contribute(request(instant_, none)), std::logic_error);
+  EXPECT_THROW(method_named("auto").contribute(request(instant_, none, kept_)), std::logic_error);
 }
 
 }  // namespace

@@ -76,63 +76,126 @@ struct Colour {
   V r, g, b, seen;
 };
 
-void blend(const BlendRun& run, std::span<float> sums) {
-  const hn::ScalableTag<float> d;
-  using V = hn::Vec<decltype(d)>;
-  const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto zero = hn::Zero(d), tiny = hn::Set(d, 1e-30F), hidden = hn::Set(d, kHiddenShare);
-  // Samples are premultiplied by seen * 65535; so is the mean that they are held against.
-  const auto per_agreement = hn::Set(d, 65535.0F * 65535.0F / (3 * run.agreement * run.agreement));
-  const std::size_t cameras = run.samples.size();
-  HWY_ALIGN float last[4 * kMostRun];
-  for (int i = 0; i < run.count; i += lanes) {
-    const auto sample_of = [&](std::size_t c) HWY_ATTR {
-      Colour<V> sample;
-      hn::LoadInterleaved4(d, run.samples[c] + 4 * i, sample.r, sample.g, sample.b, sample.seen);
-      return sample;
-    };
-    const auto weight_of = [&](std::size_t c) HWY_ATTR {
-      return hn::Mul(hn::LoadU(d, run.shares[c] + i),
-                     hn::Add(hn::LoadU(d, run.visible[c] + i), hidden));
-    };
-    const auto add = [&](V weight, const Colour<V>& sample, Colour<V>& sum) HWY_ATTR {
-      sum.r = hn::MulAdd(weight, sample.r, sum.r);
-      sum.g = hn::MulAdd(weight, sample.g, sum.g);
-      sum.b = hn::MulAdd(weight, sample.b, sum.b);
-      sum.seen = hn::MulAdd(weight, sample.seen, sum.seen);
-    };
-    Colour<V> sum{zero, zero, zero, zero};
-    auto alpha = zero;
-    for (std::size_t c = 0; c < cameras; ++c) {
+/// The cameras of a run, at a vector of pixels.
+template <class D, class V = hn::Vec<D>>
+class CamerasAt {
+ public:
+  CamerasAt(D d, const BlendRun& run, int i) : d_(d), run_(run), i_(i) {}
+
+  /// By share and visibility; `alpha`: the shares of those that see the point.
+  Colour<V> sum(V& alpha) const {
+    Colour<V> sum = nothing();
+    for (std::size_t c = 0; c < run_.samples.size(); ++c) {
       const Colour<V> sample = sample_of(c);
       add(weight_of(c), sample, sum);
-      const auto shown = hn::Mul(hn::LoadU(d, run.shares[c] + i), hn::LoadU(d, run.visible[c] + i));
+      const auto shown =
+          hn::Mul(hn::LoadU(d_, run_.shares[c] + i_), hn::LoadU(d_, run_.visible[c] + i_));
       alpha = hn::MulAdd(shown, sample.seen, alpha);
     }
-    constexpr int kRounds = 2;
-    for (int round = 0; round < kRounds; ++round) {
-      const auto per_weight = hn::Div(hn::Set(d, 1.0F), hn::Max(sum.seen, tiny));
-      const auto r = hn::Mul(sum.r, per_weight), g = hn::Mul(sum.g, per_weight);
-      const auto b = hn::Mul(sum.b, per_weight);
-      sum = {zero, zero, zero, zero};
-      for (std::size_t c = 0; c < cameras; ++c) {
-        const Colour<V> sample = sample_of(c);
-        const auto off_r = hn::NegMulAdd(r, sample.seen, sample.r);
-        const auto off_g = hn::NegMulAdd(g, sample.seen, sample.g);
-        const auto off_b = hn::NegMulAdd(b, sample.seen, sample.b);
-        const auto square =
-            hn::MulAdd(off_r, off_r, hn::MulAdd(off_g, off_g, hn::Mul(off_b, off_b)));
-        const auto seen = hn::Mul(sample.seen, sample.seen);
-        const auto trust = hn::Div(seen, hn::Max(hn::MulAdd(square, per_agreement, seen), tiny));
-        add(hn::Mul(weight_of(c), trust), sample, sum);
-      }
+    return sum;
+  }
+
+  /// By agreement with the mean of `of_all`, too.
+  Colour<V> sum_agreeing(const Colour<V>& of_all) const {
+    const auto tiny = hn::Set(d_, 1e-30F);
+    // Samples are premultiplied by seen * 65535; so is the mean that they are held against.
+    const auto per_agreement =
+        hn::Set(d_, 65535.0F * 65535.0F / (3 * run_.agreement * run_.agreement));
+    const auto per_weight = hn::Div(hn::Set(d_, 1.0F), hn::Max(of_all.seen, tiny));
+    const auto r = hn::Mul(of_all.r, per_weight), g = hn::Mul(of_all.g, per_weight);
+    const auto b = hn::Mul(of_all.b, per_weight);
+    Colour<V> sum = nothing();
+    for (std::size_t c = 0; c < run_.samples.size(); ++c) {
+      const Colour<V> sample = sample_of(c);
+      const auto off_r = hn::NegMulAdd(r, sample.seen, sample.r);
+      const auto off_g = hn::NegMulAdd(g, sample.seen, sample.g);
+      const auto off_b = hn::NegMulAdd(b, sample.seen, sample.b);
+      const auto square = hn::MulAdd(off_r, off_r, hn::MulAdd(off_g, off_g, hn::Mul(off_b, off_b)));
+      const auto seen = hn::Mul(sample.seen, sample.seen);
+      const auto trust = hn::Div(seen, hn::Max(hn::MulAdd(square, per_agreement, seen), tiny));
+      add(hn::Mul(weight_of(c), trust), sample, sum);
     }
+    return sum;
+  }
+
+ private:
+  Colour<V> nothing() const {
+    const auto zero = hn::Zero(d_);
+    return {zero, zero, zero, zero};
+  }
+  Colour<V> sample_of(std::size_t c) const {
+    Colour<V> sample;
+    hn::LoadInterleaved4(d_, run_.samples[c] + 4 * i_, sample.r, sample.g, sample.b, sample.seen);
+    return sample;
+  }
+  V weight_of(std::size_t c) const {
+    return hn::Mul(hn::LoadU(d_, run_.shares[c] + i_),
+                   hn::Add(hn::LoadU(d_, run_.visible[c] + i_), hn::Set(d_, kHiddenShare)));
+  }
+  static void add(V weight, const Colour<V>& sample, Colour<V>& sum) {
+    sum.r = hn::MulAdd(weight, sample.r, sum.r);
+    sum.g = hn::MulAdd(weight, sample.g, sum.g);
+    sum.b = hn::MulAdd(weight, sample.b, sum.b);
+    sum.seen = hn::MulAdd(weight, sample.seen, sum.seen);
+  }
+
+  D d_;
+  const BlendRun& run_;
+  int i_;
+};
+
+/// Writes a vector of colours, as far as the run goes.
+template <class D, class V>
+void write(D d, const Colour<V>& colour, int i, int count, std::span<float> to) {
+  if (i + static_cast<int>(hn::Lanes(d)) <= count) {
+    hn::StoreInterleaved4(colour.r, colour.g, colour.b, colour.seen, d, to.data() + 4 * i);
+    return;
+  }
+  HWY_ALIGN float last[4 * hn::MaxLanes(d)];
+  hn::StoreInterleaved4(colour.r, colour.g, colour.b, colour.seen, d, last);
+  std::copy_n(last, 4 * (count - i), to.data() + 4 * i);
+}
+
+void blend(const BlendRun& run, std::span<float> sums) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  const auto zero = hn::Zero(d), tiny = hn::Set(d, 1e-30F);
+  for (int i = 0; i < run.count; i += lanes) {
+    const CamerasAt<decltype(d)> cameras(d, run, i);
+    auto alpha = zero;
+    auto sum = cameras.sum(alpha);
+    for (int round = 0; round < kAgreementRounds; ++round) sum = cameras.sum_agreeing(sum);
     const auto scale =
         hn::IfThenElseZero(hn::Gt(sum.seen, zero), hn::Div(alpha, hn::Max(sum.seen, tiny)));
-    const bool whole = i + lanes <= run.count;
-    hn::StoreInterleaved4(hn::Mul(sum.r, scale), hn::Mul(sum.g, scale), hn::Mul(sum.b, scale),
-                          hn::Mul(sum.seen, scale), d, whole ? sums.data() + 4 * i : last);
-    if (!whole) std::copy_n(last, 4 * (run.count - i), sums.data() + 4 * i);
+    sum.r = hn::Mul(sum.r, scale);
+    sum.g = hn::Mul(sum.g, scale);
+    sum.b = hn::Mul(sum.b, scale);
+    sum.seen = hn::Mul(sum.seen, scale);
+    write(d, sum, i, run.count, sums);
+  }
+}
+
+void first_sums(const BlendRun& run, std::span<float> sums, std::span<float> alphas) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  HWY_ALIGN float last[kMostRun + hn::MaxLanes(d)];
+  for (int i = 0; i < run.count; i += lanes) {
+    auto alpha = hn::Zero(d);
+    write(d, CamerasAt<decltype(d)>(d, run, i).sum(alpha), i, run.count, sums);
+    hn::StoreU(alpha, d, last + i);
+  }
+  std::copy_n(last, run.count, alphas.begin());
+}
+
+void next_sums(const BlendRun& run, std::span<const float> of_all, std::span<float> sums) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  HWY_ALIGN float all[4 * (kMostRun + hn::MaxLanes(d))] = {};
+  std::copy_n(of_all.begin(), 4 * run.count, all);
+  for (int i = 0; i < run.count; i += lanes) {
+    Colour<hn::Vec<decltype(d)>> mean;
+    hn::LoadInterleaved4(d, all + 4 * i, mean.r, mean.g, mean.b, mean.seen);
+    write(d, CamerasAt<decltype(d)>(d, run, i).sum_agreeing(mean), i, run.count, sums);
   }
 }
 
@@ -146,10 +209,18 @@ namespace raystage {
 
 HWY_EXPORT(visibility);
 HWY_EXPORT(blend);
+HWY_EXPORT(first_sums);
+HWY_EXPORT(next_sums);
 
 void find_visibility(const VisibilityRun& run) { HWY_DYNAMIC_DISPATCH(visibility)(run); }
 void blend_agreeing(const BlendRun& run, std::span<float> sums) {
   HWY_DYNAMIC_DISPATCH(blend)(run, sums);
+}
+void sum_samples(const BlendRun& run, std::span<float> sums, std::span<float> alpha) {
+  HWY_DYNAMIC_DISPATCH(first_sums)(run, sums, alpha);
+}
+void sum_agreeing(const BlendRun& run, std::span<const float> of_all, std::span<float> sums) {
+  HWY_DYNAMIC_DISPATCH(next_sums)(run, of_all, sums);
 }
 
 }  // namespace raystage

@@ -39,5 +39,16 @@ struct BlendRun {
 /// the mean finite where hardly any does.
 inline constexpr float kHiddenShare = 1e-4F;
 void blend_agreeing(const BlendRun& run, std::span<float> sums);
+inline constexpr int kAgreementRounds = 2;
+
+// The same in steps, for some of the cameras: sums over all cameras, between the steps, give what
+// blend_agreeing() gives, but for the rounding.
+
+/// Writes the sums by share and visibility, four a pixel, and the shares of cameras that see the
+/// point, times 65535.
+void sum_samples(const BlendRun& run, std::span<float> sums, std::span<float> alpha);
+/// Writes the sums by agreement with the mean, which `of_all` (sums of all cameras of the step
+/// before) divided by its last value is.
+void sum_agreeing(const BlendRun& run, std::span<const float> of_all, std::span<float> sums);
 
 }  // namespace raystage

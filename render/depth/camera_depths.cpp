@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <cstring>
 #include <functional>
 #include <limits>
 #include <numbers>
@@ -18,6 +19,7 @@
 #include "render/depth/warp.h"
 #include "render/matching/large_buffer.h"
 #include "render/matching/matching.h"
+#include "schemas/error.h"
 #include "schemas/parallel.h"
 
 namespace raystage {
@@ -30,9 +32,12 @@ std::size_t pixels_of(const VirtualCamera& camera) {
 /// What takes part in solving one instant.
 class Solver {
  public:
-  Solver(const Instant& instant, const DepthSettings& settings, std::size_t working_bytes)
+  /// `group`: null: this host finds the depths of all cameras.
+  Solver(const Instant& instant, const DepthSettings& settings, std::size_t working_bytes,
+         const HostGroup* group)
       : instant_(instant),
         settings_(settings),
+        group_(group),
         depths_(depth_cameras(instant, settings)),
         images_(depths_.pinholes.size()) {
     std::vector<std::size_t> pixels;
@@ -44,6 +49,17 @@ class Solver {
     guess_ = {positions_read(settings.neighbours), true, false};
     agreement_ = {guess_.reads, false, true};
     refinement_ = {positions_read(settings.witnesses), true, true};
+    is_looked_at_.assign(members_.size(), group_ == nullptr);
+    for (const SolvePass* pass : {&guess_, &refinement_}) {
+      for (std::size_t i = 0; i < members_.size(); ++i) {
+        if (!is_solved(i)) continue;
+        is_looked_at_[i] = true;
+        for (const std::size_t other : pass->reads[i]) is_looked_at_[other] = true;
+      }
+    }
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      if (!is_looked_at_[i]) pixels[i] = 0;
+    }
     memory_ =
         plan_solve_memory({guess_, agreement_, refinement_}, pixels, camera_bytes(), working_bytes);
     const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
@@ -57,8 +73,13 @@ class Solver {
       for_each_camera(guess_, [&](int camera) { return first_guess(camera, buffers); });
     }
     if (depths_.pixel > 0) {
+      exchange_maps(agreement_);
       for_each_camera(agreement_, [&](int camera) { return agreed(camera); });
+      exchange_maps(refinement_);
       for_each_camera(refinement_, [&](int camera) { return refined(camera); });
+    }
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      if (!is_solved(i)) depths_.maps[static_cast<std::size_t>(members_[i])] = {};
     }
     depths_.pixels_decoded = pixels_decoded_;
     return std::move(depths_);
@@ -77,6 +98,54 @@ class Solver {
   }
   std::vector<int> neighbours(int camera, int count) const {
     return depth_neighbours(depths_, instant_, camera, range(camera), count);
+  }
+
+  /// Whether this host finds the depths of a member.
+  bool is_solved(std::size_t member) const {
+    return group_ == nullptr || instant_.is_held(members_[member]);
+  }
+
+  int host_of(std::size_t member) const {
+    return instant_.host_of_camera[static_cast<std::size_t>(members_[member])];
+  }
+
+  /// Gives other hosts the maps that their cameras read in a pass, and takes those that this host's
+  /// read. All hosts know who reads what.
+  void exchange_maps(const SolvePass& pass) {
+    if (group_ == nullptr || group_->hosts() == 1) return;
+    const auto hosts = static_cast<std::size_t>(group_->hosts());
+    // By member and host: whether the host's cameras read the member's map.
+    std::vector<std::vector<bool>> is_read(members_.size(), std::vector<bool>(hosts));
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      for (const std::size_t other : pass.reads[i]) {
+        is_read[other][static_cast<std::size_t>(host_of(i))] = true;
+      }
+    }
+    std::vector<HostGroup::Message> messages(hosts);
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      if (!is_solved(i)) continue;
+      const auto bytes = std::as_bytes(std::span(map(members_[i]).values));
+      for (std::size_t host = 0; host < hosts; ++host) {
+        if (!is_read[i][host] || static_cast<int>(host) == group_->host()) continue;
+        messages[host].insert(messages[host].end(), bytes.begin(), bytes.end());
+      }
+    }
+    const std::vector<HostGroup::Message> received = group_->exchange(std::move(messages));
+    std::vector<std::size_t> taken(hosts);
+    for (std::size_t i = 0; i < members_.size(); ++i) {
+      const auto from = static_cast<std::size_t>(host_of(i));
+      if (is_solved(i) || !is_read[i][static_cast<std::size_t>(group_->host())]) continue;
+      const VirtualCamera& camera = pinhole(members_[i]);
+      const std::size_t bytes = pixels_of(camera) * sizeof(float);
+      if (received[from].size() - taken[from] < bytes) {
+        throw Error::failed("another host sent fewer depths than it should", "method depth",
+                            "Check that all hosts run the same program");
+      }
+      InverseDepthMap& to = depths_.maps[static_cast<std::size_t>(members_[i])];
+      to = {camera.width, camera.height, std::vector<float>(pixels_of(camera))};
+      std::memcpy(to.values.data(), received[from].data() + taken[from], bytes);
+      taken[from] += bytes;
+    }
   }
 
   /// Neighbours of each member, as members.
@@ -146,7 +215,9 @@ class Solver {
       hold_images(pass, begin, end);
       for_each_in_flight(
           end - begin, memory_.in_flight, [] { return false; },
-          [&](std::size_t i) { made[begin + i] = make(members_[begin + i]); });
+          [&](std::size_t i) {
+            if (is_solved(begin + i)) made[begin + i] = make(members_[begin + i]);
+          });
       for (std::size_t i = 0; i < end; ++i) {
         if (made[i].values.empty() || last_readers[i] >= end) continue;
         depths_.maps[static_cast<std::size_t>(members_[i])] = std::exchange(made[i], {});
@@ -156,8 +227,10 @@ class Solver {
 
   /// Of the cameras that a group looks at, and no others unless all fit.
   void hold_images(const SolvePass& pass, std::size_t begin, std::size_t end) {
-    std::vector<bool> is_needed(members_.size(), memory_.group >= members_.size());
+    std::vector<bool> is_needed(members_.size());
+    if (memory_.group >= members_.size()) is_needed = is_looked_at_;
     for (std::size_t i = begin; i < end && pass.images; ++i) {
+      if (!is_solved(i)) continue;
       is_needed[i] = true;
       for (const std::size_t other : pass.reads[i]) is_needed[other] = true;
     }
@@ -327,7 +400,9 @@ class Solver {
 
   const Instant& instant_;
   const DepthSettings& settings_;
+  const HostGroup* group_;
   CameraDepths depths_;
+  std::vector<bool> is_looked_at_;  // by member: its image is read by a camera that is solved here
   std::vector<MatchingImage> images_;  // by camera of the rig
   std::vector<int> members_;
   SolvePass guess_, agreement_, refinement_;
@@ -353,7 +428,12 @@ std::size_t CameraDepths::bytes() const {
 
 CameraDepths solve_camera_depths(const Instant& instant, const DepthSettings& settings,
                                  std::size_t working_bytes) {
-  return Solver(instant, settings, working_bytes).solve();
+  return Solver(instant, settings, working_bytes, nullptr).solve();
+}
+
+CameraDepths solve_held_depths(const Instant& instant, const DepthSettings& settings,
+                               std::size_t working_bytes, const HostGroup& group) {
+  return Solver(instant, settings, working_bytes, &group).solve();
 }
 
 }  // namespace raystage

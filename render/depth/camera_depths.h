@@ -7,6 +7,7 @@
 
 #include "render/depth/pinhole.h"
 #include "render/sweep/camera_field.h"
+#include "render/view/host_group.h"
 #include "render/view/instant.h"
 #include "schemas/geometry.h"
 
@@ -76,6 +77,13 @@ struct CameraDepths {
 /// one camera at a time does not fit.
 CameraDepths solve_camera_depths(const Instant& instant, const DepthSettings& settings,
                                  std::size_t working_bytes);
+
+/// The same on several hosts, which must all call it: each finds the depths of the cameras that it
+/// holds (Instant::is_held), with the frames and the maps of their neighbours; maps of other
+/// cameras are empty. Hosts exchange maps after the first and after the second pass. The depths are
+/// those of solve_camera_depths().
+CameraDepths solve_held_depths(const Instant& instant, const DepthSettings& settings,
+                               std::size_t working_bytes, const HostGroup& group);
 
 /// The slow, obvious way: pixel by pixel in double, on one thread, everything at once in memory.
 CameraDepths solve_camera_depths_reference(const Instant& instant, const DepthSettings& settings);

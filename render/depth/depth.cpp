@@ -8,7 +8,7 @@
 #include <limits>
 
 #include "render/depth/blend_kernels.h"
-#include "render/sampling/depth_planning.h"
+#include "render/depth/view_sources.h"
 #include "render/sweep/field_coverage.h"
 #include "schemas/parallel.h"
 
@@ -27,16 +27,12 @@ double milliseconds(Clock::duration duration) {
 class Frame {
  public:
   Frame(const ViewRequest& request, const Plan& plan)
-      : request_(request),
-        view_(request.view),
-        plan_(plan),
-        sources_(request.instant.rig->cameras.size()) {}
+      : request_(request), view_(request.view), plan_(plan), sources_(request, plan) {}
 
   RenderedView render(Clock::time_point start) {
     RenderedView image = unset_view(view_);
-    find_sources();
     const auto planned = Clock::now();
-    decode(image.statistics);
+    sources_.decode(image.statistics);
     const auto decoded = Clock::now();
     blend(image);
     image.notes = plan_.notes;
@@ -51,92 +47,7 @@ class Frame {
   }
 
  private:
-  struct Source {
-    DepthSource look_up;
-    PixelTransfer transfer;  // from the view to where its depths are kept
-    McuMask wanted;
-    std::shared_ptr<const DecodedFrame> frame;
-    bool used = false;
-  };
-  struct Range {
-    float farthest = 0, nearest = 0;
-  };
-
-  Source& source(int camera) { return sources_[static_cast<std::size_t>(camera)]; }
-
-  const float* depths_at(int x, int y) const {
-    return plan_.view_depths.values.data() + static_cast<std::ptrdiff_t>(y) * view_.width + x;
-  }
-
-  Range range_of(const Tile& tile) const {
-    Range range{std::numeric_limits<float>::infinity(), 0};
-    for (int y = tile.top; y < tile.bottom; ++y) {
-      const auto [least, most] =
-          std::minmax_element(depths_at(tile.left, y), depths_at(tile.right, y));
-      range.farthest = std::min(range.farthest, *least);
-      range.nearest = std::max(range.nearest, *most);
-    }
-    return range;
-  }
-
-  /// Which cameras take part, and which of their pixels.
-  void find_sources() {
-    const CameraField& field = plan_.field;
-    std::vector<Range> ranges(static_cast<std::size_t>(field.columns() * field.rows()));
-    raystage::parallel_for(0, field.rows(), [&](int row) {
-      for (int column = 0; column < field.columns(); ++column) {
-        ranges[static_cast<std::size_t>(row * field.columns() + column)] =
-            range_of(field.tile(column, row));
-      }
-    });
-    for (int row = 0; row < field.rows(); ++row) {
-      for (int column = 0; column < field.columns(); ++column) {
-        for (const auto& camera : field.tile(column, row).cameras)
-          source(camera.camera).used = true;
-      }
-    }
-    const Instant& instant = request_.instant;
-    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-      Source& opened = sources_[i];
-      if (!opened.used) return;
-      const int camera = static_cast<int>(i);
-      opened.look_up = depth_source(view_, instant.rig->cameras[i]);
-      opened.transfer = pixel_transfer(plan_.depths->pinholes[i], view_);
-      const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
-      opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
-      plan_into(opened.look_up.camera, *layout, opened.wanted.data());
-      for (int row = 0; row < field.rows(); ++row) {
-        for (int column = 0; column < field.columns(); ++column) {
-          const Tile& tile = field.tile(column, row);
-          if (!std::ranges::binary_search(tile.cameras, camera, {},
-                                          &CameraField::TileCamera::camera)) {
-            continue;
-          }
-          const Range& range = ranges[static_cast<std::size_t>(row * field.columns() + column)];
-          mark_block(opened.look_up,
-                     {tile.left, tile.right, tile.top, tile.bottom, range.farthest, range.nearest},
-                     plan_.settings.look_up);
-        }
-      }
-    });
-  }
-
-  void decode(RenderStatistics& statistics) {
-    std::atomic<std::int64_t> pixels = 0;
-    std::atomic<int> cameras = 0;
-    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-      Source& s = sources_[i];
-      if (!s.used || std::ranges::find(s.wanted, 1) == s.wanted.end()) return;
-      std::int64_t decoded = 0;
-      s.frame = request_.instant.cache->fetch(
-          static_cast<int>(i), request_.instant.frame_of_camera[i], s.wanted, decoded);
-      s.look_up.camera.rgba = s.frame->rgba.get();
-      pixels += decoded;
-      ++cameras;
-    });
-    statistics.pixels_decoded = pixels;
-    statistics.cameras_used = cameras;
-  }
+  using Source = ViewSources::Source;
 
   /// Tile by tile, not row by row: what a row reads of a camera is at hand for the next.
   void blend(RenderedView& image) {
@@ -165,7 +76,7 @@ class Frame {
 
   void blend_run(const Tile& tile, int y, Scratch& scratch, RenderedView& image) {
     const auto n = static_cast<std::size_t>(tile.right - tile.left);
-    const std::span<const float> depths(depths_at(tile.left, y), n);
+    const std::span<const float> depths(sources_.depths_at(tile.left, y), n);
     scratch.samples.resize(std::max(scratch.samples.size(), tile.cameras.size()));
     scratch.shares.resize(scratch.samples.size());
     scratch.visible.resize(scratch.samples.size());
@@ -180,23 +91,13 @@ class Frame {
     const FrameCache& cache = *request_.instant.cache;
     scratch.seen_by_all = {};
     for (const CameraField::TileCamera& camera : tile.cameras) {
-      const Source& from = source(camera.camera);
+      const Source& from = sources_.source(camera.camera);
       if (!from.frame) continue;
       const std::size_t i = scratch.sample_of.size();
       auto& share = scratch.shares[i];
-      CameraField::shares(tile, camera, y, {share.data(), n});
       auto& samples = scratch.samples[i];
-      std::fill_n(samples.begin(), 4 * n, 0.0F);
-      add_samples_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
-                           plan_.settings.look_up, {samples.data(), 4 * n});
-      find_visibility({tile.left,
-                       y,
-                       from.transfer,
-                       &plan_.depths->maps[static_cast<std::size_t>(camera.camera)],
-                       &plan_.depths->nearest[static_cast<std::size_t>(camera.camera)],
-                       depths,
-                       visibility_tolerance(plan_),
-                       {scratch.visible[i].data(), n}});
+      sample_camera(sources_, plan_, tile, camera, y,
+                    {samples.data(), share.data(), scratch.visible[i].data()});
       if (cache.has_matte()) {
         scratch.seen = {};
         add_seen_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
@@ -233,8 +134,8 @@ class Frame {
 
   void count_needed(RenderStatistics& statistics) {
     std::atomic<std::int64_t> needed = 0;
-    raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
-      Source& s = sources_[i];
+    raystage::parallel_for(std::size_t{0}, sources_.all().size(), [&](std::size_t i) {
+      const Source& s = sources_.all()[i];
       if (!s.frame) return;
       std::vector<std::uint8_t> read(static_cast<std::size_t>(s.frame->width) *
                                      static_cast<std::size_t>(s.frame->height));
@@ -252,7 +153,7 @@ class Frame {
           }
           const auto n = static_cast<std::size_t>(tile.right - tile.left);
           for (int y = tile.top; y < tile.bottom; ++y) {
-            mark_samples_at_depth(marking, tile.left, y, {depths_at(tile.left, y), n},
+            mark_samples_at_depth(marking, tile.left, y, {sources_.depths_at(tile.left, y), n},
                                   {share.data(), n}, plan_.settings.look_up);
           }
         }
@@ -265,7 +166,7 @@ class Frame {
   const ViewRequest& request_;
   const VirtualCamera& view_;
   const Plan& plan_;
-  std::vector<Source> sources_;  // per camera of the rig
+  ViewSources sources_;
 };
 
 }  // namespace

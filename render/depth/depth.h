@@ -7,6 +7,7 @@
 #include <string>
 
 #include "render/depth/camera_depths.h"
+#include "render/depth/fusion.h"
 #include "render/sampling/depth_sampling.h"
 #include "render/sweep/camera_field.h"
 #include "render/view/method.h"
@@ -56,6 +57,25 @@ struct Plan {
 };
 /// nullopt where the view sees nothing of the scene.
 std::optional<Plan> plan(const ViewRequest& request);
+
+// The parts of a plan, for hosts that make it together.
+
+/// All of it but the depths of cameras and view.
+std::optional<Plan> plan_without_depths(const ViewRequest& request);
+/// The cameras whose depths are voted on, by index in the rig, and how.
+struct ViewVote {
+  std::vector<DepthReport> reports;  ///< without a map where the plan has none of the camera
+  std::vector<int> cameras;          ///< of each report, increasing
+  FusionSettings settings;
+};
+ViewVote vote_of_view(const Plan& plan, const ViewRequest& request);
+/// What no camera knows lies behind everything.
+void fill_behind(const Plan& plan, InverseDepthMap& view_depths);
+/// Names what an instant's depths depend on, besides the take.
+std::string key_of(const Instant& instant, const DepthSettings& settings);
+/// What people should know about the depths of an instant's cameras; reads no maps.
+std::vector<std::string> notes_of(const CameraDepths& depths, const Instant& instant,
+                                  const DepthSettings& settings);
 
 /// The depths of an instant's cameras as the method has them with its options as they are unless
 /// told, but between these depths of the `scene`: kept likewise, in `kept` and, with `keep`, in the

@@ -168,6 +168,35 @@ std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthReport>
   return fused_bytes(view) + most;
 }
 
+namespace {
+
+/// Of tiles [first, end).
+DepthTiles warp_tiles(const VirtualCamera& view, const DepthReport& report, std::size_t first,
+                      std::size_t end) {
+  std::vector<std::uint8_t> wanted(depth_tile_count(view));
+  for (std::size_t tile = first; tile < end; ++tile) {
+    wanted[tile] = counts(report.weights[tile]) ? 1 : 0;
+  }
+  return warp_depths(*report.map, *report.camera, view, wanted, report.nearest);
+}
+
+}  // namespace
+
+DepthTiles warp_report(const VirtualCamera& view, const DepthReport& report) {
+  return warp_tiles(view, report, 0, depth_tile_count(view));
+}
+
+InverseDepthMap fuse_warped(const VirtualCamera& view, std::span<const DepthReport> reports,
+                            std::span<const DepthTiles> warped, const FusionSettings& settings) {
+  InverseDepthMap fused{view.width, view.height, {}};
+  fused.values.resize(pixels_of(view));
+  std::vector<float> share(pixels_of(view));
+  raystage::parallel_for(std::size_t{0}, depth_tile_count(view), [&](std::size_t tile) {
+    vote_in_tile(view, reports, warped, tile, settings.tolerance, fused, share);
+  });
+  return median(filled(fused, share, settings.least_share), settings.line_tolerance);
+}
+
 InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
                             const FusionSettings& settings) {
   const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
@@ -179,12 +208,7 @@ InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthRepo
     const std::size_t end = static_cast<std::size_t>(band.end) * columns;
     std::vector<DepthTiles> warped(reports.size());
     raystage::parallel_for(std::size_t{0}, reports.size(), [&](std::size_t i) {
-      std::vector<std::uint8_t> wanted(depth_tile_count(view));
-      for (std::size_t tile = first; tile < end; ++tile) {
-        wanted[tile] = counts(reports[i].weights[tile]) ? 1 : 0;
-      }
-      warped[i] =
-          warp_depths(*reports[i].map, *reports[i].camera, view, wanted, reports[i].nearest);
+      warped[i] = warp_tiles(view, reports[i], first, end);
     });
     raystage::parallel_for(first, end, [&](std::size_t tile) {
       vote_in_tile(view, reports, warped, tile, settings.tolerance, fused, share);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "render/depth/pinhole.h"
+#include "render/depth/warp.h"
 
 namespace raystage {
 
@@ -37,6 +38,12 @@ struct FusionSettings {
 /// kUnknownDepth where nothing is near.
 InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
                             const FusionSettings& settings);
+/// The depths of one report as seen from the view, where it counts.
+DepthTiles warp_report(const VirtualCamera& view, const DepthReport& report);
+/// fuse_depths() of reports that are warped already, all of the view at once; their maps are not
+/// read.
+InverseDepthMap fuse_warped(const VirtualCamera& view, std::span<const DepthReport> reports,
+                            std::span<const DepthTiles> warped, const FusionSettings& settings);
 /// Memory that it takes beside its arguments where so much is granted: 8 bytes a pixel, and 4 a
 /// pixel for each report that counts there in the rows of tiles that it is at; 16 at the least.
 std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthReport> reports,

@@ -10,6 +10,7 @@
 #include "render/depth/depth.h"
 #include "render/depth/depth_store.h"
 #include "render/depth/depth_surface.h"
+#include "render/depth/distributed.h"
 #include "render/depth/fusion.h"
 #include "render/depth/solve_kernels.h"
 #include "render/depth/temporal.h"
@@ -68,14 +69,6 @@ std::vector<int> cameras_of(const Instant& instant, bool absent_too) {
   return {cameras.begin(), cameras.end()};
 }
 
-/// What the depths depend on besides the take.
-std::string key_of(const Instant& instant, const DepthSettings& s) {
-  std::string key = fmt::format("camera depths {} {} {} {} {}", s.scene.near, s.scene.far,
-                                s.plane_px, s.neighbours, s.witnesses);
-  for (const int frame : instant.frame_of_camera) key += " " + std::to_string(frame);
-  return key;
-}
-
 /// Of the first guess, where no bound held them down: the most of any camera.
 double planes_needed(const CameraDepths& depths, const Instant& instant,
                      const DepthSettings& solving) {
@@ -103,15 +96,8 @@ std::shared_ptr<const KeptDepths> camera_depths(const Instant& instant, KeptResu
     auto kept = std::make_shared<KeptDepths>();
     std::string note;
     kept->depths = kept_camera_depths(instant, solving, working_bytes, keep, note);
+    kept->notes = notes_of(kept->depths, instant, solving);
     if (!note.empty()) kept->notes.push_back(note);
-    const double needed = planes_needed(kept->depths, instant, solving);
-    if (needed > depth_solve::kMostPlanes) {
-      kept->notes.push_back(
-          fmt::format("depth: {:g} pixels from plane to plane take up to {:.0f} planes for a first "
-                      "guess; {} are "
-                      "tried, and near things may be found wrong",
-                      solving.plane_px, rounded_up(needed), depth_solve::kMostPlanes));
-    }
     kept->depths.find_nearest();
     bytes = kept->depths.bytes();
     work.bytes = std::max(work.bytes, kept->depths.working_bytes);
@@ -203,10 +189,35 @@ std::shared_ptr<const KeptDepths> depths_by(const Settings& settings, const Inst
   return depths_of(instant, kept_results, working_bytes, settings.solving, settings.keep, work);
 }
 
-/// What cameras say of a view's depths: they count as they would if its rays were blended from few
-/// of them.
-std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepths& depths) {
+}  // namespace
+
+std::string key_of(const Instant& instant, const DepthSettings& s) {
+  std::string key = fmt::format("camera depths {} {} {} {} {}", s.scene.near, s.scene.far,
+                                s.plane_px, s.neighbours, s.witnesses);
+  for (const int frame : instant.frame_of_camera) key += " " + std::to_string(frame);
+  return key;
+}
+
+std::vector<std::string> notes_of(const CameraDepths& depths, const Instant& instant,
+                                  const DepthSettings& solving) {
+  const double needed = planes_needed(depths, instant, solving);
+  if (needed <= depth_solve::kMostPlanes) return {};
+  return {
+      fmt::format("depth: {:g} pixels from plane to plane take up to {:.0f} planes for a first "
+                  "guess; {} are tried, and near things may be found wrong",
+                  solving.plane_px, rounded_up(needed), depth_solve::kMostPlanes)};
+}
+
+/// Cameras count as they would if the view's rays were blended from few of them.
+ViewVote vote_of_view(const Plan& plan, const ViewRequest& request) {
   static_assert(kDepthTile == CameraField::kTile);
+  constexpr float kLeastShare = 0.2F;
+  constexpr int kBest = 8;
+  static_assert(4 * kBest <= kMostReports, "a tile's corners may all choose others");
+  const Instant& instant = request.instant;
+  const CameraDepths& depths = *plan.depths;
+  const CameraField field(plan.pinhole, *instant.rig, cameras_of(instant, false), plan.range,
+                          kBest);
   const auto tiles = static_cast<std::size_t>(field.columns() * field.rows());
   std::map<int, DepthReport> reports;  // by camera
   for (std::size_t tile = 0; tile < tiles; ++tile) {
@@ -221,40 +232,44 @@ std::vector<DepthReport> reports_for(const CameraField& field, const CameraDepth
       report.weights[tile] = chosen.share;
     }
   }
-  std::vector<DepthReport> all;
-  for (auto& [camera, report] : reports) all.push_back(std::move(report));
-  return all;
+  ViewVote vote;
+  for (auto& [camera, report] : reports) {
+    vote.cameras.push_back(camera);
+    vote.reports.push_back(std::move(report));
+  }
+  // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
+  // alike and any tolerance will do.
+  const double pixel = depths.pixel > 0 ? depths.pixel : 1;
+  const auto thick = static_cast<float>(pixel / 2);
+  // Wires that fall on one column of pixels in this view and on two in the next must not break.
+  vote.settings = {thick, kLeastShare, thick, request.working_bytes};
+  return vote;
 }
+
+void fill_behind(const Plan& plan, InverseDepthMap& view_depths) {
+  const auto behind = static_cast<float>(plan.range.farthest);
+  for (float& depth : view_depths.values) {
+    if (depth < 0) depth = behind;
+  }
+}
+
+namespace {
 
 /// Adds to the plan what it takes.
 InverseDepthMap depths_of_view(Plan& plan, const ViewRequest& request) {
   const VirtualCamera& view = plan.pinhole;
-  // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
-  // alike and any tolerance will do.
-  const double pixel = plan.depths->pixel > 0 ? plan.depths->pixel : 1;
-  constexpr float kLeastShare = 0.2F;
-  constexpr int kBest = 8;
-  static_assert(4 * kBest <= kMostReports, "a tile's corners may all choose others");
-  const Instant& instant = request.instant;
-  const CameraField field(view, *instant.rig, cameras_of(instant, false), plan.range, kBest);
-  const std::vector<DepthReport> reports = reports_for(field, *plan.depths);
-  const std::size_t bytes = fusion_bytes(view, reports, request.working_bytes);
+  const ViewVote vote = vote_of_view(plan, request);
+  const std::size_t bytes = fusion_bytes(view, vote.reports, request.working_bytes);
   plan.work.bytes = std::max(plan.work.bytes, bytes);
   if (bytes > request.working_bytes) plan.notes.push_back(more_than_its_share("depth", request));
-  const auto thick = static_cast<float>(pixel / 2);
-  // Wires that fall on one column of pixels in this view and on two in the next must not break.
-  InverseDepthMap map =
-      fuse_depths(view, reports, {thick, kLeastShare, thick, request.working_bytes});
-  const auto behind = static_cast<float>(plan.range.farthest);
-  for (float& depth : map.values) {
-    if (depth < 0) depth = behind;
-  }
+  InverseDepthMap map = fuse_depths(view, vote.reports, vote.settings);
+  fill_behind(plan, map);
   return map;
 }
 
 }  // namespace
 
-std::optional<Plan> plan(const ViewRequest& request) {
+std::optional<Plan> plan_without_depths(const ViewRequest& request) {
   const Settings settings =
       settings_of(request.options, *request.instant.take, request.use_take_folder);
   const Rig& rig = *request.instant.rig;
@@ -264,28 +279,25 @@ std::optional<Plan> plan(const ViewRequest& request) {
       request.view.pose);
   const InverseDepthRange range = inverse_depths_in_view(request.view, rig, settings.solving.scene);
   if (range.empty()) return std::nullopt;
-  DepthWork work;
-  const std::shared_ptr<const KeptDepths> kept =
-      depths_by(settings, request.instant, request.kept, request.working_bytes, work);
   const auto field_of = [&](bool absent_too) {
     return CameraField(request.view, rig, cameras_of(request.instant, absent_too), range,
                        settings.cameras);
   };
-  Plan result{settings,
-              pinhole,
-              range,
-              field_of(false),
-              std::nullopt,
-              std::shared_ptr<const CameraDepths>(kept, &kept->depths),
-              {},
-              {},
-              {}};
+  Plan result{settings, pinhole, range, field_of(false), std::nullopt, nullptr, {}, {}, {}};
   if (request.instant.present != request.instant.complete) {
     result.complete.emplace(field_of(true));
   }
-  result.notes = kept->notes;
-  result.work = work;
-  result.view_depths = depths_of_view(result, request);
+  return result;
+}
+
+std::optional<Plan> plan(const ViewRequest& request) {
+  std::optional<Plan> result = plan_without_depths(request);
+  if (!result) return std::nullopt;
+  const std::shared_ptr<const KeptDepths> kept = depths_by(
+      result->settings, request.instant, request.kept, request.working_bytes, result->work);
+  result->depths = std::shared_ptr<const CameraDepths>(kept, &kept->depths);
+  result->notes = kept->notes;
+  result->view_depths = depths_of_view(*result, request);
   return result;
 }
 
@@ -340,6 +352,16 @@ class DepthMethod final : public Method {
   RenderedView render(const ViewRequest& request) const override { return depth::render(request); }
   RenderedView render_reference(const ViewRequest& request) const override {
     return depth::render_reference(request);
+  }
+  /// Depths that were averaged over time depend on those of other light field frames.
+  Distribution distribution(const MethodOptions& options) const override {
+    return options.flag("temporal") ? Distribution::kNone : Distribution::kInStep;
+  }
+  Contribution contribute(const ViewRequest& request) const override {
+    return depth::contribute(request);
+  }
+  RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
+    return depth::combine(request, planes);
   }
   void check(const MethodOptions& options, const Take& take) const override {
     depth::settings_of(options, take, false);

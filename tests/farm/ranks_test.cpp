@@ -157,6 +157,8 @@ TEST_F(Ranks, RenderTheViewsOfLumigraphsAndSlabsAsOneProcessDoes) {
 
 TEST_F(Ranks, FetchPartsOfFramesForPlaneSweep) { expect_equal_to_local("plane_sweep", "{}", true); }
 
+TEST_F(Ranks, FindDepthsTogether) { expect_equal_to_local("depth", R"({"near": 2, "far": 12})"); }
+
 TEST_F(Ranks, SayWhatCrossedBetweenThem) {
   write_shot("focal_plane", "{}");
   split(4);
@@ -209,7 +211,9 @@ TEST_F(Ranks, LeaveOutCamerasThatNoneHasOrRefuse) {
 TEST_F(Ranks, RefuseWhatCannotBeRenderedTogether) {
   split(2);
   for (const auto& [method, options] : std::vector<std::pair<std::string, std::string>>{
-           {"auto", "{}"}, {"lumigraph", R"({"proxy": "depth"})"}}) {
+           {"auto", "{}"},
+           {"lumigraph", R"({"proxy": "depth"})"},
+           {"depth", R"({"near": 2, "far": 12, "temporal": true})"}}) {
     write_shot(method, options);
     const CommandResult refused = render_by(2, "-o ranked/f.####.exr");
     EXPECT_EQ(refused.exit_code, 2) << method << refused.err;

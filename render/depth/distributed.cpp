@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/distributed.h"
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstring>
+#include <map>
+#include <memory>
+#include <utility>
+
+#include "render/depth/blend_kernels.h"
+#include "render/depth/fusion.h"
+#include "render/depth/held_depths.h"
+#include "render/depth/view_sources.h"
+#include "render/depth/warp.h"
+#include "render/sweep/field_coverage.h"
+#include "render/view/host_group.h"
+#include "schemas/error.h"
+#include "schemas/parallel.h"
+
+namespace raystage::depth {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Message = HostGroup::Message;
+using Tile = CameraField::Tile;
+
+double milliseconds(Clock::duration duration) {
+  return std::chrono::duration<double, std::milli>(duration).count();
+}
+
+/// One host alone.
+class NoOthers : public HostGroup {
+ public:
+  int host() const override { return 0; }
+  int hosts() const override { return 1; }
+  std::vector<Message> exchange(std::vector<Message> messages) const override { return messages; }
+};
+
+template <class T>
+void append(std::span<const T> values, Message& message) {
+  const auto bytes = std::as_bytes(values);
+  message.insert(message.end(), bytes.begin(), bytes.end());
+}
+
+/// Reads `count` values from the front of a message's rest.
+template <class T>
+std::vector<T> taken(std::span<const std::byte>& rest, std::size_t count) {
+  if (count > rest.size() / sizeof(T)) {
+    throw Error::failed("a message of another host is shorter than it should be", "method depth",
+                        "Check that all hosts run the same program");
+  }
+  std::vector<T> values(count);
+  if (count > 0) std::memcpy(values.data(), rest.data(), count * sizeof(T));
+  rest = rest.subspan(count * sizeof(T));
+  return values;
+}
+
+std::vector<Message> empty_messages(const HostGroup& group) {
+  return std::vector<Message>(static_cast<std::size_t>(group.hosts()));
+}
+
+/// The depth of each pixel of the view: what all hosts' cameras say, voted on by host 0.
+InverseDepthMap vote_together(const ViewRequest& request, Plan& plan, const HostGroup& group) {
+  const Instant& instant = request.instant;
+  const ViewVote vote = vote_of_view(plan, request);
+  std::vector<Message> messages = empty_messages(group);
+  std::vector<DepthTiles> warped(vote.reports.size());
+  for (std::size_t i = 0; i < vote.reports.size(); ++i) {
+    if (!instant.is_held(vote.cameras[i])) continue;
+    warped[i] = warp_report(plan.pinhole, vote.reports[i]);
+    if (group.host() == 0) continue;
+    append(std::span<const std::int32_t>(warped[i].first), messages[0]);
+    const auto count = static_cast<std::uint64_t>(warped[i].values.size());
+    append(std::span(&count, 1), messages[0]);
+    append(std::span<const float>(warped[i].values), messages[0]);
+    warped[i] = {};
+  }
+  const std::vector<Message> hypotheses = group.exchange(std::move(messages));
+  messages = empty_messages(group);
+  InverseDepthMap map;
+  if (group.host() == 0) {
+    for (std::size_t host = 1; host < hypotheses.size(); ++host) {
+      std::span<const std::byte> rest(hypotheses[host]);
+      for (std::size_t i = 0; i < vote.reports.size(); ++i) {
+        if (instant.host_of_camera[static_cast<std::size_t>(vote.cameras[i])] !=
+            static_cast<int>(host)) {
+          continue;
+        }
+        warped[i].first = taken<std::int32_t>(rest, depth_tile_count(plan.pinhole));
+        const std::uint64_t count = taken<std::uint64_t>(rest, 1)[0];
+        warped[i].values = taken<float>(rest, static_cast<std::size_t>(count));
+      }
+    }
+    map = fuse_warped(plan.pinhole, vote.reports, warped, vote.settings);
+    fill_behind(plan, map);
+    for (std::size_t host = 1; host < messages.size(); ++host) {
+      append(std::span<const float>(map.values), messages[host]);
+    }
+  }
+  const std::vector<Message> found = group.exchange(std::move(messages));
+  if (group.host() != 0) {
+    std::span<const std::byte> rest(found[0]);
+    map = {plan.pinhole.width, plan.pinhole.height,
+           taken<float>(rest, values_of_view(plan.pinhole) / 4)};
+  }
+  return map;
+}
+
+/// Adds the hosts' values up, in the order of the hosts; each adds a part, and all get the sums.
+void sum_over_hosts(const HostGroup& group, std::vector<float>& values) {
+  const auto hosts = static_cast<std::size_t>(group.hosts());
+  if (hosts == 1) return;
+  const auto first_of = [&](std::size_t host) { return values.size() * host / hosts; };
+  std::vector<Message> messages = empty_messages(group);
+  for (std::size_t host = 0; host < hosts; ++host) {
+    append(
+        std::span<const float>(values).subspan(first_of(host), first_of(host + 1) - first_of(host)),
+        messages[host]);
+  }
+  const std::vector<Message> parts = group.exchange(std::move(messages));
+  const auto self = static_cast<std::size_t>(group.host());
+  const std::size_t mine = first_of(self + 1) - first_of(self);
+  std::vector<float> sum(mine, 0.0F);
+  for (const Message& part : parts) {
+    std::span<const std::byte> rest(part);
+    const std::vector<float> add = taken<float>(rest, mine);
+    for (std::size_t i = 0; i < mine; ++i) sum[i] += add[i];
+  }
+  messages = empty_messages(group);
+  for (Message& message : messages) append(std::span<const float>(sum), message);
+  const std::vector<Message> sums = group.exchange(std::move(messages));
+  for (std::size_t host = 0; host < hosts; ++host) {
+    std::span<const std::byte> rest(sums[host]);
+    const std::vector<float> part = taken<float>(rest, first_of(host + 1) - first_of(host));
+    std::ranges::copy(part, values.begin() + static_cast<std::ptrdiff_t>(first_of(host)));
+  }
+}
+
+/// Rows of tiles of the view whose samples are held at a time, and their blending in rounds.
+class BandBlend {
+ public:
+  BandBlend(const ViewRequest& request, const Plan& plan, const ViewSources& sources,
+            const HostGroup& group)
+      : request_(request), plan_(plan), sources_(sources), group_(group) {}
+
+  /// Adds rows of tiles [first, end).
+  void blend(int first, int end, Contribution& contribution) {
+    const CameraField& field = plan_.field;
+    top_ = field.tile(0, first).top;
+    const int bottom = field.tile(0, end - 1).bottom;
+    const auto width = static_cast<std::size_t>(request_.view.width);
+    const std::size_t pixels = width * static_cast<std::size_t>(bottom - top_);
+    sample(first, end);
+    std::vector<float> sums(5 * pixels, 0.0F);  // R, G, B, seen of all pixels, then alphas
+    for_each_run(first, end, [&](const Tile& tile, int y, const BlendRun& run) {
+      const std::size_t at = in_band(tile.left, y);
+      const auto n = static_cast<std::size_t>(run.count);
+      sum_samples(run, {&sums[4 * at], 4 * n}, {&sums[4 * pixels + at], n});
+    });
+    sum_over_hosts(group_, sums);
+    std::vector<float> alpha(sums.begin() + static_cast<std::ptrdiff_t>(4 * pixels), sums.end());
+    sums.resize(4 * pixels);
+    for (int round = 0; round < kAgreementRounds; ++round) {
+      const std::vector<float> mean = std::exchange(sums, std::vector<float>(4 * pixels, 0.0F));
+      for_each_run(first, end, [&](const Tile& tile, int y, const BlendRun& run) {
+        const std::size_t at = 4 * in_band(tile.left, y);
+        const auto n = 4 * static_cast<std::size_t>(run.count);
+        sum_agreeing(run, {&mean[at], n}, {&sums[at], n});
+      });
+      if (round + 1 < kAgreementRounds) sum_over_hosts(group_, sums);
+    }
+    const std::size_t start = static_cast<std::size_t>(top_) * width;
+    std::ranges::copy(sums,
+                      contribution.planes[0].begin() + static_cast<std::ptrdiff_t>(4 * start));
+    if (group_.host() != 0) return;
+    for (std::size_t i = 0; i < pixels; ++i) {
+      float* pixel = &contribution.planes[1][4 * (start + i)];
+      pixel[0] = plan_.view_depths.values[start + i];
+      pixel[1] = alpha[i];
+    }
+  }
+
+ private:
+  /// A tile's samples of the cameras that this host holds, row by row.
+  struct TileSamples {
+    std::size_t cameras = 0;
+    std::vector<float> values;  ///< per row and camera: 4 samples, share, visibility of each pixel
+  };
+  static constexpr std::size_t kPerRun = 6 * static_cast<std::size_t>(kMostRun);
+
+  std::size_t in_band(int x, int y) const {
+    return static_cast<std::size_t>(y - top_) * static_cast<std::size_t>(request_.view.width) +
+           static_cast<std::size_t>(x);
+  }
+
+  template <class Body>
+  void for_each_tile(int first, int end, const Body& body) {
+    const int columns = plan_.field.columns();
+    raystage::parallel_for(0, (end - first) * columns, [&](int i) {
+      body(plan_.field.tile(i % columns, first + i / columns), tiles_[static_cast<std::size_t>(i)]);
+    });
+  }
+
+  void sample(int first, int end) {
+    tiles_.assign(static_cast<std::size_t>((end - first) * plan_.field.columns()), {});
+    for_each_tile(first, end, [&](const Tile& tile, TileSamples& samples) {
+      std::vector<const CameraField::TileCamera*> cameras;
+      for (const CameraField::TileCamera& camera : tile.cameras) {
+        if (sources_.source(camera.camera).frame) cameras.push_back(&camera);
+      }
+      samples.cameras = cameras.size();
+      samples.values.resize(cameras.size() * static_cast<std::size_t>(tile.bottom - tile.top) *
+                            kPerRun);
+      float* at = samples.values.data();
+      for (int y = tile.top; y < tile.bottom; ++y) {
+        for (const CameraField::TileCamera* camera : cameras) {
+          sample_camera(sources_, plan_, tile, *camera, y,
+                        {at, at + std::ptrdiff_t{4} * kMostRun, at + std::ptrdiff_t{5} * kMostRun});
+          at += kPerRun;
+        }
+      }
+    });
+  }
+
+  /// body(tile, y, run) for each row of each tile in which this host has samples.
+  template <class Body>
+  void for_each_run(int first, int end, const Body& body) {
+    for_each_tile(first, end, [&](const Tile& tile, const TileSamples& samples) {
+      if (samples.cameras == 0) return;
+      std::vector<const float*> sample_of(samples.cameras), share_of(samples.cameras),
+          visible_of(samples.cameras);
+      const float* at = samples.values.data();
+      for (int y = tile.top; y < tile.bottom; ++y) {
+        for (std::size_t c = 0; c < samples.cameras; ++c, at += kPerRun) {
+          sample_of[c] = at;
+          share_of[c] = at + std::ptrdiff_t{4} * kMostRun;
+          visible_of[c] = at + std::ptrdiff_t{5} * kMostRun;
+        }
+        body(tile, y,
+             BlendRun{sample_of, share_of, visible_of, tile.right - tile.left,
+                      static_cast<float>(plan_.settings.agreement * 257)});
+      }
+    });
+  }
+
+  const ViewRequest& request_;
+  const Plan& plan_;
+  const ViewSources& sources_;
+  const HostGroup& group_;
+  int top_ = 0;  // row of the view at which the band begins
+  std::vector<TileSamples> tiles_;
+};
+
+/// Rows of tiles from `first` on whose samples fit, of all hosts: so that all take the same steps.
+int end_of_band(const Plan& plan, int first, std::size_t working_bytes) {
+  constexpr std::size_t kPerCamera =
+      6 * sizeof(float) * static_cast<std::size_t>(kMostRun) * CameraField::kTile;
+  std::size_t bytes = 0;
+  for (int row = first; row < plan.field.rows(); ++row) {
+    for (int column = 0; column < plan.field.columns(); ++column) {
+      bytes += kPerCamera * plan.field.tile(column, row).cameras.size();
+    }
+    if (bytes > working_bytes && row > first) return row;
+  }
+  return plan.field.rows();
+}
+
+}  // namespace
+
+Contribution contribute(const ViewRequest& request) {
+  const NoOthers alone;
+  const HostGroup& group = request.group != nullptr ? *request.group : alone;
+  const auto start = Clock::now();
+  Contribution contribution;
+  contribution.planes.assign(2, PixelValues(values_of_view(request.view), 0.0F));
+  std::optional<Plan> plan = plan_without_depths(request);
+  if (!plan) return contribution;
+  const auto held = held_depths(request, plan->settings, group);
+  plan->depths = std::shared_ptr<const CameraDepths>(held, &held->depths);
+  contribution.notes = held->notes;
+  plan->view_depths = vote_together(request, *plan, group);
+  ViewSources sources(request, *plan);
+  const auto planned = Clock::now();
+  sources.decode(contribution.statistics);
+  const auto decoded = Clock::now();
+  BandBlend band(request, *plan, sources, group);
+  for (int first = 0; first < plan->field.rows();) {
+    const int end = end_of_band(*plan, first, request.working_bytes);
+    band.blend(first, end, contribution);
+    first = end;
+  }
+  contribution.statistics.pixels_decoded += held->depths.pixels_decoded;
+  contribution.statistics.plan_ms = milliseconds(planned - start);
+  contribution.statistics.decode_ms = milliseconds(decoded - planned);
+  contribution.statistics.render_ms = milliseconds(Clock::now() - decoded);
+  return contribution;
+}
+
+RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>& planes) {
+  std::optional<Plan> plan = plan_without_depths(request);
+  if (!plan) return view_of_nothing(request);
+  RenderedView image = unset_view(request.view);
+  const FrameCache& cache = *request.instant.cache;
+  const auto width = static_cast<std::size_t>(request.view.width);
+  raystage::parallel_for(0, request.view.height, [&](int y) {
+    const std::size_t row = static_cast<std::size_t>(y) * width;
+    std::vector<float> sums(4 * width);
+    for (std::size_t x = 0; x < width; ++x) {
+      const float* sum = &planes.at(0)[4 * (row + x)];
+      const float alpha = planes.at(1)[4 * (row + x) + 1];
+      const float scale = sum[3] > 0 ? alpha / std::max(sum[3], 1e-30F) : 0.0F;
+      for (std::size_t c = 0; c < 4; ++c) sums[4 * x + c] = sum[c] * scale;
+    }
+    finish_samples(sums, cache.blend_space(), static_cast<float>(cache.full_scale()),
+                   {&image.rgba[4 * row], 4 * width});
+    for (std::size_t x = 0; x < width; ++x) {
+      const float alpha = image.rgba[4 * (row + x) + 3];
+      const float depth = planes.at(1)[4 * (row + x)];
+      const float absent = absent_share(*plan, request.instant, static_cast<int>(x), y);
+      image.coverage[row + x] = alpha * (1 - absent);
+      image.z[row + x] =
+          alpha > 0 && depth > 0 ? 1 / depth : std::numeric_limits<float>::infinity();
+    }
+  });
+  image.notes = plan->notes;
+  return image;
+}
+
+}  // namespace raystage::depth

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/held_depths.h"
+
+#include <algorithm>
+#include <deque>
+#include <mutex>
+#include <utility>
+
+#include "render/depth/depth_file.h"
+
+namespace raystage::depth {
+namespace {
+
+/// The last light field frames of a renderer, the newest first. Hosts must drop the same ones: by
+/// number, not by the memory that each has left.
+class RecentDepths {
+ public:
+  using Entry = std::pair<std::string, std::shared_ptr<const HeldDepths>>;
+
+  std::shared_ptr<const HeldDepths> find(const std::string& key) const {
+    const std::scoped_lock lock(mutex_);
+    const auto found = std::ranges::find(entries_, key, &Entry::first);
+    if (found == entries_.end()) return nullptr;
+    std::rotate(entries_.begin(), found, found + 1);
+    return entries_.front().second;
+  }
+  void add(const std::string& key, std::shared_ptr<const HeldDepths> depths) const {
+    const std::scoped_lock lock(mutex_);
+    entries_.emplace_front(key, std::move(depths));
+    if (entries_.size() > kHeldInstants) entries_.pop_back();
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::deque<Entry> entries_;
+};
+
+}  // namespace
+
+std::shared_ptr<const HeldDepths> held_depths(const ViewRequest& request, const Settings& settings,
+                                              const HostGroup& group) {
+  const auto recent =
+      request.kept.get<RecentDepths>("depths of this host's cameras", [](std::size_t& bytes) {
+        bytes = 0;  // never dropped
+        return std::make_shared<const RecentDepths>();
+      });
+  const std::string key = key_of(request.instant, settings.solving);
+  if (auto found = recent->find(key)) return found;
+  auto made = std::make_shared<HeldDepths>();
+  made->depths = solve_held_depths(request.instant, settings.solving, request.working_bytes, group);
+  for (InverseDepthMap& map : made->depths.maps) quantise(map);
+  made->notes = notes_of(made->depths, request.instant, settings.solving);
+  made->depths.find_nearest();
+  recent->add(key, made);
+  return made;
+}
+
+}  // namespace raystage::depth

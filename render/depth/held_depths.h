@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "render/depth/depth.h"
+#include "render/view/host_group.h"
+
+namespace raystage::depth {
+
+/// The depths of the cameras that this host holds; maps of others are empty.
+struct HeldDepths {
+  CameraDepths depths;
+  std::vector<std::string> notes;  ///< for people
+};
+
+/// Returns them for a light field frame. They are solved together with the other hosts where they
+/// are not among those of the last kHeldInstants frames that were asked for: the same on all hosts,
+/// which ask in the same order. Not stored on disk.
+std::shared_ptr<const HeldDepths> held_depths(const ViewRequest& request, const Settings& settings,
+                                              const HostGroup& group);
+inline constexpr std::size_t kHeldInstants = 2;
+
+}  // namespace raystage::depth

@@ -12,6 +12,7 @@
 #include "farm/openjd.h"
 #include "farm/retry.h"
 #include "farm/rounds.h"
+#include "farm/slurm_queue.h"
 #include "farm/slurm_scripts.h"
 #include "farm/submission.h"
 #include "schemas/atomic_file.h"
@@ -30,6 +31,9 @@ struct Options {
   std::string shot, frames, chunk = "auto", openjd_file;
   std::vector<std::string> maps, sbatch, partition, account, qos, priority, licenses, constraint;
   bool dry_run = false, no_queue = false, quiet = false;
+  bool is_distributed = false;
+  std::string nodes;
+  FarmJobDocument::Distributed distributed;
   int minutes = 0;
 };
 
@@ -170,6 +174,52 @@ void declare_slurm(CLI::App& app, Options& options) {
   add("--sbatch", options.sbatch, "any other option, e.g. --sbatch=render:--exclusive");
 }
 
+void declare_distributed(CLI::App& app, Options& options) {
+  const char* const group = "Archives on several nodes (docs/farm.md)";
+  app.add_flag(
+         "--distributed", options.is_distributed,
+         "archives stay on the nodes that hold them: a task runs on all of --nodes, under MPI")
+      ->group(group);
+  app.add_option("--nodes", options.nodes, "nodes that hold archives, as Slurm writes them")
+      ->type_name("n[1-4]")
+      ->group(group);
+  app.add_option("--mpirun", options.distributed.mpirun,
+                 "command that starts the ranks, with its options (default: mpirun)")
+      ->type_name("COMMAND")
+      ->group(group);
+  app.add_option(
+         "--missing-archives", options.distributed.missing_archives,
+         "cameras whose archives no node has: error = the job fails; absent = they are left "
+         "out and marked\n(default: error)")
+      ->check(CLI::IsMember({"error", "absent"}).description(""))
+      ->type_name("error|absent")
+      ->group(group);
+  app.add_option("--fragments", options.distributed.fragments,
+                 "how samples cross the network, see raystage render --help (default: float)")
+      ->check(CLI::IsMember({"float", "half", "jpeg"}).description(""))
+      ->type_name("float|half|jpeg")
+      ->group(group);
+  app.add_option("--fragment-quality", options.distributed.fragment_quality,
+                 "JPEG quality of fragments (default: 75)")
+      ->check(CLI::Range(1, 100))
+      ->type_name("Q")
+      ->group(group);
+}
+
+void complete_distributed(const Options& options, SubmissionOptions& submission) {
+  if (!options.is_distributed) {
+    if (options.nodes.empty()) return;
+    throw Error::bad_input("nodes are named for a job that is not distributed", "--nodes",
+                           "Add --distributed, or leave --nodes out");
+  }
+  if (options.nodes.empty()) {
+    throw Error::bad_input("the nodes that hold the archives are not named", "--distributed",
+                           "Add --nodes, e.g. --nodes 'n[1-4]'");
+  }
+  submission.distributed = options.distributed;
+  submission.distributed->nodes = farm::nodes_of_list(options.nodes);
+}
+
 SubmissionOptions completed(Options& options, Progress& progress) {
   SubmissionOptions& submission = options.submission;
   submission.shot = options.shot;
@@ -185,6 +235,7 @@ SubmissionOptions completed(Options& options, Progress& progress) {
   add_to_stages(options.licenses, "--licenses=", submission);
   add_to_stages(options.constraint, "--constraint=", submission);
   add_to_stages(options.sbatch, "", submission);
+  complete_distributed(options, submission);
   if (!options.quiet) submission.say = [&progress](std::string_view line) { progress.say(line); };
   return submission;
 }
@@ -204,6 +255,10 @@ ExitCode show_plan(const SubmissionOptions& submission) {
   print(fmt::format("frames   {} ({}) in {} tasks, the first of frames {}\n",
                     farm::frames_of(job).size(), format_frame_range(farm::frames_of(job)),
                     job.chunks.size(), job.chunks.front().frames));
+  if (job.distributed) {
+    print(fmt::format("nodes    {}, all for each task of stage render\n",
+                      fmt::join(job.distributed->nodes, " ")));
+  }
   print(fmt::format("output   {}\nprogram  {}{}{}\nsimd     {}\n\n", job.output, job.wrap,
                     job.wrap.empty() ? "" : " ", job.program, job.simd));
   print(fmt::format("{:<8} {:>6} {:>8} {:>11} {:>9} {:>10}  {}\n", "stage", "tasks", "threads",
@@ -213,7 +268,7 @@ ExitCode show_plan(const SubmissionOptions& submission) {
   print(resources_line(job, FarmStage::kVerify, 1));
   if (job.preview) print(resources_line(job, FarmStage::kPreview, 1));
   const bool all_given = submission.chunk && submission.memory_gb > 0 && submission.minutes;
-  if (submission.measure && !all_given && job.engine == Engine::kSlurm) {
+  if (submission.measure && !all_given && !job.distributed && job.engine == Engine::kSlurm) {
     print(
         fmt::format("\nA submission renders frame {} here first: chunk, memory and time that are "
                     "not given follow from it.\n",
@@ -276,6 +331,7 @@ FarmCommand declare_farm_submit(CLI::App& farm) {
                      "(default: slurm)");
   declare_resources(*app, *options);
   declare_slurm(*app, *options);
+  declare_distributed(*app, *options);
   app->add_flag("--after", options->submission.after,
                 "wait for a job of the same output that is not over");
   app->add_flag("--dry-run", options->dry_run,

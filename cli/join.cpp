@@ -21,7 +21,7 @@ int main(int argc, char** argv) {
       "raystage join");
   std::vector<std::filesystem::path> parts;
   std::filesystem::path output;
-  bool quiet = false;
+  bool quiet = false, documents_only = false;
   app.add_option("PART", parts, "Takes of the nodes, two or more")
       ->required()
       ->expected(2, 10000)
@@ -29,12 +29,16 @@ int main(int argc, char** argv) {
   app.add_option("-o,--output", output, "Folder of the new take; must not exist")
       ->required()
       ->type_name("TAKE");
+  app.add_flag(
+      "--documents-only", documents_only,
+      "Leave the archives where they are: the take gets take.json, rig.json, journals and "
+      "the\nnodes' accounts, for `raystage sync` and distributed rendering (docs/farm.md)");
   app.add_flag("-q,--quiet", quiet, "No progress on stderr");
   return parse_and_run(app, argc, argv, "join", [&](std::stop_token stop) {
     Progress progress(!quiet);
     const JoinReport report = join_takes(
-        parts, output, "raystage " RAYSTAGE_VERSION, [&](double done) { progress.report(done); },
-        stop);
+        parts, output, "raystage " RAYSTAGE_VERSION, documents_only,
+        [&](double done) { progress.report(done); }, stop);
     for (const std::string& warning : report.warnings) {
       fmt::print(stderr, "raystage join: {}\n", warning);
     }

@@ -117,15 +117,20 @@ void declare(CLI::App& app, RenderOptions& options, char** argv) {
       ->group(of_hosts);
   app.add_option("--fragments", options.fragments,
                  "how samples cross the network: float = exact, 16 bytes; half = 8 bytes, each "
-                 "value to 2^-11 of it;\njpeg = about a fifth of a byte, lossy (default: float)")
+                 "value to 2^-11 of it;\njpeg = about a fifth of a byte, lossy; half for method "
+                 "depth (default: float)")
       ->check(CLI::IsMember({"float", "half", "jpeg"}).description(""))
       ->type_name("float|half|jpeg")
       ->group(of_hosts);
   app.add_option("--fragment-quality", options.jpeg_quality,
-                 "JPEG quality of fragments, 1 to 100 (default: 85)")
+                 "JPEG quality of fragments, 1 to 100 (default: 75)")
       ->check(CLI::Range(1, 100))
       ->type_name("Q")
       ->group(of_hosts);
+  app.add_option("--fingerprints", options.fingerprints,
+                 "write the fingerprint of each frame to FILE, before the first is rendered: lines "
+                 "FRAME FINGERPRINT")
+      ->type_name("FILE");
   // Printed as the version is: at once, whatever else is missing.
   app.add_flag_callback(
       "--methods",
@@ -177,6 +182,7 @@ ExitCode render(const RenderOptions& options, Progress& progress, TakeHosts* hos
   sequence.deep = options.deep;
   sequence.program_version = RAYSTAGE_VERSION;
   sequence.hosts = hosts;
+  sequence.fingerprints_file = options.fingerprints;
   sequence.progress = [&](double done) { progress.report(done); };
   sequence.say = [&](std::string_view line) { progress.say(line); };
 

@@ -33,6 +33,7 @@ struct RenderOptions {
   bool absent_archives = false;
   std::string fragments;
   int jpeg_quality = 0;
+  std::filesystem::path fingerprints;
 };
 
 void declare(CLI::App& app, RenderOptions& options, char** argv);

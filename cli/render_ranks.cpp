@@ -30,15 +30,27 @@ std::vector<farm::PathRule> folders_of(const RenderOptions& options) {
   return rules;
 }
 
+constexpr double kMegabyte = 1e6;
+
 std::string traffic_text(const farm::RankTraffic& traffic) {
-  constexpr double kMegabyte = 1e6;
   const auto pixels = static_cast<double>(std::max<std::int64_t>(traffic.view_pixels, 1));
   return fmt::format(
       "between ranks: {:.3f} samples per pixel of the views, {} fragments, {:.2f} MB; {} parts of "
-      "frames, {:.2f} MB",
+      "frames, {:.2f} MB; {:.2f} MB in all",
       static_cast<double>(traffic.fragments.samples) / pixels, traffic.fragments.fragments,
       static_cast<double>(traffic.fragments.bytes) / kMegabyte, traffic.frames.requests,
-      static_cast<double>(traffic.frames.bytes) / kMegabyte);
+      static_cast<double>(traffic.frames.bytes) / kMegabyte,
+      static_cast<double>(traffic.costs.bytes_sent) / kMegabyte);
+}
+
+std::string costs_text(const farm::RankTraffic& traffic) {
+  const auto views = static_cast<double>(std::max<std::int64_t>(traffic.views, 1));
+  return fmt::format(
+      "all ranks: {:.2f} CPU seconds, {:.2f} of them waiting; milliseconds a view of rank 0: its "
+      "own "
+      "cameras {:.1f}, waiting {:.1f}, adding {:.1f}",
+      traffic.costs.cpu_seconds, traffic.costs.waiting_cpu_seconds, traffic.times.own_ms / views,
+      traffic.times.wait_ms / views, traffic.times.add_ms / views);
 }
 
 ExitCode render_as_first(farm::MpiWorld& world, const RenderOptions& options,
@@ -51,7 +63,9 @@ ExitCode render_as_first(farm::MpiWorld& world, const RenderOptions& options,
        encoding_of(options), [&](std::string_view line) { progress.say(line); }});
   const ExitCode code =
       render(options, progress, &ranks, fmt::format(", the first of {} ranks", world.size()), stop);
-  progress.say(traffic_text(ranks.traffic()));
+  const farm::RankTraffic traffic = ranks.finish();
+  progress.say(traffic_text(traffic));
+  progress.say(costs_text(traffic));
   return code;
 }
 

@@ -16,6 +16,7 @@
 #include "cli/threads.h"
 #include "raystage_version.h"
 #include "schemas/atomic_file.h"
+#include "store/journal_archives.h"
 #include "store/retime/retime_take.h"
 #include "store/sync/flash.h"
 #include "store/sync/luminance.h"
@@ -120,6 +121,18 @@ void print_json(const Resync& resync, const std::optional<FlashOffsets>& flash,
   fmt::print("{}\n", json.dump(2));
 }
 
+void say_what_is_elsewhere(const Take& take) {
+  int cameras = 0;
+  for (int camera = 0; camera < take.camera_count(); ++camera) {
+    cameras += take.archive(camera).is_remote() ? 1 : 0;
+  }
+  if (cameras == 0) return;
+  fmt::print(
+      stderr,
+      "raystage sync: {} of {} archives are not here; the times are those of their journals\n",
+      cameras, take.camera_count());
+}
+
 ExitCode sync(const Options& options, std::stop_token stop) {
   if (options.retime != RetimeMethod::kNearest && options.output.empty()) {
     throw Error::bad_input("frames are moved into a new take, and none is named", "--retime",
@@ -134,7 +147,8 @@ ExitCode sync(const Options& options, std::stop_token stop) {
                            "Choose another name, or remove it");
   }
   const ThreadLimit limit(options.threads);
-  const Take take(options.take);
+  const Take take(options.take, journals_for_archives(options.take));
+  say_what_is_elsewhere(take);
   const std::vector<CameraStamps> cameras = stamps_of(take);
   ResyncSettings settings;
   settings.fps = options.fps;
@@ -154,7 +168,7 @@ ExitCode sync(const Options& options, std::stop_token stop) {
     add_offsets(*flash, options.flash_per == "node", cameras, settings.offsets);
   }
   const Resync resync = resynchronise(cameras, settings, options.take);
-  if (options.output.empty()) write_timeline(resync.timeline, take.folder());
+  if (options.output.empty()) write_timeline(resync.timeline, take);
   if (!options.report.empty()) {
     write_file_atomically(options.report, report_html(resync, flash, take.document().name));
   }

@@ -21,6 +21,7 @@
 #include "compose/sequence_checks.h"
 #include "compose/sequence_name.h"
 #include "compose/sequence_warnings.h"
+#include "schemas/atomic_file.h"
 #include "schemas/parallel.h"
 #include "schemas/resources.h"
 
@@ -273,6 +274,16 @@ class SequenceRun {
   FileWriter writer_{kFilesWaiting};  ///< last: it is done before the others go
 };
 
+void write_fingerprints(const CheckedSequence& checked, const SequenceOptions& options) {
+  std::string text;
+  for (const PlannedFrame& frame : checked.frames) {
+    text += fmt::format("{} {}\n", frame.frame,
+                        checked.plan->fingerprint(frame, options.chromaticities));
+  }
+  create_folder(options.fingerprints_file.parent_path());
+  write_file_atomically(options.fingerprints_file, text);
+}
+
 }  // namespace
 
 std::vector<int> frames_to_render(const ShotDocument& shot,
@@ -318,12 +329,12 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                  options.aovs, options.frames, options.cache_folder, options.folder,
                                  options.hosts});
   const ShotPlan& plan = *opened;
+  if (plan.hosts() != nullptr) check_hosts(plan, shot_file);
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options.frames, options.say);
   std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
   if (plan.measures_coverage()) check_measures(plan, shot_file);
-  if (plan.hosts() != nullptr) check_hosts(plan, shot_file);
   MemoryPlan memory =
       plan_memory(plan, frames, {options.memory_bytes, options.frames_in_flight, options.deep});
   SequenceOptions resolved = options;
@@ -345,6 +356,7 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
   const CheckedSequence checked = check_sequence(shot_file, options);
   const ShotPlan& plan = *checked.plan;
   const MemoryPlan& memory = checked.memory;
+  if (!options.fingerprints_file.empty()) write_fingerprints(checked, options);
   const FramePainter painter(plan, memory);
 
   say_what_is_missing(plan, checked.frames, options);

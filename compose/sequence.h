@@ -45,6 +45,9 @@ struct SequenceOptions {
   std::filesystem::path cache_folder;  ///< as ShotPlanOptions
   std::filesystem::path folder;        ///< as ShotPlanOptions
   TakeHosts* hosts = nullptr;          ///< as ShotPlanOptions
+  /// Not empty: the fingerprint of each frame asked for is written there, a line "FRAME
+  /// FINGERPRINT" each, before the first is rendered.
+  std::filesystem::path fingerprints_file;
   std::string program_version;
   /// Rising from 0 to 1; called from many threads.
   std::function<void(double)> progress = [](double) {};

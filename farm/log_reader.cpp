@@ -37,6 +37,10 @@ RenderingCosts costs_of(std::string_view line) {
 void LogReader::look_at(std::string_view line) {
   if (line.starts_with("Progress: ")) return;
   last = line;
+  // As commands complain; what starts ranks says more after it.
+  constexpr std::string_view kCommand = "raystage ";
+  const std::size_t colon = line.find(": ");
+  if (line.starts_with(kCommand) && line.find(' ', kCommand.size()) == colon + 1) complaint = line;
   if (line.starts_with("depths of ")) {
     solved = static_cast<int>(value_after(line, "depths of "));
     read = static_cast<int>(value_after(line, "solved, of "));

@@ -14,11 +14,14 @@ namespace raystage::farm {
 class LogReader {
  public:
   void look_at(std::string_view line);
-  /// Of a command that failed: the first failure that it reported, else its last line.
-  std::string reason() const { return first_failure.empty() ? last : first_failure; }
+  /// Of a command that failed: the first failed frame that it reported, else why it ended as it
+  /// says itself, else its last line.
+  std::string reason() const {
+    return !first_failure.empty() ? first_failure : !complaint.empty() ? complaint : last;
+  }
 
   int solved = 0, read = 0;  ///< light field frames, by their depths
-  std::string last, first_failure;
+  std::string last, first_failure, complaint;
   std::set<int> failed_frames;
   std::optional<RenderingCosts> rendering;
 };

@@ -38,6 +38,16 @@ TEST(LogReader, ReadsWhatTheRendererReports) {
   EXPECT_EQ(log.reason(), "frame 3 failed: the disk is full");
 }
 
+TEST(LogReader, FindsTheReasonAmongWhatMpirunSays) {
+  LogReader log;
+  log.look_at("raystage render 0.1.0 on n1, the first of 4 ranks: 1 threads, SHOT s.json");
+  log.look_at(
+      "raystage render: take: no rank has the archives of 1 of 4 cameras: c2. Start ranks.");
+  log.look_at("-------------------------------------------------------");
+  log.look_at("mpirun detected that one or more processes exited with non-zero status");
+  EXPECT_TRUE(log.reason().starts_with("raystage render: take: no rank"));
+}
+
 TEST(LogReader, KnowsNoCostsWhereNothingWasRendered) {
   SequenceReport report;
   report.asked = report.skipped = 4;

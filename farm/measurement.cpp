@@ -32,7 +32,7 @@ std::optional<FarmAttempt::End> measure_frame(const Measurement& measurement,
     if (!line.starts_with("Progress: ")) last = line;
     if (line.starts_with("0 of 1 frames rendered")) rendered = false;
   };
-  const ChildResult child = run_child(render_command(measurement.job, measurement.shot,
+  const ChildResult child = run_child(render_command(measurement.job, measurement.shot, 0,
                                                      attempt.frames, measurement.job.existing, 1),
                                       child_options);
   FarmAttempt::End end;

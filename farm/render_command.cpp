@@ -3,8 +3,11 @@
 
 #include <fmt/format.h>
 
+#include <sstream>
+
 #include "compose/frame_range.h"
 #include "farm/child_process.h"
+#include "farm/fingerprints.h"
 #include "farm/rounds.h"
 
 namespace raystage::farm {
@@ -37,16 +40,33 @@ Command prepare_command(const FarmJobDocument& job, const std::filesystem::path&
   return command;
 }
 
-Command render_command(const FarmJobDocument& job, const std::filesystem::path& shot,
+namespace {
+
+/// Ranks use all processors that Slurm gives to a task: mpirun would bind them to one.
+Command ranks_command(const FarmJobDocument& job, const std::filesystem::path& shot, int task) {
+  const FarmJobDocument::Distributed& distributed = *job.distributed;
+  Command command;
+  std::istringstream words(distributed.mpirun);
+  for (std::string word; words >> word;) command.push_back(word);
+  add(command,
+      {"--bind-to", "none", sibling_program("raystage-render-ranks").string(), shot.string(),
+       "--missing-archives", distributed.missing_archives, "--fragments", distributed.fragments,
+       "--fingerprints", fingerprints_file(job.folder, task).string()});
+  if (distributed.fragment_quality) {
+    add(command, {"--fragment-quality", std::to_string(*distributed.fragment_quality)});
+  }
+  return command;
+}
+
+}  // namespace
+
+Command render_command(const FarmJobDocument& job, const std::filesystem::path& shot, int task,
                        const std::string& frames, const std::string& existing,
                        double memory_factor) {
-  Command command{sibling_program("raystage-render").string(),
-                  shot.string(),
-                  "--output",
-                  job.output,
-                  "--frames=" + frames,
-                  "--existing",
-                  existing};
+  Command command = job.distributed
+                        ? ranks_command(job, shot, task)
+                        : Command{sibling_program("raystage-render").string(), shot.string()};
+  add(command, {"--output", job.output, "--frames=" + frames, "--existing", existing});
   add_common(job, job.of(FarmStage::kRender), memory_factor, command);
   const FarmJobDocument::Picture& picture = job.picture;
   if (!picture.fill.empty()) add(command, {"--fill", picture.fill});

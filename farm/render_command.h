@@ -16,9 +16,10 @@ namespace raystage::farm {
 std::vector<std::string> prepare_command(const FarmJobDocument& job,
                                          const std::filesystem::path& shot, int instant,
                                          double memory_factor);
-/// `raystage-render` for these frames.
+/// `raystage-render` for these frames; of a distributed job as ranks on all of its nodes. `task`:
+/// of stage render.
 std::vector<std::string> render_command(const FarmJobDocument& job,
-                                        const std::filesystem::path& shot,
+                                        const std::filesystem::path& shot, int task,
                                         const std::string& frames, const std::string& existing,
                                         double memory_factor);
 /// `raystage-preview` of all frames: a movie and a contact sheet in the job folder.

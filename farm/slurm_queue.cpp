@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <set>
 #include <sstream>
 
 #include "farm/child_process.h"
@@ -120,6 +121,23 @@ std::vector<SlurmNode> slurm_nodes(const std::string& partition) {
   }
   std::vector<SlurmNode> nodes;
   for (auto& [name, node] : by_name) nodes.push_back(std::move(node));
+  return nodes;
+}
+
+std::vector<std::string> nodes_of_list(const std::string& list) {
+  const ChildResult result = ask({"scontrol", "show", "hostnames", list});
+  if (result.exit_code != 0) throw unavailable(result, "scontrol show hostnames");
+  std::vector<std::string> nodes;
+  std::istringstream lines(result.out);
+  for (std::string line; std::getline(lines, line);) {
+    if (!line.empty()) nodes.push_back(line);
+  }
+  std::set<std::string> known;
+  for (const SlurmNode& node : slurm_nodes("")) known.insert(node.name);
+  for (const std::string& node : nodes) {
+    if (known.contains(node)) continue;
+    throw Error::bad_input("there is no node " + node, "nodes", "See sinfo -N");
+  }
   return nodes;
 }
 

@@ -37,6 +37,10 @@ struct SlurmNode {
 };
 std::vector<SlurmNode> slurm_nodes(const std::string& partition);
 
+/// The nodes of a list as Slurm writes it, e.g. "n[1-4]". Throws Error (bad input) where it is
+/// none, Error (failed) where Slurm does not answer.
+std::vector<std::string> nodes_of_list(const std::string& list);
+
 /// "1-00:30:00" is 1470; none: "infinite".
 std::optional<int> minutes_of_slurm_time(std::string_view text);
 /// The time limit of this partition, or the default one, minutes; none: there is none.

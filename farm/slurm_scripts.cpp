@@ -29,6 +29,18 @@ std::string folder_lines(const FarmJobDocument& job, FarmStage stage) {
                      shell_word(given_exclusion(job.of(stage).options)));
 }
 
+bool is_on_all_nodes(const FarmJobDocument& job, FarmStage stage) {
+  return job.distributed && stage == FarmStage::kRender;
+}
+
+/// On which nodes a task runs, and how often on each.
+std::string node_options(const FarmJobDocument& job, FarmStage stage) {
+  if (!is_on_all_nodes(job, stage)) return "--nodes=1 --ntasks=1";
+  const std::vector<std::string>& nodes = job.distributed->nodes;
+  return fmt::format("--nodes={} --ntasks-per-node=1 --nodelist={}", nodes.size(),
+                     fmt::join(nodes, ","));
+}
+
 std::string task_command(const FarmJobDocument& job, FarmStage stage) {
   const std::string wrap = job.wrap.empty() ? "" : job.wrap + " ";
   return fmt::format(
@@ -63,7 +75,7 @@ std::string round_options(const FarmJobDocument& job, FarmStage stage, const Far
         " --time={}",
         static_cast<int>(job.max_minutes ? std::min<double>(minutes, *job.max_minutes) : minutes));
   }
-  if (!round.exclude.empty()) options += " $exclude";
+  if (!round.exclude.empty() && !is_on_all_nodes(job, stage)) options += " $exclude";
   return options;
 }
 
@@ -159,10 +171,10 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
       "# Stage {} of farm job {}. By hand: sh round-1.sh, or one task:\n"
       "#   sbatch --array=0 {}.sbatch 1 0\n"
       "#SBATCH --job-name={}\n"
-      "#SBATCH --nodes=1 --ntasks=1 --cpus-per-task={}\n"
+      "#SBATCH {} --cpus-per-task={}\n"
       "#SBATCH --mem={}M\n",
       farm_stage_name(stage), job.id, farm_stage_name(stage),
-      slurm_job_name(job, farm_stage_name(stage)), resources.threads,
+      slurm_job_name(job, farm_stage_name(stage)), node_options(job, stage), resources.threads,
       slurm_megabytes(resources, 1));
   if (resources.minutes) text += fmt::format("#SBATCH --time={}\n", *resources.minutes);
   // Slurm itself opens the file of --output: where the job's folder is missing on a node, the
@@ -186,6 +198,8 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
     return text;
   }
   text += kTrap;
+  // mpirun starts its daemons by srun, which would give them no environment, either.
+  if (is_on_all_nodes(job, stage)) text += "unset SLURM_EXPORT_ENV\n";
   text += task_command(job, stage) + "\n";
   if (stage == FarmStage::kPreview) return text;
   text += "code=$?\n";

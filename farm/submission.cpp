@@ -143,6 +143,7 @@ FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked
   job.attempts = options.attempts;
   job.preview = options.preview;
   job.paths = options.paths;
+  job.distributed = options.distributed;
   job.frame_bytes = frame_room(*checked.sequence.plan, options.picture.deep);
   if (job.engine == Engine::kSlurm) {
     job.max_array = slurm_max_array();
@@ -184,8 +185,10 @@ void add_tasks(const SubmissionOptions& options, const Checked& checked,
     job.instants.push_back(
         {static_cast<int>(instant.layer), instant.tick, path_text(instant.file)});
   }
-  const int per_chunk =
-      options.chunk.value_or(automatic_chunk(frames.size(), job.seconds_per_frame));
+  // Each task of a distributed job occupies all nodes: one for all frames.
+  const int per_chunk = options.chunk.value_or(
+      options.distributed ? static_cast<int>(frames.size())
+                          : automatic_chunk(frames.size(), job.seconds_per_frame));
   std::size_t longest = 1;
   for (const auto& chunk : cut_into_chunks(frames, {per_chunk, options.preview_first})) {
     job.chunks.push_back({format_frame_range(chunk), instants_for(chunk, missing)});
@@ -213,7 +216,7 @@ FarmRound first_round(const FarmJobDocument& job) {
 
 bool wants_measure(const SubmissionOptions& options) {
   const bool all_given = options.chunk && options.memory_gb > 0 && options.minutes;
-  return options.measure && options.engine != Engine::kLocal && !all_given;
+  return options.measure && !options.distributed && options.engine != Engine::kLocal && !all_given;
 }
 
 /// The first frame of the job, rendered here and left in its place; the job's tasks keep it.

@@ -41,6 +41,8 @@ struct SubmissionOptions {
   std::vector<PathRule> paths = {};
   std::array<std::vector<std::string>, kFarmStages.size()> sbatch = {};  ///< options by stage
   bool after = false;  ///< wait for a live job of the same output
+  /// Archives are on these nodes; Slurm alone. The submitting host needs the takes' documents only.
+  std::optional<FarmJobDocument::Distributed> distributed = {};
   std::function<void(std::string_view)> say = [](std::string_view) {};
 };
 

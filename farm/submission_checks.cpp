@@ -8,6 +8,7 @@
 #include <system_error>
 
 #include "compose/memory_plan.h"
+#include "farm/documents_only.h"
 #include "farm/job_folder.h"
 #include "farm/render_command.h"
 #include "render/methods.h"
@@ -59,7 +60,8 @@ bool are_takes_writable(const std::vector<DerivedInstant>& instants) {
   });
 }
 
-SequenceOptions sequence_options(const SubmissionOptions& options, const fs::path& cache) {
+SequenceOptions sequence_options(const SubmissionOptions& options, const fs::path& cache,
+                                 TakeHosts* hosts) {
   SequenceOptions sequence;
   sequence.output = options.output;
   sequence.frames = options.frames;
@@ -70,7 +72,26 @@ SequenceOptions sequence_options(const SubmissionOptions& options, const fs::pat
   sequence.deep = options.picture.deep;
   sequence.cache_folder = cache;
   sequence.say = options.say;
+  sequence.hosts = hosts;
   return sequence;
+}
+
+void check_distributed(const SubmissionOptions& options) {
+  if (!options.distributed) return;
+  if (options.engine != Engine::kSlurm) {
+    throw Error::bad_input("archives on several nodes need Slurm", "distributed",
+                           "Use engine slurm, or gather the archives in one take");
+  }
+  if (!options.wrap.empty()) {
+    throw Error::bad_input("the ranks of a distributed job cannot run in a container",
+                           "distributed", "Install Raystage on the nodes, and leave --wrap out");
+  }
+  if (options.distributed->nodes.size() < 2) {
+    throw Error::bad_input(
+        fmt::format("found {} nodes for a distributed job, at least 2 are needed",
+                    options.distributed->nodes.size()),
+        "distributed", "Name the nodes that hold the archives");
+  }
 }
 
 void check_memory(const SubmissionOptions& options, const CheckedSequence& sequence) {
@@ -87,15 +108,21 @@ void check_memory(const SubmissionOptions& options, const CheckedSequence& seque
 
 Checked check_submission(const SubmissionOptions& options) {
   check_sbatch_options(options);
-  Checked checked{
-      check_sequence(options.shot, sequence_options(options, options.cache)), {}, options.cache};
+  check_distributed(options);
+  DocumentsOnly documents;
+  TakeHosts* hosts = options.distributed ? &documents : nullptr;
+  Checked checked{check_sequence(options.shot, sequence_options(options, options.cache, hosts)),
+                  {},
+                  options.cache};
   check_methods(*checked.sequence.plan, options.shot);
   check_memory(options, checked.sequence);
+  if (options.distributed) return checked;  // ranks keep the depths of their cameras to themselves
   checked.instants = derived_instants(*checked.sequence.plan, checked.sequence.frames);
   if (checked.cache.empty() && !are_takes_writable(checked.instants)) {
     checked.cache = fs::absolute(farm_folder(options.output) / "cache");
     options.say("a take is read-only: derived data goes to " + checked.cache.string());
-    checked.sequence = check_sequence(options.shot, sequence_options(options, checked.cache));
+    checked.sequence =
+        check_sequence(options.shot, sequence_options(options, checked.cache, nullptr));
     checked.instants = derived_instants(*checked.sequence.plan, checked.sequence.frames);
   }
   return checked;

@@ -163,7 +163,7 @@ std::vector<std::string> command_of(const TaskRequest& request, const MappedJob&
     case FarmStage::kPrepare:
       return prepare_command(job, mapped.shot, request.index, round.memory_factor);
     case FarmStage::kRender:
-      return render_command(job, mapped.shot, attempt.frames,
+      return render_command(job, mapped.shot, request.index, attempt.frames,
                             round.frames.empty() ? job.existing : "overwrite", round.memory_factor);
     default:
       return preview_command(job, request.folder);
@@ -192,6 +192,7 @@ class Attempt {
     if (end.result == AttemptResult::kFailed && !end.node_fault &&
         request_.stage != FarmStage::kVerify &&
         mapped_.job.engine != FarmJobDocument::Engine::kLocal &&  // which has no other node
+        !mapped_.job.distributed &&                               // nor has this
         failures_on(request_.folder, attempt_.node) >= kMostFailuresOfNode) {
       request_.folder.exclude(attempt_.node, fmt::format("{} tasks failed here, the last: {}",
                                                          kMostFailuresOfNode, end.reason));
@@ -242,6 +243,8 @@ class Attempt {
     }
     std::optional<std::string> fault = node_fault(mapped_.job, request_.folder.path());
     if (!fault) return std::nullopt;
+    // Archives are where they are: no other node could do it.
+    if (mapped_.job.distributed) return ended(AttemptResult::kFailed, std::move(*fault));
     request_.folder.exclude(attempt_.node, *fault);
     FarmAttempt::End end = ended(AttemptResult::kDeclined, std::move(*fault));
     end.node_fault = true;

@@ -12,6 +12,7 @@
 #include "compose/frame_range.h"
 #include "compose/preparation.h"
 #include "farm/attempts.h"
+#include "farm/fingerprints.h"
 #include "farm/render_command.h"
 #include "farm/rounds.h"
 #include "farm/sequence_check.h"
@@ -40,6 +41,17 @@ std::set<int> frames_of_failed_tasks(const VerificationRequest& request) {
 
 std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
   const std::set<int> failed = frames_of_failed_tasks(request);
+  if (request.job.distributed) {
+    // A frame that no task has named is not whole: no file has an empty fingerprint.
+    const std::map<int, std::string> known = read_fingerprints(request.folder.path());
+    std::vector<ExpectedFrame> frames;
+    for (const int frame : frames_of(request.job)) {
+      const auto found = known.find(frame);
+      const bool is_known = found != known.end();
+      frames.push_back({frame, is_known ? found->second : "", is_known && !failed.contains(frame)});
+    }
+    return frames;
+  }
   const ShotPlan plan(request.shot, plan_options(request.job));
   const std::vector<int> numbers = frames_of(request.job);
   std::vector<ExpectedFrame> frames;

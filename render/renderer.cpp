@@ -101,6 +101,22 @@ struct LightFieldRenderer::State {
     return instant;
   }
 
+  /// The weights of all cameras: what they contribute to if their frames are white.
+  void add_weights(const Method& method, const ViewRequest& request, Contribution& all) const {
+    FrameCache white = FrameCache::white(take, cache.blend_space());
+    Instant of_white = request.instant;
+    of_white.cache = &white;
+    KeptResults none(0);
+    const Contribution weights =
+        method.contribute({request.view, of_white, request.focal_plane, request.options, none,
+                           request.working_bytes, request.buffers, false, false, false,
+                           request.supersampling, request.first_row, request.whole_height});
+    for (std::size_t plane = 0; plane < all.planes.size(); ++plane) {
+      const PixelValues& from = weights.planes.at(plane);
+      for (std::size_t i = 3; i < from.size(); i += 4) all.planes[plane][i] = from[i];
+    }
+  }
+
   /// The view of all hosts' contributions.
   RenderedView render_together(const Method& method, const ViewRequest& request,
                                const Reconstruction& reconstruction) const {
@@ -136,6 +152,7 @@ struct LightFieldRenderer::State {
                          group};
       return method.contribute(of_own);
     });
+    if (settings.hosts->lacks_weights(asked)) add_weights(method, request, all);
     RenderedView image = method.combine(request, std::move(all.planes));
     const RenderStatistics& sampled = all.statistics;
     image.statistics.plan_ms += sampled.plan_ms;

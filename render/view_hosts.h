@@ -38,6 +38,8 @@ class ViewHosts {
   using Contribute = std::function<Contribution(const HostGroup* group)>;
   /// Returns the contributions of all hosts, added up. Throws Error where a host cannot contribute.
   virtual Contribution sum(const HostView& view, const Contribute& own) const = 0;
+  /// Whether the sums lack the weights (the last of four values), which the caller must find.
+  virtual bool lacks_weights(const HostView& view) const = 0;
 };
 
 struct RendererSettings;

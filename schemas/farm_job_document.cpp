@@ -97,6 +97,25 @@ std::vector<FarmJobDocument::PathRule> paths_from(const Located& document) {
   return rules;
 }
 
+FarmJobDocument::Distributed distributed_from(const Located& object) {
+  FarmJobDocument::Distributed distributed;
+  distributed.nodes = object.at("nodes").get<std::vector<std::string>>();
+  distributed.mpirun = object.at("mpirun").get<std::string>();
+  distributed.missing_archives = object.at("missing_archives").get<std::string>();
+  distributed.fragments = object.at("fragments").get<std::string>();
+  distributed.fragment_quality = object.get_if<int>("fragment_quality");
+  return distributed;
+}
+
+Json json_from(const FarmJobDocument::Distributed& distributed) {
+  Json json{{"nodes", distributed.nodes},
+            {"mpirun", distributed.mpirun},
+            {"missing_archives", distributed.missing_archives},
+            {"fragments", distributed.fragments}};
+  add_optional(json, "fragment_quality", distributed.fragment_quality);
+  return json;
+}
+
 }  // namespace
 
 std::string_view farm_stage_name(FarmStage stage) {
@@ -157,6 +176,7 @@ FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
   job.inputs = document.get<std::vector<std::string>>("inputs", {});
   job.pinned = document.get<std::vector<std::string>>("pinned", {});
   job.paths = paths_from(document);
+  if (document.has("distributed")) job.distributed = distributed_from(document.at("distributed"));
   return job;
 }
 
@@ -190,6 +210,7 @@ std::string format_farm_job(const FarmJobDocument& job) {
   json["max_array"] = job.max_array;
   add_optional(json, "max_minutes", job.max_minutes);
   add_optional(json, "seconds_per_frame", job.seconds_per_frame);
+  if (job.distributed) json["distributed"] = json_from(*job.distributed);
   json["frame_bytes"] = job.frame_bytes;
   Json& instants = json["instants"] = Json::array();
   for (const FarmJobDocument::Instant& instant : job.instants) {

@@ -52,6 +52,13 @@ struct FarmJobDocument {
   struct PathRule {
     std::string from, to;
   };
+  /// A job whose takes' archives are on several nodes: each task runs on all of them.
+  struct Distributed {
+    std::vector<std::string> nodes;  ///< by name
+    std::string mpirun = "mpirun";   ///< words of a command line
+    std::string missing_archives = "error", fragments = "float";
+    std::optional<int> fragment_quality = {};
+  };
   enum class Engine { kSlurm, kLocal, kOpenJd };
 
   std::string id;
@@ -81,6 +88,7 @@ struct FarmJobDocument {
   std::vector<std::string> pinned = {};
   std::vector<std::string> inputs = {};  ///< files that a node must be able to read
   std::vector<PathRule> paths = {};      ///< from the submitting host's names to the nodes'
+  std::optional<Distributed> distributed = {};
 
   const FarmResources& of(FarmStage stage) const {
     return resources[static_cast<std::size_t>(stage)];

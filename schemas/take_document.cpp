@@ -32,6 +32,9 @@ TakeDocument parse_take(std::string_view text, std::string_view name) {
                             .archive = inner_path(object.at("archive")),
                             .journal = inner_path(object.at("journal")),
                             .node = object.get<std::string>("node", "")});
+    if (object.has("archive_epoch_utc")) {
+      take.cameras.back().archive_epoch_utc = utc_from(object.at("archive_epoch_utc"));
+    }
   }
   return take;
 }
@@ -55,6 +58,9 @@ std::string format_take(const TakeDocument& take) {
     nlohmann::ordered_json object{
         {"id", camera.id}, {"archive", camera.archive}, {"journal", camera.journal}};
     if (!camera.node.empty()) object["node"] = camera.node;
+    if (camera.archive_epoch_utc) {
+      object["archive_epoch_utc"] = format_utc(*camera.archive_epoch_utc);
+    }
     cameras.push_back(std::move(object));
   }
   return format_json(json);

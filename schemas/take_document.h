@@ -20,6 +20,8 @@ struct TakeDocument {
     std::string archive;  ///< Matroska file, relative to the take, e.g. "archive/r0c0.mkv"
     std::string journal;  ///< e.g. "archive/r0c0.journal"
     std::string node;     ///< ingest node whose clock stamped the frames; may be empty
+    /// Time 0 of the archive, since 1970; none: the take's.
+    std::optional<Nanoseconds> archive_epoch_utc = {};
   };
   /// Where a take was made from another one.
   struct Derived {

@@ -126,9 +126,9 @@ class ArchiveReader {
   /// Throws Error (bad input): no Matroska file, another time scale, a journal of a future version
   /// or of another archive.
   ArchiveReader(const std::filesystem::path& archive, const std::filesystem::path& journal);
-  /// The archive of a camera on another host: its stored frames, in order, and who gives their
-  /// bytes; null: nobody does (`frames` must be empty then).
-  ArchiveReader(const ArchiveWriter::Description& description, std::vector<FrameRecord> frames,
+  /// The archive of a camera on another host: its records, in order, and who gives the bytes of
+  /// frames; null: no one does (`records` must be empty then).
+  ArchiveReader(const ArchiveWriter::Description& description, std::vector<FrameRecord> records,
                 std::shared_ptr<const RemoteFrames> remote);
   ~ArchiveReader();
   ArchiveReader(ArchiveReader&&) noexcept;

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <utility>
@@ -53,15 +54,16 @@ ArchiveReader::ArchiveReader(const std::filesystem::path& archive,
 }
 
 ArchiveReader::ArchiveReader(const ArchiveWriter::Description& description,
-                             std::vector<FrameRecord> frames,
+                             std::vector<FrameRecord> records,
                              std::shared_ptr<const RemoteFrames> remote)
     : state_(std::make_unique<State>()) {
-  assert(remote != nullptr || frames.empty());
+  assert(remote != nullptr || records.empty());
   state_->path = "camera " + description.camera_id;
   state_->remote = std::move(remote);
   state_->index.description = description;
-  state_->index.records = frames;
-  state_->index.frames = std::move(frames);
+  std::ranges::copy_if(records, std::back_inserter(state_->index.frames),
+                       [](const FrameRecord& r) { return r.status == FrameStatus::kStored; });
+  state_->index.records = std::move(records);
   state_->index.closed = true;
 }
 

@@ -92,10 +92,12 @@ ArchiveReader Take::State::open(std::size_t camera) const {
                  std::to_string(found.height) + " pixels, the camera in rig.json " +
                  std::to_string(model.width()) + " x " + std::to_string(model.height()));
   }
-  if (!found.camera_id.empty() && found.epoch_utc != document.epoch_utc) {
-    throw refuse("its epoch is " + format_utc(found.epoch_utc) + ", the take's " +
-                 format_utc(document.epoch_utc));
+  const Nanoseconds epoch = entry.archive_epoch_utc.value_or(document.epoch_utc);
+  if (!found.camera_id.empty() && found.epoch_utc != epoch) {
+    throw refuse("its epoch is " + format_utc(found.epoch_utc) + ", take.json says " +
+                 format_utc(epoch));
   }
+  reader.move_times(epoch - document.epoch_utc);
   return reader;
 }
 
@@ -134,6 +136,8 @@ int Take::camera_index(std::string_view id) const {
 bool Take::is_missing(int camera) const {
   return state_->remote && state_->remote->is_missing(camera);
 }
+
+bool Take::are_archives_unknown() const { return state_->remote && state_->remote->are_unknown(); }
 
 const ArchiveReader& Take::archive(int camera) const {
   assert(camera >= 0 && camera < camera_count());

@@ -22,6 +22,8 @@ class RemoteArchives {
   /// Whether no host holds the camera's archive, and that is accepted: it has no frame then, at any
   /// time (open() returns an archive without frames).
   virtual bool is_missing(int camera) const = 0;
+  /// Whether nothing is known of any archive, so that the timeline must be taken as it is.
+  virtual bool are_unknown() const { return false; }
 };
 
 /// A take on disk, opened for reading. Archives are opened when first asked for; const members may
@@ -49,6 +51,8 @@ class Take {
   const ArchiveReader& archive(int camera) const;
   /// Whether the camera's archive is missing everywhere: see RemoteArchives.
   bool is_missing(int camera) const;
+  /// See RemoteArchives::are_unknown().
+  bool are_archives_unknown() const;
 
  private:
   struct State;
@@ -76,6 +80,8 @@ class TakeWriter {
   /// Closes the archives and writes the documents: the working folder is a whole take then, and
   /// what is derived from it may be added. commit() does it where it was not called.
   void finish();
+  /// The same without archives, which stay where they are (archive/ID.mkv of other folders).
+  void finish_documents();
   /// Finishes, renames the folder.
   void commit();
 

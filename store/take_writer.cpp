@@ -147,6 +147,13 @@ void TakeWriter::finish() {
   state_->finished = true;
 }
 
+void TakeWriter::finish_documents() {
+  assert(!state_->finished);
+  write_rig(state_->rig, state_->working / "rig.json");
+  write_take(state_->take, state_->working / "take.json");
+  state_->finished = true;
+}
+
 void TakeWriter::commit() {
   assert(!state_->committed);
   if (!state_->finished) finish();

@@ -111,6 +111,8 @@ TimelineStatistics statistics_of(const Timeline& timeline);
 /// TAKE/timeline.zst; layout in docs/formats/timeline.md. Atomic. Reproducible: same take, same
 /// bytes.
 void write_timeline(const Timeline& timeline, const std::filesystem::path& take_folder);
+/// The same into the folder of a take that is open.
+void write_timeline(const Timeline& timeline, const Take& take);
 /// Throws Error (bad input): missing (run `raystage sync`), damaged, of a future version, or not of
 /// this take.
 Timeline read_timeline(const Take& take);

@@ -275,8 +275,11 @@ Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uin
 }
 
 void write_timeline(const Timeline& timeline, const std::filesystem::path& take_folder) {
-  const Take take(take_folder);
-  write_file_atomically(take_folder / kTimelineFile,
+  write_timeline(timeline, Take(take_folder));
+}
+
+void write_timeline(const Timeline& timeline, const Take& take) {
+  write_file_atomically(take.folder() / kTimelineFile,
                         encode_timeline(timeline, fingerprint_of(take)));
 }
 
@@ -288,7 +291,7 @@ Timeline read_timeline(const Take& take) {
   }
   const std::string bytes = read_file(path);
   // The fingerprint is of all archives; what can be checked without one is checked below.
-  bool is_complete = true;
+  bool is_complete = !take.are_archives_unknown();
   for (int camera = 0; camera < take.camera_count(); ++camera) {
     is_complete = is_complete && !take.is_missing(camera);
   }
@@ -296,6 +299,7 @@ Timeline read_timeline(const Take& take) {
       decode_timeline(std::as_bytes(std::span(bytes)),
                       is_complete ? std::optional(fingerprint_of(take)) : std::nullopt,
                       static_cast<std::size_t>(take.camera_count()), path.string());
+  if (take.are_archives_unknown()) return timeline;
   // With the fingerprint right, every entry must be a frame of this take at its time.
   for (std::size_t camera = 0; camera < static_cast<std::size_t>(take.camera_count()); ++camera) {
     if (take.is_missing(static_cast<int>(camera))) {

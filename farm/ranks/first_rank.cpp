@@ -39,16 +39,24 @@ class FirstRank::LightField : public ViewHosts {
     request.view_number = ranks_.views_++;
     ranks_.send_to_all(request);
     FragmentCounts counts;
+    SumTimes times;
     Contribution all = sum_of_subtree(
-        {ranks_.world_, ranks_.options_.encoding}, request.view_number, number_, view.view,
+        {ranks_.world_, encoding_for(view, ranks_.options_.encoding)}, request.view_number, number_,
+        view.view,
         [&] {
           return contribute_as_rank({ranks_.world_, members_}, view, request.view_number, own);
         },
-        counts);
+        counts, times);
     const std::scoped_lock lock(ranks_.mutex_);
     ranks_.traffic_.fragments += counts;
+    ranks_.traffic_.times += times;
+    ++ranks_.traffic_.views;
     ranks_.traffic_.view_pixels += static_cast<std::int64_t>(values_of_view(view.view) / 4);
     return all;
+  }
+
+  bool lacks_weights(const HostView& view) const override {
+    return encoding_for(view, ranks_.options_.encoding).encoding == FragmentEncoding::kJpeg;
   }
 
  private:
@@ -61,8 +69,7 @@ FirstRank::FirstRank(MpiWorld& world, RankOptions options)
     : world_(world), options_(std::move(options)), frames_(std::make_unique<FrameService>(world)) {}
 
 FirstRank::~FirstRank() {
-  send_to_all({});
-  frames_.reset();
+  if (!is_finished_) finish();
 }
 
 void FirstRank::send_to_all(const Request& request) {
@@ -174,14 +181,25 @@ void FirstRank::share(const Take& take, RendererSettings& settings) {
   settings.this_host = 0;
 }
 
-RankTraffic FirstRank::traffic() const {
+RankTraffic FirstRank::finish() {
+  is_finished_ = true;
+  Request request;
+  request.reply_tag = kFirstReplyTag - 1;
+  send_to_all(request);
+  frames_.reset();
   const std::scoped_lock lock(mutex_);
-  RankTraffic traffic = traffic_;
   for (const Opened& opened : takes_) {
-    traffic.frames.requests += opened.archives->fetched().requests;
-    traffic.frames.bytes += opened.archives->fetched().bytes;
+    traffic_.frames.requests += opened.archives->fetched().requests;
+    traffic_.frames.bytes += opened.archives->fetched().bytes;
   }
-  return traffic;
+  traffic_.costs = costs_of_this_rank(world_);
+  for (int rank = 1; rank < world_.size(); ++rank) {
+    const RankCosts costs = decode_rank_costs(world_.receive(rank, request.reply_tag));
+    traffic_.costs.cpu_seconds += costs.cpu_seconds;
+    traffic_.costs.waiting_cpu_seconds += costs.waiting_cpu_seconds;
+    traffic_.costs.bytes_sent += costs.bytes_sent;
+  }
+  return traffic_;
 }
 
 }  // namespace raystage::farm

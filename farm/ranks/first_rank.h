@@ -11,6 +11,7 @@
 #include "farm/path_map.h"
 #include "farm/ranks/mpi_world.h"
 #include "farm/ranks/rank_takes.h"
+#include "farm/ranks/rank_views.h"
 #include "render/fragments/encoding.h"
 #include "render/view_hosts.h"
 
@@ -33,21 +34,25 @@ struct RankOptions {
 struct RankTraffic {
   FragmentCounts fragments;      ///< summed over all messages
   std::int64_t view_pixels = 0;  ///< of the views that fragments were summed for
-  FetchCounts frames;            ///< fetched by rank 0
+  std::int64_t views = 0;
+  SumTimes times;      ///< of rank 0, over all views
+  FetchCounts frames;  ///< fetched by rank 0
+  RankCosts costs;     ///< of all ranks
 };
 
 /// Rank 0: opens takes on all ranks, and asks them for their contributions to views.
 class FirstRank : public TakeHosts {
  public:
   FirstRank(MpiWorld& world, RankOptions options);
-  /// Tells all ranks that nothing follows.
+  /// As finish(), where that was not called.
   ~FirstRank() override;
   FirstRank(const FirstRank&) = delete;
   FirstRank& operator=(const FirstRank&) = delete;
 
   Take open(const std::filesystem::path& folder) override;
   void share(const Take& take, RendererSettings& settings) override;
-  RankTraffic traffic() const;
+  /// Tells all ranks that nothing follows, and asks what they took. Once.
+  RankTraffic finish();
 
  private:
   class LightField;
@@ -58,6 +63,7 @@ class FirstRank : public TakeHosts {
     std::vector<int> ranks;        ///< that have opened it
   };
   void send_to_all(const Request& request);
+  bool is_finished_ = false;
   std::vector<int> holders_of(const Take& take, const std::vector<TakeTable>& tables) const;
 
   MpiWorld& world_;

@@ -8,6 +8,7 @@
 #include <variant>
 
 #include "schemas/error.h"
+#include "schemas/resources.h"
 
 namespace raystage::farm {
 namespace {
@@ -267,6 +268,24 @@ TakeTable decode_take_table(std::span<const std::byte> message) {
     }
     return table;
   });
+}
+
+MessageBytes encode(const RankCosts& costs) {
+  return packed({{"cpu", costs.cpu_seconds},
+                 {"waiting", costs.waiting_cpu_seconds},
+                 {"sent", costs.bytes_sent}});
+}
+
+RankCosts decode_rank_costs(std::span<const std::byte> message) {
+  return decoded(message, [](const Unpacked& parts) {
+    return RankCosts{parts.head.at("cpu").get<double>(), parts.head.at("waiting").get<double>(),
+                     parts.head.at("sent").get<std::int64_t>()};
+  });
+}
+
+RankCosts costs_of_this_rank(const MpiWorld& world) {
+  const MessageCosts costs = world.costs();
+  return {cpu_seconds(), costs.waiting_cpu_seconds, costs.bytes_sent};
 }
 
 MessageBytes encode(const PartialView& view) {

@@ -34,7 +34,7 @@ struct Request {
     kOpen,   ///< a take: replies with a TakeTable
     kShare,  ///< be ready to contribute to views of a take
     kView,   ///< contribute to a view: replies along the tree
-    kStop    ///< nothing follows
+    kStop    ///< nothing follows; replies with its RankCosts
   };
   Kind kind = Kind::kStop;
   int reply_tag = 0;
@@ -63,6 +63,16 @@ struct TakeTable {
 };
 MessageBytes encode(const TakeTable& table);
 TakeTable decode_take_table(std::span<const std::byte> message);
+
+/// What a rank took from its start on.
+struct RankCosts {
+  double cpu_seconds = 0;          ///< of its process
+  double waiting_cpu_seconds = 0;  ///< of these: polls that found nothing, see MessageCosts
+  std::int64_t bytes_sent = 0;
+};
+MessageBytes encode(const RankCosts& costs);
+RankCosts decode_rank_costs(std::span<const std::byte> message);
+RankCosts costs_of_this_rank(const MpiWorld& world);
 
 /// What became of a rank's contribution, with those below it in the tree.
 struct PartialView {

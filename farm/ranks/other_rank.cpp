@@ -85,6 +85,7 @@ class OtherRank {
           (request.view.in_step ? views_in_step_ : views_).push(std::move(request));
           break;
         case Request::Kind::kStop:
+          world_.send(0, request.reply_tag, encode(costs_of_this_rank(world_)));
           return;
       }
     }
@@ -134,8 +135,8 @@ class OtherRank {
               return made;
             });
       };
-      send_to_parent({world_, options_.encoding}, request.view_number, request.light_field,
-                     request.view.view, own);
+      send_to_parent({world_, encoding_for(request.view, options_.encoding)}, request.view_number,
+                     request.light_field, request.view.view, own);
     }
   }
 

@@ -6,6 +6,7 @@
 #include "farm/ranks/rank_views.h"
 
 #include <algorithm>
+#include <chrono>
 #include <exception>
 #include <optional>
 #include <utility>
@@ -19,6 +20,18 @@ namespace {
 int tag_of(std::uint32_t view_number) {
   return kFirstReplyTag + (1 << 29) + static_cast<int>(view_number % (1U << 28));
 }
+
+class Stopwatch {
+ public:
+  /// Since the last call, or since it was made.
+  double lap_ms() {
+    const auto now = std::chrono::steady_clock::now();
+    return std::chrono::duration<double, std::milli>(now - std::exchange(last_, now)).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point last_ = std::chrono::steady_clock::now();
+};
 
 int tag_of_group(std::uint32_t view_number) { return tag_of(view_number) + (1 << 28); }
 
@@ -92,14 +105,29 @@ struct Failure {
 
 }  // namespace
 
-int parent_of(int rank) { return rank & (rank - 1); }
+int parent_of(int rank) {
+  int step = 1;
+  while (rank / step % kChildrenPerStep == 0) step *= kChildrenPerStep;
+  return rank - rank / step % kChildrenPerStep * step;
+}
 
 std::vector<int> children_of(int rank, int ranks) {
   std::vector<int> children;
-  for (int bit = 1; bit < ranks && (rank & bit) == 0; bit <<= 1) {
-    if (rank + bit < ranks) children.push_back(rank + bit);
+  for (int step = 1; step < ranks && rank / step % kChildrenPerStep == 0;
+       step *= kChildrenPerStep) {
+    for (int i = 1; i < kChildrenPerStep && rank + i * step < ranks; ++i) {
+      children.push_back(rank + i * step);
+    }
   }
   return children;
+}
+
+FragmentEncodingSettings encoding_for(const HostView& view, const FragmentEncodingSettings& asked) {
+  FragmentEncodingSettings settings = asked;
+  if (view.in_step && asked.encoding == FragmentEncoding::kJpeg) {
+    settings.encoding = FragmentEncoding::kHalf;
+  }
+  return settings;
 }
 
 int host_of(std::span<const int> ranks, int rank) {
@@ -127,7 +155,9 @@ Contribution contribute_as_rank(const RankMembers& members, const HostView& view
 
 Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_number,
                             int light_field, const VirtualCamera& view,
-                            const std::function<Contribution()>& own, FragmentCounts& counts) {
+                            const std::function<Contribution()>& own, FragmentCounts& counts,
+                            SumTimes& times) {
+  Stopwatch watch;
   Contribution sum;
   std::exception_ptr own_failure;
   try {
@@ -135,10 +165,12 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
   } catch (...) {
     own_failure = std::current_exception();  // the ranks below send all the same
   }
+  times.own_ms += watch.lap_ms();
   std::optional<Failure> failure;
   for (const int child : children_of(exchange.world.rank(), exchange.world.size())) {
-    const PartialView part =
-        decode_partial_view(exchange.world.receive(child, tag_of(view_number)));
+    const MessageBytes message = exchange.world.receive(child, tag_of(view_number));
+    times.wait_ms += watch.lap_ms();
+    const PartialView part = decode_partial_view(message);
     if (!part.error.empty() && !failure) failure = Failure{part.error, part.is_bad_input};
     if (own_failure || failure) continue;
     add(part.statistics, sum.statistics);
@@ -150,6 +182,7 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
       add_fragments(part.planes[i], fragment_tag(view_number, light_field, i), view.width,
                     view.height, sum.planes[i]);
     }
+    times.add_ms += watch.lap_ms();
   }
   if (own_failure) std::rethrow_exception(own_failure);
   if (failure) throw failure->error();
@@ -159,8 +192,10 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
 void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
                     const VirtualCamera& view, const std::function<Contribution()>& own) {
   PartialView part;
+  SumTimes times;
   try {
-    Contribution sum = sum_of_subtree(exchange, view_number, light_field, view, own, part.counts);
+    Contribution sum =
+        sum_of_subtree(exchange, view_number, light_field, view, own, part.counts, times);
     part.statistics = sum.statistics;
     part.notes = std::move(sum.notes);
     for (std::size_t i = 0; i < sum.planes.size(); ++i) {

@@ -12,8 +12,10 @@
 
 namespace raystage::farm {
 
-/// The binomial tree with rank 0 at its root along which contributions are added. A rank's children
-/// come in increasing order; so do the sums, whatever the order of arrival.
+/// The tree with rank 0 at its root along which contributions are added: in each step one rank of
+/// kChildrenPerStep receives from the others. A rank's children come in increasing order; so do the
+/// sums, whatever the order of arrival.
+inline constexpr int kChildrenPerStep = 4;
 int parent_of(int rank);
 std::vector<int> children_of(int rank, int ranks);
 
@@ -22,6 +24,10 @@ struct ViewExchange {
   MpiWorld& world;
   FragmentEncodingSettings encoding;
 };
+
+/// How a view's contributions travel: those of views in step have values that only floats hold;
+/// what is asked for as JPEG goes as halves there.
+FragmentEncodingSettings encoding_for(const HostView& view, const FragmentEncodingSettings& asked);
 
 /// The ranks that have opened a take: its hosts, numbered in the order of their ranks.
 struct RankMembers {
@@ -38,12 +44,26 @@ std::vector<int> hosts_of(std::span<const int> ranks, std::span<const int> holde
 Contribution contribute_as_rank(const RankMembers& members, const HostView& view,
                                 std::uint32_t view_number, const ViewHosts::Contribute& own);
 
+/// What summing took, wall-clock milliseconds.
+struct SumTimes {
+  double own_ms = 0;   ///< this rank's contribution
+  double wait_ms = 0;  ///< until those below had sent theirs
+  double add_ms = 0;   ///< adding them
+  SumTimes& operator+=(const SumTimes& other) {
+    own_ms += other.own_ms;
+    wait_ms += other.wait_ms;
+    add_ms += other.add_ms;
+    return *this;
+  }
+};
+
 /// Returns what this rank and those below it in the tree contribute to a view. `own`: what this
 /// rank contributes. Adds what the messages of those below held to `counts`. Throws Error where one
 /// of them, or this one, cannot contribute, when all have answered.
 Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_number,
                             int light_field, const VirtualCamera& view,
-                            const std::function<Contribution()>& own, FragmentCounts& counts);
+                            const std::function<Contribution()>& own, FragmentCounts& counts,
+                            SumTimes& times);
 
 /// Sends what sum_of_subtree() returns, or why it did not return, to the rank above.
 void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,

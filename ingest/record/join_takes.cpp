@@ -13,6 +13,7 @@
 #include "schemas/error.h"
 #include "schemas/recording_document.h"
 #include "schemas/rig_document.h"
+#include "store/journal_archives.h"
 #include "store/matroska.h"
 #include "store/recordings.h"
 #include "store/take.h"
@@ -23,8 +24,10 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Part {
-  explicit Part(const fs::path& folder)
-      : take(folder), rig(read_rig(folder / "rig.json")), accounts(folder / "recording") {}
+  Part(const fs::path& folder, bool journals_will_do)
+      : take(folder, journals_will_do ? journals_for_archives(folder) : nullptr),
+        rig(read_rig(folder / "rig.json")),
+        accounts(folder / "recording") {}
   Take take;
   RigDocument rig;
   fs::path accounts;
@@ -143,7 +146,9 @@ void check_alike(const Part& part, const Part& first) {
       part.take.folder().string(), "Join parts of one recording only");
 }
 
-TakeDocument joined_document(const std::vector<Part>& parts, const std::string& created_by) {
+/// `keeps_archives`: they stay where they are, under their names and with their epochs.
+TakeDocument joined_document(const std::vector<Part>& parts, const std::string& created_by,
+                             bool keeps_archives) {
   TakeDocument joined = parts.front().take.document();
   joined.created_by = created_by;
   joined.cameras.clear();
@@ -161,10 +166,18 @@ TakeDocument joined_document(const std::vector<Part>& parts, const std::string& 
                                "Give the cameras of all nodes different ids");
       }
       if (camera.node.empty()) camera.node = node;
-      camera.archive.clear();
-      camera.journal.clear();
+      if (keeps_archives) {
+        if (!camera.archive_epoch_utc) camera.archive_epoch_utc = document.epoch_utc;
+      } else {
+        camera.archive.clear();
+        camera.journal.clear();
+        camera.archive_epoch_utc = std::nullopt;
+      }
       joined.cameras.push_back(std::move(camera));
     }
+  }
+  for (TakeDocument::Camera& camera : joined.cameras) {
+    if (camera.archive_epoch_utc == joined.epoch_utc) camera.archive_epoch_utc = std::nullopt;
   }
   return joined;
 }
@@ -189,13 +202,35 @@ void copy_accounts(const std::vector<Part>& parts, const fs::path& folder) {
   }
 }
 
+/// Copies the journals under their names; the archives stay.
+void copy_journals(const std::vector<Part>& parts, const fs::path& folder, JoinReport& report) {
+  for (const Part& part : parts) {
+    for (int i = 0; i < part.take.camera_count(); ++i) {
+      const TakeDocument::Camera& camera =
+          part.take.document().cameras[static_cast<std::size_t>(i)];
+      if (camera.archive != "archive/" + camera.id + ".mkv") {
+        throw Error::bad_input("the archive of camera \"" + camera.id + "\" is " + camera.archive +
+                                   ", not archive/" + camera.id + ".mkv",
+                               part.take.folder().string(), "Join it with its archives");
+      }
+      const fs::path target = folder / camera.journal;
+      create_folder(target.parent_path());
+      write_file_atomically(target, read_file(part.take.folder() / camera.journal));
+      for (const FrameRecord& record : part.take.archive(i).records()) {
+        ++(record.status == FrameStatus::kStored ? report.frames : report.missing);
+      }
+      ++report.cameras;
+    }
+  }
+}
+
 }  // namespace
 
 JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take_folder,
-                      const std::string& created_by, const std::function<void(double)>& progress,
-                      const std::stop_token& stop) {
+                      const std::string& created_by, bool documents_only,
+                      const std::function<void(double)>& progress, const std::stop_token& stop) {
   std::vector<Part> parts;
-  for (const fs::path& folder : folders) parts.emplace_back(folder);
+  for (const fs::path& folder : folders) parts.emplace_back(folder, documents_only);
   std::uint64_t total = 0;
   for (const Part& part : parts) {
     check_alike(part, parts.front());
@@ -203,7 +238,7 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
     for (int i = 0; i < part.take.camera_count(); ++i)
       total += part.take.archive(i).records().size();
   }
-  const TakeDocument joined = joined_document(parts, created_by);
+  const TakeDocument joined = joined_document(parts, created_by, documents_only);
   JoinReport report;
   const RigDocument rig = joined_rig(parts, report.warnings);
   warn_of_late_nodes(parts, report.warnings);
@@ -212,6 +247,13 @@ JoinReport join_takes(const std::vector<fs::path>& folders, const fs::path& take
   }
   TakeWriter writer(take_folder, joined, rig);
   copy_accounts(parts, writer.working_folder() / "recording");
+  if (documents_only) {
+    copy_journals(parts, writer.working_folder(), report);
+    writer.finish_documents();
+    writer.commit();
+    if (progress) progress(1);
+    return report;
+  }
 
   std::uint64_t done = 0;
   for (const Part& part : parts) {

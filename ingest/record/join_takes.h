@@ -17,6 +17,11 @@ namespace raystage {
 /// Throws Error: bad input where a camera id occurs twice, the parts differ in colour space or in
 /// scale, lie further apart than a take can hold, the new take would lie within one of them, or a
 /// frame is damaged; failed for the disk or when stopped.
+///
+/// `documents_only`: the archives stay where they are. The take gets take.json, rig.json, the nodes'
+/// accounts and the cameras' journals, by their names in the parts; times count from the joint
+/// epoch, and take.json says where an archive counts from another one. Parts need no archives then.
+/// Frames are not held against their hashes.
 struct JoinReport {
   int cameras = 0;
   std::uint64_t frames = 0, missing = 0, bytes = 0;
@@ -24,6 +29,7 @@ struct JoinReport {
 };
 JoinReport join_takes(const std::vector<std::filesystem::path>& parts,
                       const std::filesystem::path& take_folder, const std::string& created_by,
-                      const std::function<void(double)>& progress, const std::stop_token& stop);
+                      bool documents_only, const std::function<void(double)>& progress,
+                      const std::stop_token& stop);
 
 }  // namespace raystage

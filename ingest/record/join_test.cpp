@@ -8,7 +8,9 @@
 #include "schemas/error.h"
 #include "schemas/recording_document.h"
 #include "schemas/test_folder.h"
+#include "store/journal_archives.h"
 #include "store/take.h"
+#include "store/timeline_file.h"
 
 namespace raystage {
 namespace {
@@ -56,12 +58,55 @@ class Join : public ::testing::Test {
  protected:
   std::filesystem::path part(const std::string& name) const { return folder_.path() / name; }
   JoinReport join(const std::vector<std::filesystem::path>& parts) const {
-    return join_takes(parts, part("joined"), "test", {}, {});
+    return join_takes(parts, part("joined"), "test", false, {}, {});
   }
 
  private:
   TestFolder folder_;
 };
+
+TEST_F(Join, MakesTheDocumentsAloneWhereArchivesStay) {
+  constexpr Nanoseconds kEpoch = 1'767'225'600'000'000'000;
+  write_part(part("a"), "left", kEpoch + 5000, "one");
+  write_part(part("b"), "right", kEpoch, "two");
+  const std::vector<std::filesystem::path> parts{part("a"), part("b")};
+  join(parts);
+  // The archives need not be there.
+  for (const char* file : {"a/archive/left.mkv", "b/archive/right.mkv"}) {
+    std::filesystem::rename(part(file), part(file).string() + ".elsewhere");
+  }
+  const JoinReport report = join_takes(parts, part("shared"), "test", true, {}, {});
+  EXPECT_EQ(report.cameras, 2);
+  EXPECT_EQ(report.frames, 4U);
+  EXPECT_EQ(report.missing, 2U);
+  EXPECT_FALSE(std::filesystem::exists(part("shared") / "archive" / "left.mkv"));
+  EXPECT_THROW(Take(part("shared")).archive(0), Error);
+  // By their journals, and with their archives, the records are those of the joined take.
+  const Take joined(part("joined"));
+  const Take journals(part("shared"), journals_for_archives(part("shared")));
+  EXPECT_THROW(journals.archive(0).jpeg(0), Error);
+  EXPECT_THROW(journals.archive(1).jpeg(0), Error);
+  for (const char* file : {"a/archive/left.mkv", "b/archive/right.mkv"}) {
+    std::filesystem::copy_file(part(file).string() + ".elsewhere",
+                               part("shared") / "archive" / std::filesystem::path(file).filename());
+  }
+  const Take whole(part("shared"));
+  for (int camera = 0; camera < 2; ++camera) {
+    const auto expected = joined.archive(camera).records();
+    for (const Take* take : {&journals, &whole}) {
+      const auto records = take->archive(camera).records();
+      ASSERT_EQ(records.size(), expected.size());
+      for (std::size_t i = 0; i < records.size(); ++i) {
+        EXPECT_EQ(records[i].time_ns, expected[i].time_ns);
+        EXPECT_EQ(records[i].arrival_ns, expected[i].arrival_ns);
+        EXPECT_EQ(records[i].status, expected[i].status);
+        EXPECT_EQ(records[i].xxh3, expected[i].xxh3);
+      }
+    }
+    EXPECT_TRUE(std::ranges::equal(whole.archive(camera).jpeg(1), joined.archive(camera).jpeg(1)));
+  }
+  EXPECT_EQ(fingerprint_of(journals), fingerprint_of(whole)) << "one timeline fits both";
+}
 
 TEST_F(Join, KeepsEveryRecordAtItsInstant) {
   constexpr Nanoseconds kEpoch = 1'767'225'600'000'000'000;
@@ -135,8 +180,9 @@ TEST_F(Join, GuessedPlacesAreKeptApart) {
 TEST_F(Join, RefusesAPlaceWithinAPart) {
   write_part(part("a"), "left", 0, "one");
   write_part(part("b"), "right", 0, "two");
-  EXPECT_THROW(join_takes({part("a"), part("b")}, part("b") / "new" / "joined", "test", {}, {}),
-               Error);
+  EXPECT_THROW(
+      join_takes({part("a"), part("b")}, part("b") / "new" / "joined", "test", false, {}, {}),
+      Error);
   EXPECT_FALSE(std::filesystem::exists(part("b") / "new"));
 }
 

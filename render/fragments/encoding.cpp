@@ -6,7 +6,6 @@
 
 #include <Imath/half.h>
 #include <fmt/format.h>
-#include <zstd.h>
 
 #include <algorithm>
 #include <cstring>
@@ -116,33 +115,6 @@ void add_halves(Reader& reader, const FragmentArea& area, int width, std::span<f
   });
 }
 
-/// Weights of an area as differences from the plane through three neighbours: blending weights are
-/// linear in the pixel over a cell of the array, so that nearly all differences are 0 or 1.
-class WeightPlane {
- public:
-  explicit WeightPlane(const FragmentArea& area) : width_(area.width) {
-    codes_.resize(area.pixels());
-  }
-  std::vector<std::uint16_t>& codes() { return codes_; }
-  std::uint16_t predicted(std::size_t at) const {
-    const auto width = static_cast<std::size_t>(width_);
-    const bool has_left = at % width > 0, has_upper = at >= width;
-    if (has_left && has_upper) {
-      return static_cast<std::uint16_t>(codes_[at - 1] + codes_[at - width] -
-                                        codes_[at - width - 1]);
-    }
-    return has_left ? codes_[at - 1] : has_upper ? codes_[at - width] : std::uint16_t{0};
-  }
-
- private:
-  int width_;
-  std::vector<std::uint16_t> codes_;
-};
-
-std::uint16_t code_of(float value) {
-  return static_cast<std::uint16_t>(std::clamp(value, 0.0F, kFullScale) + 0.5F);
-}
-
 void append_block(std::span<const std::byte> block, std::vector<std::byte>& message) {
   const auto size = static_cast<std::uint32_t>(block.size());
   append(&size, 1, message);
@@ -150,52 +122,46 @@ void append_block(std::span<const std::byte> block, std::vector<std::byte>& mess
 }
 
 void append_jpeg(std::span<const float> sums, int width, const FragmentArea& area, int quality,
-                 std::vector<std::byte>& message, std::vector<std::uint8_t>& differences) {
+                 std::vector<std::byte>& message) {
   RgbImage image{area.width, area.height, {}};
   image.pixels.reserve(area.pixels() * 3);
-  WeightPlane weights(area);
-  std::size_t at = 0;
   for_each_row(sums, width, area, [&](const float* row, std::size_t n) {
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t c = 0; c < 3; ++c) {
         const float code = std::clamp(row[4 * i + c] / 257.0F, 0.0F, 255.0F);
         image.pixels.push_back(static_cast<std::uint8_t>(code + 0.5F));
       }
-      weights.codes()[at++] = code_of(row[4 * i + 3]);
     }
   });
   append_block(encode_jpeg(image, {quality, JpegEncodeSettings::Chroma::k420, 0}), message);
-  // Low bytes, then high bytes: the high ones are nearly all alike.
-  const std::size_t first = differences.size();
-  differences.resize(first + 2 * at);
-  for (std::size_t i = 0; i < at; ++i) {
-    const auto difference = static_cast<std::uint16_t>(weights.codes()[i] - weights.predicted(i));
-    differences[first + i] = static_cast<std::uint8_t>(difference & 0xFF);
-    differences[first + at + i] = static_cast<std::uint8_t>(difference >> 8);
-  }
 }
 
-void add_jpeg(Reader& reader, const FragmentArea& area, int width,
-              std::span<const std::uint8_t> differences, std::span<float> sums) {
+void add_jpeg(Reader& reader, const FragmentArea& area, int width, std::span<float> sums) {
   const auto size = reader.value<std::uint32_t>();
   JpegDecoder decoder;
   const RgbImage image = decoder.decode(reader.bytes(size), "fragments");
   if (image.width != area.width || image.height != area.height) {
     throw damaged("a picture has another size than its rectangle");
   }
-  WeightPlane weights(area);
-  const std::size_t count = area.pixels();
-  std::size_t at = 0;
+  const std::uint8_t* pixel = image.pixels.data();
   for_each_row(sums, width, area, [&](float* row, std::size_t n) {
-    for (std::size_t i = 0; i < n; ++i, ++at) {
-      const unsigned difference = differences[at] | unsigned{differences[count + at]} << 8;
-      weights.codes()[at] = static_cast<std::uint16_t>(weights.predicted(at) + difference);
-      for (std::size_t c = 0; c < 3; ++c) {
-        row[4 * i + c] += 257.0F * static_cast<float>(image.pixels[3 * at + c]);
-      }
-      row[4 * i + 3] += static_cast<float>(weights.codes()[at]);
+    for (std::size_t i = 0; i < n; ++i, pixel += 3) {
+      for (std::size_t c = 0; c < 3; ++c) row[4 * i + c] += 257.0F * static_cast<float>(pixel[c]);
     }
   });
+}
+
+FragmentArea box_around(std::span<const FragmentArea> areas) {
+  FragmentArea box = areas.front();
+  for (const FragmentArea& area : areas) {
+    const int right = std::max(box.x + box.width, area.x + area.width);
+    const int bottom = std::max(box.y + box.height, area.y + area.height);
+    box.x = std::min(box.x, area.x);
+    box.y = std::min(box.y, area.y);
+    box.width = right - box.x;
+    box.height = bottom - box.y;
+  }
+  return box;
 }
 
 void check(const FragmentArea& area, int width, int height) {
@@ -205,29 +171,15 @@ void check(const FragmentArea& area, int width, int height) {
   if (!is_inside) throw damaged("a rectangle lies outside of the view");
 }
 
-std::vector<std::byte> compressed(std::span<const std::uint8_t> bytes) {
-  std::vector<std::byte> result(ZSTD_compressBound(bytes.size()));
-  const std::size_t size =
-      ZSTD_compress(result.data(), result.size(), bytes.data(), bytes.size(), 3);
-  if (ZSTD_isError(size) != 0) throw Error::failed("zstd failed", "fragments", "Free some memory");
-  result.resize(size);
-  return result;
-}
-
-std::vector<std::uint8_t> decompressed(std::span<const std::byte> bytes, std::size_t size) {
-  std::vector<std::uint8_t> result(size);
-  const std::size_t got = ZSTD_decompress(result.data(), size, bytes.data(), bytes.size());
-  if (ZSTD_isError(got) != 0 || got != size) throw damaged("its weights cannot be read");
-  return result;
-}
-
 }  // namespace
 
 std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const float> sums,
                                         int width, int height,
                                         const FragmentEncodingSettings& settings,
                                         FragmentCounts& counts) {
-  const std::vector<FragmentArea> areas = covering_areas(sums, width, height);
+  std::vector<FragmentArea> areas = covering_areas(sums, width, height);
+  // A JPEG has a header of 600 bytes, and zeros take next to none.
+  if (settings.encoding == FragmentEncoding::kJpeg && areas.size() > 1) areas = {box_around(areas)};
   Header header;
   header.tag = tag;
   header.width = width;
@@ -237,7 +189,6 @@ std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const 
   std::vector<std::byte> message;
   append(&header, 1, message);
   append(areas.data(), areas.size(), message);
-  std::vector<std::uint8_t> differences;
   for (const FragmentArea& area : areas) {
     counts.samples += static_cast<std::int64_t>(area.pixels());
     switch (settings.encoding) {
@@ -248,11 +199,10 @@ std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const 
         append_halves(sums, width, area, message);
         break;
       case FragmentEncoding::kJpeg:
-        append_jpeg(sums, width, area, settings.jpeg_quality, message, differences);
+        append_jpeg(sums, width, area, settings.jpeg_quality, message);
         break;
     }
   }
-  if (settings.encoding == FragmentEncoding::kJpeg) append_block(compressed(differences), message);
   counts.fragments += static_cast<std::int64_t>(areas.size());
   counts.bytes += static_cast<std::int64_t>(message.size());
   return message;
@@ -278,15 +228,6 @@ void add_fragments(std::span<const std::byte> message, const FragmentTag& tag, i
     pixels += area.pixels();
   }
   if (pixels > sums.size() / 4) throw damaged("its rectangles overlap");
-  std::vector<std::uint8_t> differences;
-  if (header.encoding == static_cast<std::uint32_t>(FragmentEncoding::kJpeg)) {
-    // The weights follow the pictures; they are needed with each of them.
-    Reader ahead = reader;
-    for (std::size_t i = 0; i < areas.size(); ++i) ahead.bytes(ahead.value<std::uint32_t>());
-    const auto size = ahead.value<std::uint32_t>();
-    differences = decompressed(ahead.bytes(size), 2 * pixels);
-  }
-  std::size_t first = 0;
   for (const FragmentArea& area : areas) {
     switch (static_cast<FragmentEncoding>(header.encoding)) {
       case FragmentEncoding::kFloat:
@@ -296,13 +237,11 @@ void add_fragments(std::span<const std::byte> message, const FragmentTag& tag, i
         add_halves(reader, area, width, sums);
         break;
       case FragmentEncoding::kJpeg:
-        add_jpeg(reader, area, width, std::span(differences).subspan(first, 2 * area.pixels()),
-                 sums);
+        add_jpeg(reader, area, width, sums);
         break;
       default:
         throw damaged("its encoding is unknown");
     }
-    first += 2 * area.pixels();
   }
 }
 

@@ -17,14 +17,14 @@ enum class FragmentEncoding : std::uint8_t {
   /// 8 bytes per pixel: half floats of sums / 65535. The error of each value is at most 2^-11 of
   /// it.
   kHalf = 1,
-  /// R, G, B as a JPEG of sums / 257 for each rectangle, weights in 16 bits, compressed without
-  /// loss. Values outside of [0, 65535] are clamped.
+  /// One rectangle around all: R, G, B as a JPEG of sums / 257, clamped to [0, 255]. No weights:
+  /// they depend on geometry alone, so that the reader can find them.
   kJpeg = 2
 };
 
 struct FragmentEncodingSettings {
   FragmentEncoding encoding = FragmentEncoding::kFloat;
-  int jpeg_quality = 85;  ///< 1 to 100, libjpeg's scale; chroma has half the resolution
+  int jpeg_quality = 75;  ///< 1 to 100, libjpeg's scale; chroma has half the resolution
 };
 
 /// What a message holds.

@@ -103,8 +103,8 @@ TEST(FragmentMessages, AddWhatTheyHold) {
           RC_ASSERT(std::abs(added[i] - exact) <= sums[i] / 2048 + 0.02F);
         }
         if (encoding == FragmentEncoding::kJpeg) {
-          if (i % 4 == 3) RC_ASSERT(std::abs(added[i] - exact) <= 0.51F);
-          squares += std::pow((added[i] - exact) / 257, 2);
+          if (i % 4 == 3) RC_ASSERT(added[i] == other[i]);
+          if (i % 4 != 3) squares += std::pow((added[i] - exact) / 257, 2);
         }
       }
       if (encoding == FragmentEncoding::kJpeg) {

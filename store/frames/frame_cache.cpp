@@ -74,6 +74,7 @@ struct FrameCache::State {
   double full_scale;
   BlendSpace space;
   std::shared_ptr<const FrameMatte> matte;
+  bool is_white = false;  // see white()
   std::vector<PhotometricCorrection> corrections;
   tbb::enumerable_thread_specific<JpegDecoder> decoders;
   std::atomic<Look> looks = kByItself;
@@ -88,6 +89,32 @@ struct FrameCache::State {
   /// Memory of frames thrown out, by size: fresh pages cost more than decoding into old ones.
   std::multimap<std::size_t, std::unique_ptr<std::uint16_t[]>> spare;
   std::size_t spare_bytes = 0;
+  std::map<std::pair<int, int>, std::shared_ptr<const DecodedFrame>> white_frames;  // by size
+
+  JpegLayout white_layout(int camera) const {
+    const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
+    JpegLayout layout;
+    layout.width = model.width();
+    layout.height = model.height();
+    layout.mcus_per_row = (layout.width + layout.mcu_width - 1) / layout.mcu_width;
+    layout.mcu_rows = (layout.height + layout.mcu_height - 1) / layout.mcu_height;
+    return layout;
+  }
+
+  std::shared_ptr<const DecodedFrame> white_frame(int camera) {
+    const JpegLayout layout = white_layout(camera);
+    const std::scoped_lock lock(mutex);
+    auto& known = white_frames[{layout.width, layout.height}];
+    if (known) return known;
+    auto frame = std::make_shared<DecodedFrame>();
+    frame->width = layout.width;
+    frame->height = layout.height;
+    const std::size_t pixels = static_cast<std::size_t>(layout.width) * (layout.height + 1) + 1;
+    frame->rgba = std::make_unique_for_overwrite<std::uint16_t[]>(pixels * 4);
+    std::fill_n(frame->rgba.get(), pixels * 4, std::uint16_t{65535});
+    known = std::move(frame);
+    return known;
+  }
 
   std::shared_ptr<Entry> entry(const Key& key) {
     const std::scoped_lock lock(mutex);
@@ -279,9 +306,18 @@ FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace sp
   state_->ahead.resize(take.rig().cameras.size());
 }
 
+FrameCache FrameCache::white(const Take& take, BlendSpace space) {
+  auto state = std::make_shared<State>(take, 0, 1, space, nullptr);
+  state->is_white = true;
+  state->ahead.resize(take.rig().cameras.size());
+  return FrameCache(std::move(state));
+}
+
+FrameCache::FrameCache(FrameCache&&) noexcept = default;
 FrameCache::~FrameCache() = default;
 
 std::shared_ptr<const JpegLayout> FrameCache::layout(int camera, int frame) {
+  if (state_->is_white) return std::make_shared<const JpegLayout>(state_->white_layout(camera));
   const Key key{camera, frame};
   const auto entry = state_->entry(key);
   const std::scoped_lock decoding(entry->decoding);
@@ -293,6 +329,7 @@ FrameCache::Look FrameCache::new_look() { return ++state_->looks; }
 
 std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, const McuMask& wanted,
                                                       std::int64_t& pixels_decoded, Look look) {
+  if (state_->is_white) return state_->white_frame(camera);
   const Key key{camera, frame};
   const auto entry = state_->entry(key);
   const std::scoped_lock decoding(entry->decoding);
@@ -344,6 +381,7 @@ void FrameCache::read_ahead(int camera, int frame) {
 }
 
 bool FrameCache::holds_whole(int camera, int frame) {
+  if (state_->is_white) return true;
   const std::scoped_lock lock(state_->mutex);
   const auto found = state_->entries.find({camera, frame});
   return found != state_->entries.end() && found->second->frame &&

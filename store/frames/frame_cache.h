@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "store/frames/blend_space.h"
@@ -50,6 +51,10 @@ class FrameCache {
   /// `matte`: what shows of the frames; null: all of them.
   FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
              std::shared_ptr<const FrameMatte> matte = nullptr);
+  /// White frames of the cameras' sizes in place of the take's: what is sampled of them are the
+  /// weights alone. Reads nothing of the take's archives.
+  static FrameCache white(const Take& take, BlendSpace space);
+  FrameCache(FrameCache&&) noexcept;
   ~FrameCache();
 
   /// Throws Error (bad input) for a damaged frame or one whose size is not the camera's.
@@ -86,6 +91,7 @@ class FrameCache {
 
  private:
   struct State;
+  explicit FrameCache(std::shared_ptr<State> state) : state_(std::move(state)) {}
   std::shared_ptr<State> state_;
 };
 

@@ -1,20 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Shots rendered by MPI ranks, each with a folder that holds the archives of its own cameras alone.
-#include <Imath/half.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
-#include "compose/exr/file.h"
 #include "images/exr/exr_channels.h"
 #include "schemas/test_folder.h"
 #include "tests/end_to_end/run_command.h"
+#include "tests/farm/frame_difference.h"
 
 namespace raystage::testing {
 namespace {
@@ -87,37 +85,12 @@ class Ranks : public ::testing::Test {
                 options);
   }
 
-  static int half_steps(float a, float b) {
-    const auto ordered = [](float value) {
-      const int bits = Imath::half(value).bits();
-      return bits < 0x8000 ? bits : 0x8000 - bits;
-    };
-    return std::abs(ordered(a) - ordered(b));
-  }
-
-  struct Difference {
-    int most = 0;         ///< units in the last place of half
-    double share = 0;     ///< of values that differ
-    double psnr_db = 99;  ///< of colours, full scale 1
-  };
-
-  Difference difference(const std::string& a, const std::string& b, int frame) const {
+  FrameDifference difference(const std::string& a, const std::string& b, int frame) const {
     const auto file = [&](const std::string& folder) {
       return folder_.path() / folder / ("f.000" + std::to_string(frame) + ".exr");
     };
-    const ExrImage left = read_exr(file(a)), right = read_exr(file(b));
-    Difference found;
-    EXPECT_EQ(left.rgba.size(), right.rgba.size());
-    EXPECT_GT(*std::ranges::max_element(left.rgba), 0.05F) << "nothing is seen";
-    double squares = 0;
-    for (std::size_t i = 0; i < left.rgba.size(); ++i) {
-      const int steps = half_steps(left.rgba[i], right.rgba[i]);
-      found.most = std::max(found.most, steps);
-      if (steps > 0) found.share += 1.0 / static_cast<double>(left.rgba.size());
-      squares += std::pow(double{left.rgba[i]} - double{right.rgba[i]}, 2);
-    }
-    const double mean = squares / static_cast<double>(left.rgba.size());
-    if (mean > 0) found.psnr_db = -10 * std::log10(mean);
+    const FrameDifference found = frame_difference(file(a), file(b));
+    EXPECT_GT(found.brightest, 0.05F) << "nothing is seen";
     return found;
   }
 
@@ -133,7 +106,7 @@ class Ranks : public ::testing::Test {
           render_by(ranks, "-o ranked/f.####.exr --existing overwrite");
       ASSERT_EQ(distributed.exit_code, 0) << distributed.err;
       for (const int frame : {1, 2}) {
-        const Difference found = difference("local", "ranked", frame);
+        const FrameDifference found = difference("local", "ranked", frame);
         EXPECT_LE(found.most, byte_for_byte ? 0 : 1) << ranks << " ranks";
         EXPECT_LE(found.share, 0.01) << ranks << " ranks";
       }
@@ -172,14 +145,15 @@ TEST_F(Ranks, SendFewerBytesWithLossySamples) {
   split(4);
   ASSERT_EQ(render_locally().exit_code, 0);
   ASSERT_EQ(render_by(4, "-o ranked/f.####.exr --fragments half").exit_code, 0);
-  const Difference half = difference("local", "ranked", 1);
+  const FrameDifference half = difference("local", "ranked", 1);
   EXPECT_GT(half.most, 0);
   EXPECT_LE(half.most, 3);
   ASSERT_EQ(render_by(4, "-o ranked/f.####.exr --existing overwrite --fragments jpeg").exit_code,
             0);
-  const Difference jpeg = difference("local", "ranked", 1);
+  const FrameDifference jpeg = difference("local", "ranked", 1);
   EXPECT_GT(jpeg.psnr_db, 36);
   EXPECT_LT(jpeg.psnr_db, 60);
+  EXPECT_LE(jpeg.most_alpha, 1) << "weights do not cross";
 }
 
 TEST_F(Ranks, LeaveOutCamerasThatNoneHasOrRefuse) {

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/fingerprints.h"
+
+#include <fmt/format.h>
+
+#include <fstream>
+#include <sstream>
+#include <system_error>
+
+namespace raystage::farm {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kFolder = "fingerprints";
+
+}  // namespace
+
+fs::path fingerprints_file(const fs::path& job_folder, int task) {
+  return job_folder / kFolder / fmt::format("render.{:04}", task);
+}
+
+std::map<int, std::string> read_fingerprints(const fs::path& job_folder) {
+  std::map<int, std::string> known;
+  std::error_code error;
+  for (fs::directory_iterator entry(job_folder / kFolder, error), end; entry != end;
+       entry.increment(error)) {
+    if (entry->path().filename().string().starts_with('.')) continue;  // not complete
+    std::ifstream file(entry->path());
+    for (std::string line; std::getline(file, line);) {
+      std::istringstream words(line);
+      int frame = 0;
+      std::string fingerprint;
+      if (words >> frame >> fingerprint) known[frame] = fingerprint;
+    }
+  }
+  return known;
+}
+
+}  // namespace raystage::farm

@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/journal_archives.h"
+
+#include <string>
+#include <utility>
+
+#include "schemas/error.h"
+#include "store/journal.h"
+#include "store/posix_file.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+class FramesElsewhere : public RemoteFrames {
+ public:
+  explicit FramesElsewhere(std::string archive) : archive_(std::move(archive)) {}
+  FrameBytes jpeg(int) const override { throw elsewhere(); }
+  JpegLayout layout(int) const override { throw elsewhere(); }
+  FrameBytes jpeg_part(int, const JpegLayout&, const McuMask&) const override { throw elsewhere(); }
+
+ private:
+  Error elsewhere() const {
+    return Error::bad_input("the archive is not here: only its journal is", archive_,
+                            "Do this on the host that holds the archive");
+  }
+  std::string archive_;
+};
+
+class JournalArchives : public RemoteArchives {
+ public:
+  explicit JournalArchives(fs::path folder)
+      : folder_(std::move(folder)), document_(read_take(folder_ / "take.json")) {}
+
+  std::optional<ArchiveReader> open(int camera) const override {
+    const TakeDocument::Camera& entry = document_.cameras[static_cast<std::size_t>(camera)];
+    const fs::path archive = folder_ / entry.archive, journal = folder_ / entry.journal;
+    if (fs::exists(archive) || !fs::exists(journal)) return std::nullopt;
+    const MappedFile file(journal);
+    const journal::Contents contents = journal::decode(file.bytes(), journal.string());
+    const Nanoseconds epoch = entry.archive_epoch_utc.value_or(document_.epoch_utc);
+    if (!contents.header || contents.header->camera_hash != journal::hash_of_camera(entry.id) ||
+        contents.header->epoch_utc != epoch) {
+      throw Error::bad_input("this is not the journal of camera \"" + entry.id + "\", or damaged",
+                             journal.string(), "Copy it from the host that holds the archive");
+    }
+    ArchiveReader reader({entry.id, 0, 0, epoch}, contents.records,
+                         std::make_shared<const FramesElsewhere>(archive.string()));
+    reader.move_times(epoch - document_.epoch_utc);
+    return reader;
+  }
+
+  bool is_missing(int /*camera*/) const override { return false; }
+
+ private:
+  fs::path folder_;
+  TakeDocument document_;
+};
+
+}  // namespace
+
+std::shared_ptr<const RemoteArchives> journals_for_archives(const fs::path& take_folder) {
+  if (!fs::exists(take_folder / "take.json")) return nullptr;  // Take says what is wrong
+  return std::make_shared<const JournalArchives>(take_folder);
+}
+
+}  // namespace raystage

@@ -200,7 +200,7 @@ void declare_distributed(CLI::App& app, Options& options) {
       ->type_name("float|half|jpeg")
       ->group(group);
   app.add_option("--fragment-quality", options.distributed.fragment_quality,
-                 "JPEG quality of fragments (default: 75)")
+                 "JPEG quality of fragments (default: 85)")
       ->check(CLI::Range(1, 100))
       ->type_name("Q")
       ->group(group);

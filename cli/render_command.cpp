@@ -123,7 +123,7 @@ void declare(CLI::App& app, RenderOptions& options, char** argv) {
       ->type_name("float|half|jpeg")
       ->group(of_hosts);
   app.add_option("--fragment-quality", options.jpeg_quality,
-                 "JPEG quality of fragments, 1 to 100 (default: 75)")
+                 "JPEG quality of fragments, 1 to 100 (default: 85)")
       ->check(CLI::Range(1, 100))
       ->type_name("Q")
       ->group(of_hosts);

@@ -133,7 +133,7 @@ void append_jpeg(std::span<const float> sums, int width, const FragmentArea& are
       }
     }
   });
-  append_block(encode_jpeg(image, {quality, JpegEncodeSettings::Chroma::k420, 0}), message);
+  append_block(encode_jpeg(image, {quality, JpegEncodeSettings::Chroma::k420, 0, true}), message);
 }
 
 void add_jpeg(Reader& reader, const FragmentArea& area, int width, std::span<float> sums) {

@@ -24,7 +24,7 @@ enum class FragmentEncoding : std::uint8_t {
 
 struct FragmentEncodingSettings {
   FragmentEncoding encoding = FragmentEncoding::kFloat;
-  int jpeg_quality = 75;  ///< 1 to 100, libjpeg's scale; chroma has half the resolution
+  int jpeg_quality = 85;  ///< 1 to 100, libjpeg's scale; chroma has half the resolution
 };
 
 /// What a message holds.

@@ -64,6 +64,7 @@ std::vector<std::byte> encode_jpeg(const RgbImage& image, const JpegEncodeSettin
         settings.restart_interval >= 0
             ? settings.restart_interval
             : default_restart_interval(image.width, 8 * info.comp_info[0].h_samp_factor));
+    if (settings.progressive) jpeg_simple_progression(&info);
     jpeg_start_compress(&info, TRUE);
     while (info.next_scanline < info.image_height) {
       // libjpeg's interface is not const, yet only reads.

@@ -18,10 +18,10 @@ namespace raystage {
 /// scale, lie further apart than a take can hold, the new take would lie within one of them, or a
 /// frame is damaged; failed for the disk or when stopped.
 ///
-/// `documents_only`: the archives stay where they are. The take gets take.json, rig.json, the nodes'
-/// accounts and the cameras' journals, by their names in the parts; times count from the joint
-/// epoch, and take.json says where an archive counts from another one. Parts need no archives then.
-/// Frames are not held against their hashes.
+/// `documents_only`: the archives stay where they are. The take gets take.json, rig.json, the
+/// nodes' accounts and the cameras' journals, by their names in the parts; times count from the
+/// joint epoch, and take.json says where an archive counts from another one. Parts need no archives
+/// then. Frames are not held against their hashes.
 struct JoinReport {
   int cameras = 0;
   std::uint64_t frames = 0, missing = 0, bytes = 0;

@@ -16,6 +16,7 @@ Contribution Method::contribute(const ViewRequest& /*request*/) const {
   throw std::logic_error(std::string(name()) + " is not distributed");
 }
 
+// NOLINTNEXTLINE(performance-unnecessary-value-param): those that override it take the planes
 RenderedView Method::combine(const ViewRequest& /*request*/,
                              std::vector<PixelValues> /*planes*/) const {
   throw std::logic_error(std::string(name()) + " is not distributed");

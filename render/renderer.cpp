@@ -285,7 +285,9 @@ LightFieldRenderer::~LightFieldRenderer() = default;
 
 RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSelection& frames,
                                         const Reconstruction& reconstruction) const {
-  const auto& [method, options] = chosen_by(reconstruction);
+  const ChosenMethod chosen = chosen_by(reconstruction);
+  const Method& method = chosen.method;
+  const MethodOptions& options = chosen.options;
   if (state_->settings.measure_coverage && !method.measures_coverage()) {
     throw Error::bad_input("method " + reconstruction.method + " does not measure its coverage",
                            "method", "Leave --coverage out, or choose another method");

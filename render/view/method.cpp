@@ -16,9 +16,8 @@ Contribution Method::contribute(const ViewRequest& /*request*/) const {
   throw std::logic_error(std::string(name()) + " is not distributed");
 }
 
-// NOLINTNEXTLINE(performance-unnecessary-value-param): those that override it take the planes
 RenderedView Method::combine(const ViewRequest& /*request*/,
-                             std::vector<PixelValues> /*planes*/) const {
+                             std::vector<PixelValues> /*planes*/) const {  // NOLINT: as the others
   throw std::logic_error(std::string(name()) + " is not distributed");
 }
 

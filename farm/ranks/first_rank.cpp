@@ -74,6 +74,8 @@ FirstRank::~FirstRank() {
 
 void FirstRank::send_to_all(const Request& request) {
   const MessageBytes message = encode(request);
+  // In one order on all ranks: they work on few views at a time, and wait for each other's.
+  const std::scoped_lock lock(sending_);
   for (int rank = 1; rank < world_.size(); ++rank) world_.send(rank, kRequestTag, message);
 }
 

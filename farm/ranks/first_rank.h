@@ -67,6 +67,7 @@ class FirstRank : public TakeHosts {
   std::vector<int> holders_of(const Take& take, const std::vector<TakeTable>& tables) const;
 
   MpiWorld& world_;
+  std::mutex sending_;  ///< of requests
   RankOptions options_;
   std::vector<Opened> takes_;
   int light_fields_ = 0;

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <chrono>
 #include <mutex>
 #include <thread>
 
@@ -16,6 +17,19 @@
 
 namespace raystage::farm {
 namespace {
+
+/// Sleeps longer and longer while nothing happens: from 20 microseconds to 1 millisecond.
+class PollPause {
+ public:
+  void sleep() {
+    std::this_thread::sleep_for(pause_);
+    pause_ = std::min(2 * pause_, kLongest);
+  }
+
+ private:
+  static constexpr std::chrono::microseconds kLongest{1000};
+  std::chrono::microseconds pause_{20};
+};
 
 constexpr std::size_t kPiece = std::size_t{1} << 30;
 
@@ -36,14 +50,18 @@ struct MpiWorld::State {
   template <class Poll>
   void wait_until(const Poll& poll) {
     PollPause pause;
+    double waited = 0;  // of polls that found nothing and the sleeps after them
     while (true) {
+      const double start = thread_cpu_seconds();
       {
         const std::scoped_lock lock(mutex);
-        const double start = thread_cpu_seconds();
-        if (poll()) return;
-        costs.waiting_cpu_seconds += thread_cpu_seconds() - start;
+        if (poll()) {
+          costs.waiting_cpu_seconds += waited;
+          return;
+        }
       }
       pause.sleep();
+      waited += thread_cpu_seconds() - start;
     }
   }
 
@@ -151,17 +169,15 @@ std::vector<MessageBytes> MpiWorld::exchange(int tag, std::span<const int> ranks
   return received;
 }
 
-std::optional<MpiWorld::Received> MpiWorld::receive_if_any(int tag) {
+std::optional<MpiWorld::Received> MpiWorld::receive_any(int tag, const std::stop_token& stop) {
   MPI_Message found = MPI_MESSAGE_NULL;
   MPI_Status status{};
-  {
-    const std::scoped_lock lock(state_->mutex);
-    const double start = thread_cpu_seconds();
-    if (!State::is_there(MPI_ANY_SOURCE, tag, found, status)) {
-      state_->costs.waiting_cpu_seconds += thread_cpu_seconds() - start;
-      return std::nullopt;
-    }
-  }
+  bool is_found = false;
+  state_->wait_until([&] {
+    is_found = !stop.stop_requested() && State::is_there(MPI_ANY_SOURCE, tag, found, status);
+    return is_found || stop.stop_requested();
+  });
+  if (!is_found) return std::nullopt;
   const int from = status.MPI_SOURCE;
   return Received{from, state_->receive_rest(from, tag, state_->receive_piece(found, status))};
 }
@@ -174,11 +190,6 @@ void MpiWorld::abort(int exit_code) {
 MessageCosts MpiWorld::costs() const {
   const std::scoped_lock lock(state_->mutex);
   return state_->costs;
-}
-
-void PollPause::sleep() {
-  std::this_thread::sleep_for(pause_);
-  pause_ = std::min(2 * pause_, kLongest);
 }
 
 }  // namespace raystage::farm

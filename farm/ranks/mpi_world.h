@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 namespace raystage::farm {
@@ -18,7 +18,8 @@ using MessageBytes = std::vector<std::byte>;
 /// What the messages of a rank took.
 struct MessageCosts {
   std::int64_t messages_sent = 0, bytes_sent = 0;
-  /// Processor time of polls that found nothing: what waiting costs, seconds.
+  /// Processor time of polls that found nothing and of the sleeps between them: what waiting costs,
+  /// seconds.
   double waiting_cpu_seconds = 0;
 };
 
@@ -53,8 +54,8 @@ class MpiWorld {
     int from = 0;
     MessageBytes message;
   };
-  /// Returns a message of any rank with this tag, or nothing where there is none now.
-  std::optional<Received> receive_if_any(int tag);
+  /// Waits for the next message of any rank with this tag; nothing once `stop` is requested.
+  std::optional<Received> receive_any(int tag, const std::stop_token& stop);
 
   /// Ends the job: every rank. For errors that no other rank would notice.
   [[noreturn]] void abort(int exit_code);
@@ -64,17 +65,6 @@ class MpiWorld {
  private:
   struct State;
   std::unique_ptr<State> state_;
-};
-
-/// Sleeps longer and longer while nothing happens: from 20 microseconds to 1 millisecond.
-class PollPause {
- public:
-  void sleep();
-  void reset() { pause_ = kShortest; }
-
- private:
-  static constexpr std::chrono::microseconds kShortest{20}, kLongest{1000};
-  std::chrono::microseconds pause_ = kShortest;
 };
 
 }  // namespace raystage::farm

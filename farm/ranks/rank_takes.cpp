@@ -187,14 +187,7 @@ void FrameService::add(int number, const Take& take) {
 }
 
 void FrameService::run(const std::stop_token& stop) {
-  PollPause pause;
-  while (!stop.stop_requested()) {
-    const auto received = world_.receive_if_any(kFrameRequestTag);
-    if (!received) {
-      pause.sleep();
-      continue;
-    }
-    pause.reset();
+  while (const auto received = world_.receive_any(kFrameRequestTag, stop)) {
     const FrameRequest request = decode_frame_request(received->message);
     FrameReply reply;
     try {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds the contributions of ranks along a binomial tree: rank r receives from r + 2^k for all 2^k
-// below the lowest set bit of r (rank 0: for all), so that n ranks take log2 n steps and each
-// sample crosses at most that often. Sums are in single precision, in one order for a given number
-// of ranks.
+// Adds the contributions of ranks along a tree of kChildrenPerStep: with 4, rank r receives from
+// r + 4^k, r + 2 * 4^k and r + 3 * 4^k for all 4^k that divide r (rank 0: for all), so that n ranks
+// take log4 n steps and each sample crosses at most that often. Sums are in single precision, in
+// one order for a given number of ranks.
 #include "farm/ranks/rank_views.h"
 
 #include <algorithm>
@@ -159,30 +159,35 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
                             SumTimes& times) {
   Stopwatch watch;
   Contribution sum;
-  std::exception_ptr own_failure;
+  std::exception_ptr
+      own_failure;  // the ranks below send all the same, and wait until it is received
   try {
     sum = own();
   } catch (...) {
-    own_failure = std::current_exception();  // the ranks below send all the same
+    own_failure = std::current_exception();
   }
   times.own_ms += watch.lap_ms();
   std::optional<Failure> failure;
   for (const int child : children_of(exchange.world.rank(), exchange.world.size())) {
-    const MessageBytes message = exchange.world.receive(child, tag_of(view_number));
-    times.wait_ms += watch.lap_ms();
-    const PartialView part = decode_partial_view(message);
-    if (!part.error.empty() && !failure) failure = Failure{part.error, part.is_bad_input};
-    if (own_failure || failure) continue;
-    add(part.statistics, sum.statistics);
-    add_notes(part.notes, sum.notes);
-    counts += part.counts;
-    sum.planes.resize(std::max(sum.planes.size(), part.planes.size()),
-                      PixelValues(values_of_view(view), 0.0F));
-    for (std::size_t i = 0; i < part.planes.size(); ++i) {
-      add_fragments(part.planes[i], fragment_tag(view_number, light_field, i), view.width,
-                    view.height, sum.planes[i]);
+    try {
+      const MessageBytes message = exchange.world.receive(child, tag_of(view_number));
+      times.wait_ms += watch.lap_ms();
+      const PartialView part = decode_partial_view(message);
+      if (!part.error.empty() && !failure) failure = Failure{part.error, part.is_bad_input};
+      if (own_failure || failure) continue;
+      add(part.statistics, sum.statistics);
+      add_notes(part.notes, sum.notes);
+      counts += part.counts;
+      sum.planes.resize(std::max(sum.planes.size(), part.planes.size()),
+                        PixelValues(values_of_view(view), 0.0F));
+      for (std::size_t i = 0; i < part.planes.size(); ++i) {
+        add_fragments(part.planes[i], fragment_tag(view_number, light_field, i), view.width,
+                      view.height, sum.planes[i]);
+      }
+      times.add_ms += watch.lap_ms();
+    } catch (...) {
+      if (!own_failure) own_failure = std::current_exception();
     }
-    times.add_ms += watch.lap_ms();
   }
   if (own_failure) std::rethrow_exception(own_failure);
   if (failure) throw failure->error();

@@ -122,6 +122,14 @@ class Solver {
       }
     }
     std::vector<HostGroup::Message> messages(hosts);
+    for (std::size_t host = 0; host < hosts; ++host) {
+      std::size_t bytes = HostGroup::kTrailerBytes;
+      for (std::size_t i = 0; i < members_.size(); ++i) {
+        if (is_solved(i) && is_read[i][host])
+          bytes += map(members_[i]).values.size() * sizeof(float);
+      }
+      if (static_cast<int>(host) != group_->host()) messages[host].reserve(bytes);
+    }
     for (std::size_t i = 0; i < members_.size(); ++i) {
       if (!is_solved(i)) continue;
       const auto bytes = std::as_bytes(std::span(map(members_[i]).values));

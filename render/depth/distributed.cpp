@@ -4,14 +4,14 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
-#include <cstring>
-#include <map>
 #include <memory>
 #include <utility>
 
 #include "render/depth/blend_kernels.h"
 #include "render/depth/fusion.h"
 #include "render/depth/held_depths.h"
+#include "render/depth/host_messages.h"
+#include "render/depth/host_sums.h"
 #include "render/depth/view_sources.h"
 #include "render/depth/warp.h"
 #include "render/sweep/field_coverage.h"
@@ -38,25 +38,6 @@ class NoOthers : public HostGroup {
   std::vector<Message> exchange(std::vector<Message> messages) const override { return messages; }
 };
 
-template <class T>
-void append(std::span<const T> values, Message& message) {
-  const auto bytes = std::as_bytes(values);
-  message.insert(message.end(), bytes.begin(), bytes.end());
-}
-
-/// Reads `count` values from the front of a message's rest.
-template <class T>
-std::vector<T> taken(std::span<const std::byte>& rest, std::size_t count) {
-  if (count > rest.size() / sizeof(T)) {
-    throw Error::failed("a message of another host is shorter than it should be", "method depth",
-                        "Check that all hosts run the same program");
-  }
-  std::vector<T> values(count);
-  if (count > 0) std::memcpy(values.data(), rest.data(), count * sizeof(T));
-  rest = rest.subspan(count * sizeof(T));
-  return values;
-}
-
 std::vector<Message> empty_messages(const HostGroup& group) {
   return std::vector<Message>(static_cast<std::size_t>(group.hosts()));
 }
@@ -71,10 +52,10 @@ InverseDepthMap vote_together(const ViewRequest& request, Plan& plan, const Host
     if (!instant.is_held(vote.cameras[i])) continue;
     warped[i] = warp_report(plan.pinhole, vote.reports[i]);
     if (group.host() == 0) continue;
-    append(std::span<const std::int32_t>(warped[i].first), messages[0]);
+    append_values(std::span<const std::int32_t>(warped[i].first), messages[0]);
     const auto count = static_cast<std::uint64_t>(warped[i].values.size());
-    append(std::span(&count, 1), messages[0]);
-    append(std::span<const float>(warped[i].values), messages[0]);
+    append_values(std::span(&count, 1), messages[0]);
+    append_values(std::span<const float>(warped[i].values), messages[0]);
     warped[i] = {};
   }
   const std::vector<Message> hypotheses = group.exchange(std::move(messages));
@@ -88,54 +69,25 @@ InverseDepthMap vote_together(const ViewRequest& request, Plan& plan, const Host
             static_cast<int>(host)) {
           continue;
         }
-        warped[i].first = taken<std::int32_t>(rest, depth_tile_count(plan.pinhole));
-        const std::uint64_t count = taken<std::uint64_t>(rest, 1)[0];
-        warped[i].values = taken<float>(rest, static_cast<std::size_t>(count));
+        warped[i].first = take_values<std::int32_t>(rest, depth_tile_count(plan.pinhole));
+        const std::uint64_t count = take_values<std::uint64_t>(rest, 1)[0];
+        warped[i].values = take_values<float>(rest, static_cast<std::size_t>(count));
       }
     }
     map = fuse_warped(plan.pinhole, vote.reports, warped, vote.settings);
     fill_behind(plan, map);
     for (std::size_t host = 1; host < messages.size(); ++host) {
-      append(std::span<const float>(map.values), messages[host]);
+      messages[host].reserve(map.values.size() * sizeof(float) + HostGroup::kTrailerBytes);
+      append_values(std::span<const float>(map.values), messages[host]);
     }
   }
   const std::vector<Message> found = group.exchange(std::move(messages));
   if (group.host() != 0) {
     std::span<const std::byte> rest(found[0]);
     map = {plan.pinhole.width, plan.pinhole.height,
-           taken<float>(rest, values_of_view(plan.pinhole) / 4)};
+           take_values<float>(rest, values_of_view(plan.pinhole) / 4)};
   }
   return map;
-}
-
-/// Adds the hosts' values up, in the order of the hosts; each adds a part, and all get the sums.
-void sum_over_hosts(const HostGroup& group, std::vector<float>& values) {
-  const auto hosts = static_cast<std::size_t>(group.hosts());
-  if (hosts == 1) return;
-  const auto first_of = [&](std::size_t host) { return values.size() * host / hosts; };
-  std::vector<Message> messages = empty_messages(group);
-  for (std::size_t host = 0; host < hosts; ++host) {
-    append(
-        std::span<const float>(values).subspan(first_of(host), first_of(host + 1) - first_of(host)),
-        messages[host]);
-  }
-  const std::vector<Message> parts = group.exchange(std::move(messages));
-  const auto self = static_cast<std::size_t>(group.host());
-  const std::size_t mine = first_of(self + 1) - first_of(self);
-  std::vector<float> sum(mine, 0.0F);
-  for (const Message& part : parts) {
-    std::span<const std::byte> rest(part);
-    const std::vector<float> add = taken<float>(rest, mine);
-    for (std::size_t i = 0; i < mine; ++i) sum[i] += add[i];
-  }
-  messages = empty_messages(group);
-  for (Message& message : messages) append(std::span<const float>(sum), message);
-  const std::vector<Message> sums = group.exchange(std::move(messages));
-  for (std::size_t host = 0; host < hosts; ++host) {
-    std::span<const std::byte> rest(sums[host]);
-    const std::vector<float> part = taken<float>(rest, first_of(host + 1) - first_of(host));
-    std::ranges::copy(part, values.begin() + static_cast<std::ptrdiff_t>(first_of(host)));
-  }
 }
 
 /// Rows of tiles of the view whose samples are held at a time, and their blending in rounds.
@@ -153,15 +105,15 @@ class BandBlend {
     const auto width = static_cast<std::size_t>(request_.view.width);
     const std::size_t pixels = width * static_cast<std::size_t>(bottom - top_);
     sample(first, end);
-    std::vector<float> sums(5 * pixels, 0.0F);  // R, G, B, seen of all pixels, then alphas
+    std::vector<float> sums(4 * pixels, 0.0F), alpha(pixels, 0.0F);
     for_each_run(first, end, [&](const Tile& tile, int y, const BlendRun& run) {
       const std::size_t at = in_band(tile.left, y);
       const auto n = static_cast<std::size_t>(run.count);
-      sum_samples(run, {&sums[4 * at], 4 * n}, {&sums[4 * pixels + at], n});
+      sum_samples(run, {&sums[4 * at], 4 * n}, {&alpha[at], n});
     });
-    sum_over_hosts(group_, sums);
-    std::vector<float> alpha(sums.begin() + static_cast<std::ptrdiff_t>(4 * pixels), sums.end());
-    sums.resize(4 * pixels);
+    const HostSums over_hosts(group_, request_.view.width, columns_with_samples(first, end));
+    over_hosts.sum_for_first(alpha);
+    over_hosts.sum(sums, 4);
     for (int round = 0; round < kAgreementRounds; ++round) {
       const std::vector<float> mean = std::exchange(sums, std::vector<float>(4 * pixels, 0.0F));
       for_each_run(first, end, [&](const Tile& tile, int y, const BlendRun& run) {
@@ -169,7 +121,7 @@ class BandBlend {
         const auto n = 4 * static_cast<std::size_t>(run.count);
         sum_agreeing(run, {&mean[at], n}, {&sums[at], n});
       });
-      if (round + 1 < kAgreementRounds) sum_over_hosts(group_, sums);
+      if (round + 1 < kAgreementRounds) over_hosts.sum(sums, 4);
     }
     const std::size_t start = static_cast<std::size_t>(top_) * width;
     std::ranges::copy(sums,
@@ -222,6 +174,24 @@ class BandBlend {
         }
       }
     });
+  }
+
+  /// Of each row of the band: where this host has samples.
+  std::vector<HostSums::Columns> columns_with_samples(int first, int end) const {
+    std::vector<HostSums::Columns> columns;
+    for (int row = first; row < end; ++row) {
+      HostSums::Columns in_row;
+      for (int column = 0; column < plan_.field.columns(); ++column) {
+        const auto index = static_cast<std::size_t>((row - first) * plan_.field.columns() + column);
+        if (tiles_[index].cameras == 0) continue;
+        const Tile& tile = plan_.field.tile(column, row);
+        if (in_row.begin == in_row.end) in_row.begin = tile.left;
+        in_row.end = tile.right;
+      }
+      const Tile& tile = plan_.field.tile(0, row);
+      columns.insert(columns.end(), static_cast<std::size_t>(tile.bottom - tile.top), in_row);
+    }
+    return columns;
   }
 
   /// body(tile, y, run) for each row of each tile in which this host has samples.

@@ -16,6 +16,8 @@ class HostGroup {
   /// This host's number; host 0 puts the view together.
   virtual int host() const = 0;
   virtual int hosts() const = 0;
+  /// What exchange() may append to a message: long ones leave room for it, to spare a copy.
+  static constexpr std::size_t kTrailerBytes = 1;
   /// Sends a message to each host, by number, and returns those that each sent to this one; the one
   /// to itself is returned as it is. Returns when all have come. Throws Error (failed) where a host
   /// has left the view.

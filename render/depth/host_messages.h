@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstddef>
+#include <cstring>
+#include <span>
+#include <vector>
+
+#include "render/view/host_group.h"
+#include "schemas/error.h"
+
+// Arrays of numbers in messages between hosts, one after the other. All hosts run the same program
+// on the same kind of machine.
+
+namespace raystage::depth {
+
+template <class T>
+void append_values(std::span<const T> values, HostGroup::Message& message) {
+  const auto bytes = std::as_bytes(values);
+  message.insert(message.end(), bytes.begin(), bytes.end());
+}
+
+/// Takes `to.size()` values from the front of the rest of a message. Throws Error (failed) where
+/// there are fewer.
+template <class T>
+void take_values(std::span<const std::byte>& rest, std::span<T> to) {
+  if (to.size() > rest.size() / sizeof(T)) {
+    throw Error::failed("a message from another host is too short", "method depth",
+                        "Check that all hosts run the same program");
+  }
+  if (!to.empty()) std::memcpy(to.data(), rest.data(), to.size_bytes());
+  rest = rest.subspan(to.size_bytes());
+}
+
+template <class T>
+std::vector<T> take_values(std::span<const std::byte>& rest, std::size_t count) {
+  if (count > rest.size() / sizeof(T)) count = rest.size() / sizeof(T) + 1;  // throws, small
+  std::vector<T> values(count);
+  take_values(rest, std::span<T>(values));
+  return values;
+}
+
+}  // namespace raystage::depth

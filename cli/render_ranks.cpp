@@ -46,12 +46,14 @@ std::string traffic_text(const farm::RankTraffic& traffic) {
 
 std::string costs_text(const farm::RankTraffic& traffic) {
   const auto views = static_cast<double>(std::max<std::int64_t>(traffic.views, 1));
+  const farm::SumTimes& times = traffic.times;
   return fmt::format(
-      "all ranks: {:.2f} CPU seconds, {:.2f} of them waiting; milliseconds a view of rank 0: its "
-      "own "
-      "cameras {:.1f}, waiting {:.1f}, adding {:.1f}",
-      traffic.costs.cpu_seconds, traffic.costs.waiting_cpu_seconds, traffic.times.own_ms / views,
-      traffic.times.wait_ms / views, traffic.times.add_ms / views);
+      "all ranks: {:.2f} CPU seconds, {:.2f} of them waiting; milliseconds a view: own cameras of "
+      "rank 0 {:.1f}, then waiting {:.1f} and adding fragments {:.1f}; the slowest other rank: own "
+      "cameras {:.1f}, adding {:.1f}, encoding fragments {:.1f}; messages and turns {:.1f}",
+      traffic.costs.cpu_seconds, traffic.costs.waiting_cpu_seconds, times.own_ms / views,
+      times.wait_ms / views, times.add_ms / views, times.slowest.own_ms / views,
+      times.slowest.add_ms / views, times.slowest.encode_ms / views, times.travel_ms() / views);
 }
 
 ExitCode render_as_first(farm::MpiWorld& world, const RenderOptions& options,

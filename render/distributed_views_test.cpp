@@ -6,7 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <barrier>
 #include <cmath>
 #include <fstream>
 #include <string>
@@ -15,8 +14,8 @@
 #include "render/fragments/encoding.h"
 #include "render/matching/large_buffer.h"
 #include "render/methods.h"
-#include "render/view/host_group.h"
 #include "render/view/synthetic_take.h"
+#include "render/view/thread_hosts.h"
 #include "schemas/planes_document.h"
 #include "schemas/test_folder.h"
 #include "store/frames/frame_cache.h"
@@ -35,37 +34,6 @@ int half_steps(float a, float b) {
   };
   return std::abs(ordered(a) - ordered(b));
 }
-
-/// Hosts that are threads of this process.
-class Threads {
- public:
-  explicit Threads(int hosts)
-      : boxes_(static_cast<std::size_t>(hosts)), barrier_(hosts), hosts_(hosts) {}
-
-  class Group : public HostGroup {
-   public:
-    Group(Threads& all, int host) : all_(all), host_(host) {}
-    int host() const override { return host_; }
-    int hosts() const override { return all_.hosts_; }
-    std::vector<Message> exchange(std::vector<Message> messages) const override {
-      all_.boxes_[static_cast<std::size_t>(host_)] = std::move(messages);
-      all_.barrier_.arrive_and_wait();
-      std::vector<Message> received;
-      for (const auto& box : all_.boxes_) received.push_back(box[static_cast<std::size_t>(host_)]);
-      all_.barrier_.arrive_and_wait();
-      return received;
-    }
-
-   private:
-    Threads& all_;
-    int host_;
-  };
-
- private:
-  std::vector<std::vector<HostGroup::Message>> boxes_;  // by sender and receiver
-  std::barrier<> barrier_;
-  int hosts_;
-};
 
 class DistributedViews : public ::testing::Test {
  protected:
@@ -116,7 +84,7 @@ class DistributedViews : public ::testing::Test {
                            Split split) {
     std::vector<Contribution> contributions(static_cast<std::size_t>(hosts));
     const bool in_step = method.distribution(options) == Distribution::kInStep;
-    Threads threads(hosts);
+    testing::ThreadHosts threads(hosts);
     const auto contribute = [&](int host) {
       Instant own = instant_;
       own.this_host = host;
@@ -124,7 +92,7 @@ class DistributedViews : public ::testing::Test {
         own.host_of_camera.push_back(host_of(camera, hosts, split));
       }
       KeptResults kept(1 << 28);
-      const Threads::Group group(threads, host);
+      const testing::ThreadHosts::Group group(threads, host);
       ViewRequest asked = request(own, options, kept);
       asked.measure_coverage = false;
       if (in_step) asked.group = &group;

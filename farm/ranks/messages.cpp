@@ -300,6 +300,7 @@ MessageBytes encode(const PartialView& view) {
                  {"statistics", json_of(view.statistics)},
                  {"notes", view.notes},
                  {"counts", {view.counts.fragments, view.counts.samples, view.counts.bytes}},
+                 {"times", {view.slowest.own_ms, view.slowest.add_ms, view.slowest.encode_ms}},
                  {"planes", sizes}},
                 arrays);
 }
@@ -313,6 +314,8 @@ PartialView decode_partial_view(std::span<const std::byte> message) {
     view.notes = parts.head.at("notes").get<std::vector<std::string>>();
     const auto counts = parts.head.at("counts").get<std::array<std::int64_t, 3>>();
     view.counts = {counts[0], counts[1], counts[2]};
+    const auto times = parts.head.at("times").get<std::array<double, 3>>();
+    view.slowest = {times[0], times[1], times[2]};
     for (const auto size : parts.head.at("planes").get<std::vector<std::size_t>>()) {
       view.planes.push_back(values_of<std::byte>(parts, size));
     }

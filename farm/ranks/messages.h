@@ -74,6 +74,14 @@ MessageBytes encode(const RankCosts& costs);
 RankCosts decode_rank_costs(std::span<const std::byte> message);
 RankCosts costs_of_this_rank(const MpiWorld& world);
 
+/// What a rank took for its part of a view, wall-clock milliseconds.
+struct RankTimes {
+  double own_ms = 0;     ///< decoding and sampling its own cameras
+  double add_ms = 0;     ///< adding the contributions of those below it
+  double encode_ms = 0;  ///< encoding fragments
+  double sum_ms() const { return own_ms + add_ms + encode_ms; }
+};
+
 /// What became of a rank's contribution, with those below it in the tree.
 struct PartialView {
   std::string error;  ///< not empty: what happened; the rest is empty
@@ -81,6 +89,7 @@ struct PartialView {
   RenderStatistics statistics;
   std::vector<std::string> notes;
   FragmentCounts counts;             ///< of all messages below, this one included
+  RankTimes slowest;                 ///< of all ranks below, this one included
   std::vector<MessageBytes> planes;  ///< encode_fragments() of each plane
 };
 MessageBytes encode(const PartialView& view);

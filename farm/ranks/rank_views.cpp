@@ -93,6 +93,10 @@ void add_notes(const std::vector<std::string>& from, std::vector<std::string>& t
   }
 }
 
+void keep_slower(const RankTimes& one, RankTimes& slowest) {
+  if (one.sum_ms() > slowest.sum_ms()) slowest = one;
+}
+
 /// What a rank could not do, as the rank that puts views together says it.
 struct Failure {
   std::string what;
@@ -104,6 +108,16 @@ struct Failure {
 };
 
 }  // namespace
+
+SumTimes& SumTimes::operator+=(const SumTimes& other) {
+  own_ms += other.own_ms;
+  wait_ms += other.wait_ms;
+  add_ms += other.add_ms;
+  slowest.own_ms += other.slowest.own_ms;
+  slowest.add_ms += other.slowest.add_ms;
+  slowest.encode_ms += other.slowest.encode_ms;
+  return *this;
+}
 
 int parent_of(int rank) {
   int step = 1;
@@ -178,6 +192,7 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
       add(part.statistics, sum.statistics);
       add_notes(part.notes, sum.notes);
       counts += part.counts;
+      keep_slower(part.slowest, times.slowest);
       sum.planes.resize(std::max(sum.planes.size(), part.planes.size()),
                         PixelValues(values_of_view(view), 0.0F));
       for (std::size_t i = 0; i < part.planes.size(); ++i) {
@@ -203,12 +218,15 @@ void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int
         sum_of_subtree(exchange, view_number, light_field, view, own, part.counts, times);
     part.statistics = sum.statistics;
     part.notes = std::move(sum.notes);
+    Stopwatch watch;
     for (std::size_t i = 0; i < sum.planes.size(); ++i) {
       part.planes.push_back(encode_fragments(fragment_tag(view_number, light_field, i),
                                              sum.planes[i], view.width, view.height,
                                              exchange.encoding, part.counts));
       sum.planes[i] = {};
     }
+    part.slowest = times.slowest;
+    keep_slower({times.own_ms, times.add_ms, watch.lap_ms()}, part.slowest);
   } catch (const Error& error) {
     part = {};
     part.error = error.what();

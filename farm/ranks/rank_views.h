@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include <algorithm>
 #include <functional>
 #include <span>
 #include <vector>
@@ -49,12 +50,11 @@ struct SumTimes {
   double own_ms = 0;   ///< this rank's contribution
   double wait_ms = 0;  ///< until those below had sent theirs
   double add_ms = 0;   ///< adding them
-  SumTimes& operator+=(const SumTimes& other) {
-    own_ms += other.own_ms;
-    wait_ms += other.wait_ms;
-    add_ms += other.add_ms;
-    return *this;
-  }
+  RankTimes slowest;   ///< of the ranks below
+  /// Of the wait, what no rank below worked: requests and fragments on their way, and requests that
+  /// wait for their turn.
+  double travel_ms() const { return std::max(0.0, own_ms + wait_ms - slowest.sum_ms()); }
+  SumTimes& operator+=(const SumTimes& other);
 };
 
 /// Returns what this rank and those below it in the tree contribute to a view. `own`: what this

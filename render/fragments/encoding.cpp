@@ -15,6 +15,7 @@
 #include "schemas/error.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/encode.h"
+#include "store/jpeg/layout.h"
 
 namespace raystage {
 namespace {
@@ -138,11 +139,13 @@ void append_jpeg(std::span<const float> sums, int width, const FragmentArea& are
 
 void add_jpeg(Reader& reader, const FragmentArea& area, int width, std::span<float> sums) {
   const auto size = reader.value<std::uint32_t>();
-  JpegDecoder decoder;
-  const RgbImage image = decoder.decode(reader.bytes(size), "fragments");
-  if (image.width != area.width || image.height != area.height) {
+  const auto jpeg = reader.bytes(size);
+  const JpegLayout layout = parse_jpeg_layout(jpeg, "fragments");
+  if (layout.width != area.width || layout.height != area.height) {
     throw damaged("a picture has another size than its rectangle");
   }
+  JpegDecoder decoder;
+  const RgbImage image = decoder.decode(jpeg, "fragments");
   const std::uint8_t* pixel = image.pixels.data();
   for_each_row(sums, width, area, [&](float* row, std::size_t n) {
     for (std::size_t i = 0; i < n; ++i, pixel += 3) {

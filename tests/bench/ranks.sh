@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # What crosses between MPI ranks that render a shot from archives on several hosts, and what it costs.
-# Usage: tests/bench/ranks.sh BUILD_FOLDER [traffic|jpeg|cpu|scaling|crossover]...     about five minutes
+# Usage: tests/bench/ranks.sh BUILD_FOLDER [traffic|latency|jpeg|cpu|scaling|crossover]...     about eight minutes
+# Traffic and latency are drawn in BUILD_FOLDER/ranks.html.
 set -euo pipefail
 build="$(cd "$1" && pwd)"
 shift
-parts=" ${*:-traffic jpeg cpu scaling crossover} "
+parts=" ${*:-traffic latency jpeg cpu scaling crossover} "
 here="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)"
 export PATH="$build/bin:$PATH" OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
 work="$(mktemp -d /tmp/rs-bench-XXXX)"
@@ -48,7 +49,33 @@ if [[ "$parts" = *" traffic "* ]]; then
   for side in 2 4 8; do
     array $side $((420 / (side - 1)))
     name="$(shot take$side focal_plane '{}' 16 512)"
-    echo "$((side * side)) cameras: $(ranks 4 take$side "$name" | grep '^between')"
+    said="$(ranks 4 take$side "$name" | grep '^between')"
+    echo "$((side * side)) cameras: $said"
+    case $side in 2) bar=3.1 ;; 4) bar=1.6 ;; 8) bar=1.25 ;; esac
+    echo "traffic $((side * side)) $(cut -d ' ' -f 3 <<<"$said") $bar" >>measured
+  done
+fi
+if [[ "$parts" = *" latency "* ]]; then
+  array 8 60
+  name="$(shot take8 focal_plane '{}' 48 512)"
+  echo "== Latency of a view, milliseconds (64 cameras, 512x512, 48 frames of a path)"
+  for n in 2 4; do
+    said="$(ranks $n take8 "$name")"
+    echo "$n ranks: $(grep '^milliseconds' <<<"$said")"
+    echo "$n ranks: $(grep -o 'milliseconds a view.*' <<<"$said")"
+    [ $n = 2 ] || continue
+    # The numbers of the two lines, in their order.
+    read -r light_fields encode <<<"$(sed -n 's/^milliseconds a frame.*light fields \([0-9.]*\),.*encoding \([0-9.]*\);.*/\1 \2/p' <<<"$said")"
+    read -r own wait add other_own other_add other_encode messages <<<"$(
+      grep -o 'milliseconds a view.*' <<<"$said" | grep -oE '[0-9]+[.][0-9]+' | tr '\n' ' ')"
+    awk -v all="$light_fields" -v own="$own" -v wait="$wait" -v add="$add" -v other="$other_own" -v below="$other_add" \
+      -v pack="$other_encode" -v messages="$messages" -v file="$encode" 'BEGIN {
+      print "latency", messages, "messages"
+      print "latency", other, "sampling"
+      print "latency", below + pack, "encoding"
+      print "latency", add, "adding"
+      print "latency", all - own - wait - add, "finishing"
+      print "latency", file, "EXR file" }' >>measured
   done
 fi
 if [[ "$parts" = *" jpeg "* ]]; then
@@ -57,7 +84,7 @@ if [[ "$parts" = *" jpeg "* ]]; then
     array $side $((420 / (side - 1)))
     name="$(shot take$side focal_plane '{}' 16 512)"
     local_render "$name" >/dev/null
-    for quality in 75 83 85; do
+    for quality in 80 83 85; do
       said="$(ranks 4 take$side "$name" --fragments jpeg --fragment-quality $quality | grep '^between')"
       db=0
       for frame in 0001 0006 0011 0016; do
@@ -118,3 +145,4 @@ if [[ "$parts" = *" crossover "* ]]; then
     echo "$fragments: $(ranks 4 take8 "$name" --fragments $fragments | grep '^between')"
   done
 fi
+if [ -e measured ]; then ranks_page <measured >"$build/ranks.html"; fi

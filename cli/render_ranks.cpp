@@ -83,7 +83,8 @@ void serve(farm::MpiWorld& world, const RenderOptions& options) {
   const int threads = thread_count(options.threads);
   const ThreadLimit limit(threads);
   try {
-    farm::serve_first_rank(world, {folders_of(options), encoding_of(options), threads});
+    farm::serve_first_rank(world,
+                           {folders_of(options), encoding_of(options), threads, kOutOfMemoryCode});
   } catch (const std::bad_alloc&) {
     fmt::print(stderr, "raystage render: rank {}: out of memory\n", world.rank());
     world.abort(kOutOfMemoryCode);

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cassert>
 #include <chrono>
+#include <cstdint>
 #include <mutex>
 #include <thread>
 
@@ -18,7 +19,7 @@
 namespace raystage::farm {
 namespace {
 
-/// Sleeps longer and longer while nothing happens: from 20 microseconds to 1 millisecond.
+/// Sleeps longer and longer while nothing happens: from 20 to 500 microseconds.
 class PollPause {
  public:
   void sleep() {
@@ -27,11 +28,31 @@ class PollPause {
   }
 
  private:
-  static constexpr std::chrono::microseconds kLongest{1000};
+  static constexpr std::chrono::microseconds kLongest{500};
   std::chrono::microseconds pause_{20};
 };
 
 constexpr std::size_t kPiece = std::size_t{1} << 30;
+
+/// What a poll found.
+enum class Progress : std::uint8_t { kNone, kSome, kDone };
+
+bool is_complete(MPI_Request& request) {
+  int done = 0;
+  MPI_Test(&request, &done, MPI_STATUS_IGNORE);
+  return done != 0;
+}
+
+/// Of a message that MPI_Improbe has found.
+MPI_Request start_to_receive(MPI_Message& found, const MPI_Status& status,
+                             std::vector<std::byte>& piece) {
+  int count = 0;
+  MPI_Request request = MPI_REQUEST_NULL;
+  MPI_Get_count(&status, MPI_BYTE, &count);
+  piece.resize(static_cast<std::size_t>(count));
+  MPI_Imrecv(piece.data(), count, MPI_BYTE, &found, &request);
+  return request;
+}
 
 double thread_cpu_seconds() {
   timespec now{};
@@ -46,18 +67,23 @@ struct MpiWorld::State {
   int rank = 0, size = 1;
   MessageCosts costs;
 
-  /// Polls until poll() returns true; it is called within MPI.
+  /// Calls poll(), within MPI, until it returns kDone.
   template <class Poll>
-  void wait_until(const Poll& poll) {
+  void wait_for_all(const Poll& poll) {
     PollPause pause;
     double waited = 0;  // of polls that found nothing and the sleeps after them
     while (true) {
       const double start = thread_cpu_seconds();
       {
         const std::scoped_lock lock(mutex);
-        if (poll()) {
+        const Progress progress = poll();
+        if (progress == Progress::kDone) {
           costs.waiting_cpu_seconds += waited;
           return;
+        }
+        if (progress == Progress::kSome) {
+          pause = {};
+          continue;
         }
       }
       pause.sleep();
@@ -65,24 +91,32 @@ struct MpiWorld::State {
     }
   }
 
+  /// The same; poll() returns true when it is done.
+  template <class Poll>
+  void wait_until(const Poll& poll) {
+    wait_for_all([&] { return poll() ? Progress::kDone : Progress::kNone; });
+  }
+
+  MPI_Request start_to_send(int to, int tag, std::span<const std::byte> piece) {
+    MPI_Request request = MPI_REQUEST_NULL;
+    MPI_Isend(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, to, tag, MPI_COMM_WORLD,
+              &request);
+    ++costs.messages_sent;
+    costs.bytes_sent += static_cast<std::int64_t>(piece.size());
+    return request;
+  }
+
   void wait_for(MPI_Request& request) {
-    wait_until([&] {
-      int done = 0;
-      MPI_Test(&request, &done, MPI_STATUS_IGNORE);
-      return done != 0;
-    });
+    wait_until([&] { return is_complete(request); });
   }
 
   /// Receives a message that MPI_Improbe has found, without a wait that would block.
   std::vector<std::byte> receive_piece(MPI_Message found, const MPI_Status& status) {
-    int count = 0;
     MPI_Request request = MPI_REQUEST_NULL;
     std::vector<std::byte> piece;
     {
       const std::scoped_lock lock(mutex);
-      MPI_Get_count(&status, MPI_BYTE, &count);
-      piece.resize(static_cast<std::size_t>(count));
-      MPI_Imrecv(piece.data(), count, MPI_BYTE, &found, &request);
+      request = start_to_receive(found, status, piece);
     }
     wait_for(request);
     return piece;
@@ -106,6 +140,56 @@ struct MpiWorld::State {
     int any = 0;
     MPI_Improbe(from, tag, MPI_COMM_WORLD, &any, &found, &status);
     return any != 0;
+  }
+};
+
+/// A message on its way to a rank, piece by piece.
+struct MpiWorld::Sending {
+  int to = 0;
+  std::span<const std::byte> rest;
+  MPI_Request request = MPI_REQUEST_NULL;
+  bool is_last = false;  ///< the piece that is sent
+  bool is_done = false;
+
+  /// Returns whether anything was done.
+  bool advance(State& state, int tag) {
+    if (is_done || (request != MPI_REQUEST_NULL && !is_complete(request))) return false;
+    is_done = is_last;
+    if (is_done) return true;
+    const auto piece = rest.first(std::min(rest.size(), kPiece));
+    rest = rest.subspan(piece.size());
+    is_last = piece.size() < kPiece;
+    request = state.start_to_send(to, tag, piece);
+    return true;
+  }
+};
+
+/// A message on its way from a rank.
+struct MpiWorld::Receiving {
+  int from = 0;
+  MessageBytes message;
+  std::vector<std::byte> piece;  ///< that is received
+  MPI_Request request = MPI_REQUEST_NULL;
+  bool is_done = false;
+
+  /// Returns whether anything was done.
+  bool advance(int tag) {
+    if (is_done) return false;
+    if (request == MPI_REQUEST_NULL) {
+      MPI_Message found = MPI_MESSAGE_NULL;
+      MPI_Status status{};
+      if (!State::is_there(from, tag, found, status)) return false;
+      request = start_to_receive(found, status, piece);
+      return true;
+    }
+    if (!is_complete(request)) return false;
+    is_done = piece.size() < kPiece;
+    if (message.empty()) {
+      message = std::move(piece);
+    } else {
+      message.insert(message.end(), piece.begin(), piece.end());
+    }
+    return true;
   }
 };
 
@@ -133,10 +217,7 @@ void MpiWorld::send(int to, int tag, std::span<const std::byte> message) {
     MPI_Request request = MPI_REQUEST_NULL;
     {
       const std::scoped_lock lock(state_->mutex);
-      MPI_Isend(piece.data(), static_cast<int>(piece.size()), MPI_BYTE, to, tag, MPI_COMM_WORLD,
-                &request);
-      ++state_->costs.messages_sent;
-      state_->costs.bytes_sent += static_cast<std::int64_t>(piece.size());
+      request = state_->start_to_send(to, tag, piece);
     }
     state_->wait_for(request);
   }
@@ -153,18 +234,26 @@ std::vector<MessageBytes> MpiWorld::exchange(int tag, std::span<const int> ranks
                                              std::vector<MessageBytes> messages) {
   const auto self = static_cast<std::size_t>(std::ranges::find(ranks, rank()) - ranks.begin());
   assert(self < ranks.size() && messages.size() == ranks.size());
-  // Beside receiving: two ranks that send long messages to each other would wait for ever.
-  std::jthread sending([&] {
-    for (std::size_t step = 1; step < ranks.size(); ++step) {  // each rank begins with another
-      const std::size_t to = (self + step) % ranks.size();
-      send(ranks[to], tag, messages[to]);
-    }
-  });
-  std::vector<MessageBytes> received(messages.size());
-  for (std::size_t from = 0; from < received.size(); ++from) {
-    if (from != self) received[from] = receive(ranks[from], tag);
+  std::vector<Sending> to;
+  std::vector<Receiving> from(messages.size());
+  for (std::size_t step = 1; step < ranks.size(); ++step) {  // each rank begins with another
+    const std::size_t other = (self + step) % ranks.size();
+    to.push_back({ranks[other], messages[other]});
   }
-  sending.join();
+  for (std::size_t i = 0; i < from.size(); ++i) from[i].from = ranks[i];
+  from[self].is_done = true;
+  state_->wait_for_all([&] {
+    bool has_advanced = false;
+    for (Sending& sending : to) has_advanced |= sending.advance(*state_, tag);
+    for (Receiving& receiving : from) has_advanced |= receiving.advance(tag);
+    if (std::ranges::all_of(to, &Sending::is_done) &&
+        std::ranges::all_of(from, &Receiving::is_done)) {
+      return Progress::kDone;
+    }
+    return has_advanced ? Progress::kSome : Progress::kNone;
+  });
+  std::vector<MessageBytes> received;
+  for (Receiving& receiving : from) received.push_back(std::move(receiving.message));
   received[self] = std::move(messages[self]);
   return received;
 }

@@ -64,6 +64,8 @@ class MpiWorld {
 
  private:
   struct State;
+  struct Sending;
+  struct Receiving;
   std::unique_ptr<State> state_;
 };
 

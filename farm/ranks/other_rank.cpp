@@ -7,6 +7,7 @@
 #include <deque>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <stdexcept>
 #include <thread>
 #include <utility>
@@ -135,8 +136,12 @@ class OtherRank {
               return made;
             });
       };
-      send_to_parent({world_, encoding_for(request.view, options_.encoding)}, request.view_number,
-                     request.light_field, request.view.view, own);
+      try {
+        send_to_parent({world_, encoding_for(request.view, options_.encoding)}, request.view_number,
+                       request.light_field, request.view.view, own);
+      } catch (const std::bad_alloc&) {  // no other rank would learn of it
+        world_.abort(options_.out_of_memory_code);
+      }
     }
   }
 

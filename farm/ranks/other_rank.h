@@ -12,7 +12,8 @@ namespace raystage::farm {
 struct OtherRankOptions {
   std::vector<PathRule> takes;  ///< as RankOptions
   FragmentEncodingSettings encoding;
-  int threads = 1;  ///< of the TBB arena that views are made in
+  int threads = 1;             ///< of the TBB arena that views are made in
+  int out_of_memory_code = 1;  ///< exit code of the job where this rank's memory does not suffice
 };
 
 /// Any rank but the first: does what rank 0 asks for, and returns when that says that nothing

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <new>
 #include <optional>
 #include <utility>
 
@@ -36,7 +37,7 @@ class Stopwatch {
 int tag_of_group(std::uint32_t view_number) { return tag_of(view_number) + (1 << 28); }
 
 /// The hosts of a take, in step. The last byte of a message says whether its sender has left the
-/// view.
+/// view: all others learn so in the same exchange, which ends the view for all of them.
 class RankGroup : public HostGroup {
  public:
   RankGroup(const RankMembers& members, std::uint32_t view_number)
@@ -49,6 +50,9 @@ class RankGroup : public HostGroup {
     for (Message& message : messages) message.push_back(kHere);
     std::vector<Message> received =
         members_.world.exchange(tag_, members_.ranks, std::move(messages));
+    has_ended_ = std::ranges::any_of(received, [](const Message& message) {
+      return message.empty() || message.back() != kHere;
+    });
     for (std::size_t host = 0; host < received.size(); ++host) {
       if (received[host].empty() || received[host].back() != kHere) {
         throw Error::failed("rank " + std::to_string(members_.ranks[host]) + " has left the view",
@@ -59,17 +63,22 @@ class RankGroup : public HostGroup {
     return received;
   }
 
+  /// The exchange after a view's last: those who have left it meet the others in it.
+  void end() const { exchange(std::vector<Message>(members_.ranks.size())); }
+
+  /// Instead of the next exchange of the others. Receives what they send: none of them waits for
+  /// ever.
   void leave() const {
-    const Message left{kLeft};
-    for (const int rank : members_.ranks) {
-      if (rank != members_.world.rank()) members_.world.send(rank, tag_, left);
-    }
+    if (has_ended_) return;
+    members_.world.exchange(tag_, members_.ranks,
+                            std::vector<Message>(members_.ranks.size(), Message{kLeft}));
   }
 
  private:
   static constexpr std::byte kHere{0}, kLeft{1};
   RankMembers members_;
   int tag_;
+  mutable bool has_ended_ = false;  ///< a host has left
 };
 
 FragmentTag fragment_tag(std::uint32_t view_number, int light_field, std::size_t plane) {
@@ -160,7 +169,9 @@ Contribution contribute_as_rank(const RankMembers& members, const HostView& view
   if (!view.in_step) return own(nullptr);
   const RankGroup group(members, view_number);
   try {
-    return own(&group);
+    Contribution made = own(&group);
+    group.end();
+    return made;
   } catch (...) {
     group.leave();
     throw;
@@ -231,6 +242,8 @@ void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int
     part = {};
     part.error = error.what();
     part.is_bad_input = error.exit_code() == ExitCode::kBadInput;
+  } catch (const std::bad_alloc&) {
+    throw;
   } catch (const std::exception& error) {
     part = {};
     part.error = "rank " + std::to_string(exchange.world.rank()) + ": " + error.what();

@@ -65,7 +65,8 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
                             const std::function<Contribution()>& own, FragmentCounts& counts,
                             SumTimes& times);
 
-/// Sends what sum_of_subtree() returns, or why it did not return, to the rank above.
+/// Sends what sum_of_subtree() returns, or why it did not return, to the rank above. Throws
+/// std::bad_alloc alone.
 void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
                     const VirtualCamera& view, const std::function<Contribution()>& own);
 

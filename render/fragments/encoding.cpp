@@ -224,7 +224,7 @@ void add_fragments(std::span<const std::byte> message, const FragmentTag& tag, i
   if (header.count > static_cast<std::uint32_t>(kMostPixels)) throw damaged("too many rectangles");
   const auto listed = reader.bytes(header.count * sizeof(FragmentArea));
   std::vector<FragmentArea> areas(header.count);
-  std::memcpy(areas.data(), listed.data(), listed.size());
+  if (!areas.empty()) std::memcpy(areas.data(), listed.data(), listed.size());
   std::size_t pixels = 0;
   for (const FragmentArea& area : areas) {
     check(area, width, height);

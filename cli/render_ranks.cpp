@@ -104,6 +104,7 @@ int main(int argc, char** argv) {
   declare(app, options, argv);
   keep_freed_memory();
   return parse_and_run(app, argc, argv, "render", [&](std::stop_token stop) {
+    folders_of(options);  // refuses wrong ones before there are other ranks to wait for
     farm::MpiWorld world(&argc, &argv);
     if (world.rank() == 0) return render_as_first(world, options, stop);
     serve(world, options);

@@ -59,11 +59,15 @@ std::vector<PathRule> read_path_mapping(const std::filesystem::path& file) {
   return rules;
 }
 
+bool holds(const PathRule& rule, std::string_view path) {
+  if (!path.starts_with(rule.from)) return false;
+  const std::string_view rest = path.substr(rule.from.size());
+  return rest.empty() || rest.front() == '/' || rule.from.back() == '/';
+}
+
 std::string mapped(const std::string& path, std::span<const PathRule> rules) {
   for (const PathRule& rule : rules) {
-    if (!path.starts_with(rule.from)) continue;
-    const std::string rest = path.substr(rule.from.size());
-    if (rest.empty() || rest.front() == '/' || rule.from.back() == '/') return rule.to + rest;
+    if (holds(rule, path)) return rule.to + path.substr(rule.from.size());
   }
   return path;
 }

@@ -20,6 +20,9 @@ PathRule parse_path_rule(std::string_view text);
 /// paths are left out. Throws Error (bad input).
 std::vector<PathRule> read_path_mapping(const std::filesystem::path& file);
 
+/// Returns whether the rule's FROM is the path or one of its parent folders (whole names only).
+bool holds(const PathRule& rule, std::string_view path);
+
 /// By the first rule whose folder holds the path (whole names only); else as it is.
 std::string mapped(const std::string& path, std::span<const PathRule> rules);
 

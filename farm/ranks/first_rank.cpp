@@ -151,6 +151,7 @@ Take FirstRank::open(const fs::path& folder) {
     cameras[camera] = std::move(tables[static_cast<std::size_t>(holders[camera])].cameras[camera]);
   }
   Opened opened;
+  opened.named = request.folder;
   opened.folder = mine;
   for (std::size_t rank = 0; rank < tables.size(); ++rank) {
     if (tables[rank].error.empty()) opened.ranks.push_back(static_cast<int>(rank));
@@ -163,11 +164,23 @@ Take FirstRank::open(const fs::path& folder) {
   return Take(mine, takes_.back().archives);
 }
 
+void FirstRank::check_rules() const {
+  for (const PathRule& rule : options_.takes) {
+    const bool is_used = std::ranges::any_of(
+        takes_, [&](const Opened& opened) { return holds(rule, opened.named); });
+    if (is_used) continue;
+    throw Error::bad_input(fmt::format("no take of the shot is in the folder {}", rule.from),
+                           "take folders of the ranks",
+                           "Write FROM as the shot names the take, as an absolute path");
+  }
+}
+
 void FirstRank::share(const Take& take, RendererSettings& settings) {
   const auto found = std::ranges::find(takes_, take.folder(), &Opened::folder);
   if (found == takes_.end()) {
     throw Error::failed("the take was not opened by all ranks", take.folder().string(), "");
   }
+  if (light_fields_ == 0) check_rules();
   Request request;
   request.kind = Request::Kind::kShare;
   request.take = static_cast<int>(found - takes_.begin());

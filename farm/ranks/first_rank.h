@@ -57,12 +57,15 @@ class FirstRank : public TakeHosts {
  private:
   class LightField;
   struct Opened {
-    std::filesystem::path folder;
+    std::string named;             ///< the folder, as the shot names it
+    std::filesystem::path folder;  ///< on this host
     std::shared_ptr<RankArchives> archives;
     std::unique_ptr<Take> served;  ///< gives frames to other ranks
     std::vector<int> ranks;        ///< that have opened it
   };
   void send_to_all(const Request& request);
+  /// Throws Error (bad input) for a rule that no take needs. When all takes are open.
+  void check_rules() const;
   bool is_finished_ = false;
   std::vector<int> holders_of(const Take& take, const std::vector<TakeTable>& tables) const;
 

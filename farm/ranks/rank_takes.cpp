@@ -152,7 +152,7 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
     opened.take = std::move(take);
   } catch (const Error& error) {
     opened.table = {};
-    opened.table.error = error.what();
+    opened.table.error = fmt::format("{}: {}", error.where(), error.what_happened());
   }
   return opened;
 }

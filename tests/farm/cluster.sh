@@ -150,7 +150,7 @@ start-controller) start_controller || die "slurmctld did not come up" ;;
 on)
   unshared=$(cat "$D/run/$1.pid")
   shift
-  exec nsenter --mount --target "$(pgrep -P "$unshared" | head -n 1)" "$@"
+  exec nsenter --mount --pid --target "$(pgrep -P "$unshared" | head -n 1)" "$@"
   ;;
 *) die "there is no verb $VERB" ;;
 esac

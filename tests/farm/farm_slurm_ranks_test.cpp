@@ -106,8 +106,8 @@ class FarmSlurmRanks : public FarmJobTest {
              ".json -o local/s.####.exr -j 1 --simd avx2 --frames 1-" + std::to_string(frames));
     ASSERT_EQ(local.exit_code, 0) << local.err;
     for (int frame = 1; frame <= frames; ++frame) {
-      const std::string name =
-          "s.00" + std::string(frame < 10 ? "0" : "") + std::to_string(frame) + ".exr";
+      const std::string number = std::to_string(frame);
+      const std::string name = "s." + std::string(4 - number.size(), '0') + number + ".exr";
       const FrameDifference found =
           frame_difference(folder_ / "local" / name, folder_ / "out" / name);
       EXPECT_LE(found.most, 1) << name;
@@ -128,18 +128,22 @@ TEST_F(FarmSlurmRanks, RenderAShotWithoutGatheringTheArchives) {
 }
 
 TEST_F(FarmSlurmRanks, GoOnAfterARankWasKilled) {
-  write_shot("deep", 4, 1, "depth", R"({"near": 2, "far": 12})");
+  constexpr int kFrames = 100;  // the first is written long before the last
+  write_shot("deep", kFrames, 0.4, "depth", R"({"near": 2, "far": 12})");
   const CommandResult submitted = submit("deep", "");
   ASSERT_EQ(submitted.exit_code, 0) << submitted.err;
   const fs::path first = folder_ / "out" / "s.0001.exr";
   ASSERT_TRUE(wait_for(120, [&] { return fs::exists(first); })) << logs();
-  EXPECT_EQ(cluster("on n3 pkill -KILL -f raystage-render-ranks").exit_code, 0);
+  // Names of processes are cut after 15 characters.
+  EXPECT_EQ(cluster("on n3 pkill -KILL -x raystage-render").exit_code, 0);
   const auto written = fs::last_write_time(first);
   const json status = ended();
   EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
-  EXPECT_EQ(status["frames_done"], 4);
+  EXPECT_EQ(status["frames_done"], kFrames);
   EXPECT_EQ(fs::last_write_time(first), written) << "whole frames are kept";
-  expect_equal_to_local("deep", 4);
+  const std::string log = logs();
+  EXPECT_NE(log.find("the first of 4 ranks"), log.rfind("the first of 4 ranks")) << log;
+  expect_equal_to_local("deep", kFrames);
 }
 
 TEST_F(FarmSlurmRanks, MarkCamerasThatNoNodeHasOrFail) {

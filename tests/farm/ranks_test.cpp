@@ -182,6 +182,22 @@ TEST_F(Ranks, LeaveOutCamerasThatNoneHasOrRefuse) {
   EXPECT_THAT(header.out, HasSubstr("absentCameras"));
 }
 
+TEST_F(Ranks, RefuseTakeFoldersThatHelpNoTake) {
+  write_shot("focal_plane", "{}");
+  split(2);
+  const CommandResult unused =
+      render_by(2, "-o ranked/f.####.exr --take-folder /nowhere/takes=/elsewhere");
+  EXPECT_EQ(unused.exit_code, 2) << unused.err;
+  EXPECT_THAT(unused.err, HasSubstr("no take of the shot is in the folder /nowhere/takes"));
+  const CommandResult malformed = render_by(2, "-o ranked/f.####.exr --take-folder /nowhere");
+  EXPECT_EQ(malformed.exit_code, 2) << malformed.err;
+  EXPECT_THAT(malformed.err, HasSubstr("FROM=TO"));
+  fs::remove_all(folder_.path() / "ranks" / "1");
+  const CommandResult missing = render_by(2, "-o ranked/f.####.exr");
+  EXPECT_EQ(missing.exit_code, 2) << missing.err;
+  EXPECT_THAT(missing.err, HasSubstr("rank 1 cannot open it"));
+}
+
 TEST_F(Ranks, RefuseWhatCannotBeRenderedTogether) {
   split(2);
   for (const auto& [method, options] : std::vector<std::pair<std::string, std::string>>{

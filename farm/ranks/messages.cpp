@@ -19,7 +19,11 @@ using Json = nlohmann::json;
 MessageBytes packed(const Json& head, std::span<const std::span<const std::byte>> arrays = {}) {
   const std::vector<std::uint8_t> cbor = Json::to_cbor(head);
   const std::uint64_t size = cbor.size();
-  MessageBytes message(sizeof(size) + cbor.size());
+  std::size_t bytes = sizeof(size) + cbor.size();
+  for (const auto array : arrays) bytes += array.size();
+  MessageBytes message;
+  message.reserve(bytes);
+  message.resize(sizeof(size) + cbor.size());
   std::memcpy(message.data(), &size, sizeof(size));
   std::memcpy(message.data() + sizeof(size), cbor.data(), cbor.size());
   for (const auto array : arrays) message.insert(message.end(), array.begin(), array.end());

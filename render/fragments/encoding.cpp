@@ -116,6 +116,19 @@ void add_halves(Reader& reader, const FragmentArea& area, int width, std::span<f
   });
 }
 
+/// Of a message, where that is known before.
+std::size_t bytes_of_sample(FragmentEncoding encoding) {
+  switch (encoding) {
+    case FragmentEncoding::kFloat:
+      return 4 * sizeof(float);
+    case FragmentEncoding::kHalf:
+      return 4 * sizeof(std::uint16_t);
+    case FragmentEncoding::kJpeg:
+      break;
+  }
+  return 0;
+}
+
 void append_block(std::span<const std::byte> block, std::vector<std::byte>& message) {
   const auto size = static_cast<std::uint32_t>(block.size());
   append(&size, 1, message);
@@ -189,11 +202,14 @@ std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const 
   header.height = height;
   header.encoding = static_cast<std::uint32_t>(settings.encoding);
   header.count = static_cast<std::uint32_t>(areas.size());
+  std::size_t samples = 0;
+  for (const FragmentArea& area : areas) samples += area.pixels();
   std::vector<std::byte> message;
+  message.reserve(sizeof(Header) + areas.size() * sizeof(FragmentArea) +
+                  samples * bytes_of_sample(settings.encoding));
   append(&header, 1, message);
   append(areas.data(), areas.size(), message);
   for (const FragmentArea& area : areas) {
-    counts.samples += static_cast<std::int64_t>(area.pixels());
     switch (settings.encoding) {
       case FragmentEncoding::kFloat:
         append_floats(sums, width, area, message);
@@ -206,6 +222,7 @@ std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const 
         break;
     }
   }
+  counts.samples += static_cast<std::int64_t>(samples);
   counts.fragments += static_cast<std::int64_t>(areas.size());
   counts.bytes += static_cast<std::int64_t>(message.size());
   return message;

@@ -70,11 +70,22 @@ class SignalWatch {
   std::thread thread_;
 };
 
+/// Text with control characters as \xNN: names from documents must not drive a terminal.
+std::string printable(std::string_view text) {
+  std::string safe;
+  for (const char c : text) {
+    const auto code = static_cast<unsigned char>(c);
+    const bool is_control = (code < 0x20 && c != '\n' && c != '\t') || code == 0x7F;
+    safe += is_control ? fmt::format("\\x{:02x}", code) : std::string(1, c);
+  }
+  return safe;
+}
+
 }  // namespace
 
 int run_command(std::string_view name, const CommandBody& body, OnSignal on_signal) {
   const auto complain = [&](std::string_view text) {
-    print_error(fmt::format("raystage {}: {}\n", name, text));
+    print_error(fmt::format("raystage {}: {}\n", name, printable(text)));
     std::fflush(stderr);
   };
   // Frames of tens of megabytes come and go: keep their pages instead of faulting them in again.

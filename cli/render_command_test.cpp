@@ -75,5 +75,17 @@ TEST_F(RenderCommand, TakesPathsFromAnotherFolder) {
   EXPECT_TRUE(files_under(path("out")) == before);
 }
 
+TEST_F(RenderCommand, AnUnknownMethodIsToldTheNamesHoweverItIsSpelt) {
+  for (const char* method : {"dept", "Depth"}) {
+    shot_.layers[0].method = method;
+    const CommandResult refused = render("out");
+    EXPECT_EQ(refused.exit_code, 2);
+    EXPECT_THAT(refused.output, HasSubstr("Use one of focal_plane, nearest"));
+    EXPECT_THAT(refused.output, HasSubstr(method));
+  }
+  shot_.layers[0].method = "\x1b[31mred";
+  EXPECT_THAT(render("out").output, HasSubstr("\\x1b[31mred"));
+}
+
 }  // namespace
 }  // namespace raystage::test

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage render under MPI: one rank of those that hold the cameras of the shot's takes.
 #include <fmt/format.h>
-#include <malloc.h>
 
 #include <exception>
 #include <new>
@@ -72,13 +71,6 @@ ExitCode render_as_first(farm::MpiWorld& world, const RenderOptions& options,
   return code;
 }
 
-/// Messages of megabytes come and go: without this, glibc returns each one's pages to the system,
-/// and the next one's must be cleared again.
-void keep_freed_memory() {
-  mallopt(M_MMAP_THRESHOLD, 32 << 20);  // the most that glibc takes
-  mallopt(M_TRIM_THRESHOLD, 256 << 20);
-}
-
 void serve(farm::MpiWorld& world, const RenderOptions& options) {
   const int threads = thread_count(options.threads);
   const ThreadLimit limit(threads);
@@ -102,7 +94,6 @@ int main(int argc, char** argv) {
   CLI::App app{"Renders a shot as an EXR sequence, as one rank of several.", "raystage render"};
   RenderOptions options;
   declare(app, options, argv);
-  keep_freed_memory();
   return parse_and_run(app, argc, argv, "render", [&](std::stop_token stop) {
     folders_of(options);  // refuses wrong ones before there are other ranks to wait for
     farm::MpiWorld world(&argc, &argv);

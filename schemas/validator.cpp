@@ -34,6 +34,7 @@ constexpr std::string_view kUnderstood[] = {"$schema",
                                             "minLength",
                                             "maxLength",
                                             "pattern",
+                                            "patternDescription",
                                             "exclusiveMaximum",
                                             "items",
                                             "minItems",
@@ -307,11 +308,14 @@ std::string SchemaValidator::allowed(const Json& unresolved) const {
   append("exclusiveMinimum", "greater than");
   append("maximum", "up to");
   append("exclusiveMaximum", "less than");
-  append("pattern", "that matches");
+  // In words: a regular expression says nothing to most.
+  const auto described = schema.find("patternDescription");
+  if (described == schema.end()) append("pattern", "that matches");
   if (type == "string" && schema.contains("maxLength")) {
     text +=
         fmt::format(" of {} to {} bytes", schema.value("minLength", 0), schema["maxLength"].dump());
   }
+  if (described != schema.end()) text += ": " + described->get<std::string>();
   if (type == "array") {
     const int least = schema.value("minItems", 0);
     const int most = schema.value("maxItems", -1);

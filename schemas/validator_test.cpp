@@ -110,6 +110,9 @@ INSTANTIATE_TEST_SUITE_P(
              "a string of 1 to 2 bytes"},
         Case{R"({"type": "string", "maxLength": 9, "pattern": "^[a-z]+$"})", R"("ab")", R"("a1")",
              "that matches \"^[a-z]+$\""},
+        Case{
+            R"({"type": "string", "maxLength": 9, "pattern": "^[a-z]+$", "patternDescription": "letters"})",
+            R"("ab")", R"("a1")", "a string of 0 to 9 bytes: letters."},
         Case{R"({"type": "boolean"})", "false", "0", "a boolean"},
         Case{R"({"type": "null"})", "null", "false", "allowed: null"},
         Case{R"({"const": "best"})", R"("best")", R"("worst")", "allowed: \"best\""},
@@ -140,6 +143,27 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(Validator, PointersAreEscaped) {
   EXPECT_THAT(verdict(R"({"properties": {"a/~": {"type": "null"}}})", R"({"a/~": 1})"),
               HasSubstr("f#/a~1~0:"));
+}
+
+/// Counts patterns, and fails for one that has no description in words.
+int patterns_in(const nlohmann::json& schema, std::string_view name) {
+  int count = 0;
+  if (schema.is_object() && schema.contains("pattern") && schema["pattern"].is_string()) {
+    EXPECT_TRUE(schema.contains("patternDescription")) << name << ": " << schema["pattern"];
+    ++count;
+  }
+  if (schema.is_structured()) {
+    for (const auto& child : schema) count += patterns_in(child, name);
+  }
+  return count;
+}
+
+TEST(Schemas, SayWhatTheirPatternsAllowInWords) {
+  int patterns = 0;
+  for (const EmbeddedSchema& schema : embedded_schemas()) {
+    patterns += patterns_in(nlohmann::json::parse(schema.text), schema.name);
+  }
+  EXPECT_GT(patterns, 5);
 }
 
 }  // namespace

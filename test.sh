@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # Installs what is missing, builds with warnings as errors, runs every test.
 #   ./test.sh            everything that decides whether a change lands
+#   ./test.sh fast       builds and runs the tests without the label `slow`
 #   ./test.sh asan|tsan  all tests under that sanitizer
 #   ./test.sh fuzz [S]   every fuzz target for S seconds (default 60)
 set -euo pipefail
@@ -59,6 +60,12 @@ case "$what" in
     scripts/check_style.sh build/check
     step "done"
     ;;
+  fast)
+    step "build, warnings are errors"
+    configure_and_build check
+    step "tests without the label slow"
+    run_tests check -LE '^slow$'
+    ;;
   asan | tsan)
     step "build with $what"
     configure_and_build "$what"
@@ -78,7 +85,7 @@ case "$what" in
     done
     ;;
   *)
-    echo "usage: ./test.sh [all|asan|tsan|fuzz [SECONDS]]" >&2
+    echo "usage: ./test.sh [all|fast|asan|tsan|fuzz [SECONDS]]" >&2
     exit 2
     ;;
 esac

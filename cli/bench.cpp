@@ -1,17 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage bench: what every way of rendering costs, and how wrong it is.
+#include "render/evaluation/bench.h"
+
 #include <fmt/format.h>
 
 #include <set>
 
-#include "cli/choice.h"
+#include "base/atomic_file.h"
+#include "cli/choice_option.h"
 #include "cli/command.h"
+#include "cli/command_line_parsing.h"
 #include "cli/focal_depth.h"
-#include "cli/parse.h"
 #include "cli/threads.h"
-#include "render/evaluation/trade.h"
 #include "render/methods.h"
-#include "schemas/atomic_file.h"
+#include "reports/bench_page.h"
 
 namespace raystage {
 namespace {
@@ -22,11 +24,11 @@ struct Options {
   std::vector<int> threads;
   bool count_pixels = false, quiet = false;
   double memory_gb = 4;
-  TradePlan plan;
+  BenchPlan plan;
 };
 
 void declare(CLI::App& app, Options& options) {
-  TradePlan& plan = options.plan;
+  BenchPlan& plan = options.plan;
   app.add_option("TAKE", options.take, "Folder of the take")->required();
   app.add_option("VIEWS", options.views,
                  "Views documents (raystage/views/1) with truth images; may be left out with "
@@ -46,7 +48,7 @@ void declare(CLI::App& app, Options& options) {
                  "Focal plane parallel to the array, metres in front of it; 'best': eq. 2.2 from "
                  "the take's depth range")
       ->capture_default_str();
-  app.add_option("--leave-out", plan.common.leave_out,
+  app.add_option("--leave-out", plan.common.excluded_camera_ids,
                  "Cameras (ids, comma separated) to take out and use as truth")
       ->delimiter(',')
       ->allow_extra_args(false)
@@ -122,23 +124,23 @@ ViewsDocument views_in(const std::vector<std::string>& files) {
   return all;
 }
 
-bool choose_settings(const Options& options, TradePlan& plan) {
+bool choose_settings(const Options& options, BenchPlan& plan) {
   for (const std::string& text : options.settings) {
-    plan.settings.push_back(trade_setting_from_text(text));
+    plan.settings.push_back(parse_bench_setting(text));
   }
   if (!options.settings_file.empty()) {
     const BenchDocument bench = read_bench(options.settings_file);
     plan.settings.insert(plan.settings.end(), bench.settings.begin(), bench.settings.end());
   }
   const bool asked_for = !plan.settings.empty();
-  if (!asked_for) plan.settings = default_trade_settings();
+  if (!asked_for) plan.settings = default_bench_settings();
   return asked_for;
 }
 
 ExitCode bench(const Options& options, std::stop_token stop) {
-  TradePlan plan = options.plan;
+  BenchPlan plan = options.plan;
   const bool asked_for = choose_settings(options, plan);
-  plan.common.focal_depth = focal_depth_from(options.focal_depth);
+  plan.common.focal_depth = parse_focal_depth(options.focal_depth);
   plan.common.memory_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   plan.common.count_needed_pixels = options.count_pixels;
   plan.threads.clear();
@@ -150,19 +152,19 @@ ExitCode bench(const Options& options, std::stop_token stop) {
   if (!output.empty()) create_folder(output);
 
   Progress progress(!options.quiet);
-  const auto write_tables = [&](const Trade& so_far) {
+  const auto write_tables = [&](const BenchResult& so_far) {
     if (output.empty()) return;
-    write_file_atomically(output / "trade.json", trade_as_json(so_far));
-    write_file_atomically(output / "trade.csv", trade_as_csv(so_far));
+    write_file_atomically(output / "trade.json", bench_as_json(so_far));
+    write_file_atomically(output / "trade.csv", bench_as_csv(so_far));
   };
-  const Trade trade = measure_trade(
+  const BenchResult trade = measure_bench(
       take, views, {}, plan, write_tables, [&](double done) { progress.report(done); }, stop);
   if (!output.empty() && !trade.rows.empty()) {
-    write_file_atomically(output / "trade.html", trade_as_page(trade));
+    write_file_atomically(output / "trade.html", bench_as_page(trade));
   }
-  fmt::print("{}", trade_as_table(trade));
+  fmt::print("{}", bench_as_table(trade));
   bool failed = false;
-  for (const TradeRow& row : trade.rows) {
+  for (const BenchRow& row : trade.rows) {
     if (row.failure.empty()) continue;
     failed = true;
     progress.say(fmt::format("{}: {}", row.setting.label, row.failure));

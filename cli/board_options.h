@@ -6,8 +6,8 @@
 #include <charconv>
 #include <string>
 
-#include "calibrate/board.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "calibrate/detect/board.h"
 
 namespace raystage {
 
@@ -44,7 +44,7 @@ inline void add_board_options(CLI::App& app, BoardOptions& o) {
 }
 
 /// Throws Error (bad input) for what is no board; see check_board().
-inline Board board_of(const BoardOptions& options, bool unique_corners) {
+inline Board make_board(const BoardOptions& options, bool unique_corners) {
   Board board;
   const std::string& text = options.squares;
   const std::size_t cross = text.find('x');

@@ -7,19 +7,19 @@
 #include <string>
 #include <vector>
 
-#include "calibrate/color_chart.h"
-#include "calibrate/color_sheet.h"
-#include "calibrate/flat_target.h"
-#include "calibrate/response_curve.h"
-#include "calibrate/scene_color.h"
+#include "base/atomic_file.h"
+#include "calibrate/color/color_chart.h"
+#include "calibrate/color/color_contact_sheet.h"
+#include "calibrate/color/flat_field_match.h"
+#include "calibrate/color/response_curve.h"
+#include "calibrate/color/scene_color.h"
 #include "cli/calibrate.h"
-#include "cli/color_options.h"
+#include "cli/calibrate_color_options.h"
 #include "cli/threads.h"
 #include "rig/rig.h"
-#include "schemas/atomic_file.h"
 #include "schemas/rig_document.h"
 #include "store/jpeg/encode.h"
-#include "store/scene_depths.h"
+#include "store/scene_depth_range.h"
 
 namespace raystage {
 namespace {
@@ -36,7 +36,7 @@ struct Targets {
   std::vector<std::string> cameras;
 };
 
-Targets open_targets(const ColorOptions& options) {
+Targets open_targets(const CalibrateColorOptions& options) {
   std::vector<std::filesystem::path> folders = options.takes;
   if (!options.dark.empty()) folders.push_back(options.dark);
   Targets targets;
@@ -53,16 +53,18 @@ Targets open_targets(const ColorOptions& options) {
 }
 
 /// How cameras show the targets; the last is the dark one, where there is such.
-std::vector<FlatSights> sights_of(const Targets& targets,
-                                  const std::vector<PhotometricResponse>& responses,
-                                  const std::stop_token& stop) {
-  std::vector<FlatSights> sights;
-  for (const auto& take : targets.takes) sights.push_back(flat_sights(*take, responses, stop));
-  return sights;
+std::vector<FlatFieldMeasurements> sights_of(const Targets& targets,
+                                             const std::vector<PhotometricResponse>& responses,
+                                             const std::stop_token& stop) {
+  std::vector<FlatFieldMeasurements> measurements;
+  for (const auto& take : targets.takes)
+    measurements.push_back(measure_flat_fields(*take, responses, stop));
+  return measurements;
 }
 
-std::vector<PhotometricResponse> curves_of(const ColorOptions& options, const Targets& targets,
-                                           const std::vector<FlatSights>& sights) {
+std::vector<PhotometricResponse> curves_of(const CalibrateColorOptions& options,
+                                           const Targets& targets,
+                                           const std::vector<FlatFieldMeasurements>& measurements) {
   if (options.exposures.size() != options.takes.size()) {
     throw Error::bad_input(fmt::format("there are {} exposures for {} takes",
                                        options.exposures.size(), options.takes.size()),
@@ -73,7 +75,9 @@ std::vector<PhotometricResponse> curves_of(const ColorOptions& options, const Ta
     for (std::size_t b = 0; b < options.exposures.size(); ++b) {
       if (!(options.exposures[a] < options.exposures[b])) continue;
       for (std::size_t c = 0; c < targets.cameras.size(); ++c) {
-        if (sights[a][c].mean[1] < sights[b][c].mean[1] || sights[a][c].clipped > 0) continue;
+        if (measurements[a][c].mean[1] < measurements[b][c].mean[1] ||
+            measurements[a][c].clipped > 0)
+          continue;
         throw Error::bad_input(
             fmt::format("camera \"{}\" shows {} darker than {}, which is said to be exposed for "
                         "less long",
@@ -82,20 +86,21 @@ std::vector<PhotometricResponse> curves_of(const ColorOptions& options, const Ta
       }
     }
   }
-  return find_response_curves(sights, options.exposures,
-                              options.dark.empty() ? nullptr : &sights.back(),
-                              targets.takes.front()->document().color_space);
+  return fit_response_curves(measurements, options.exposures,
+                             options.dark.empty() ? nullptr : &measurements.back(),
+                             targets.takes.front()->document().color_space);
 }
 
 /// Leaves exposures out that are too long for some camera: what they are for is the curve.
-void leave_out_overexposed(std::vector<FlatSights>& sights) {
+void leave_out_overexposed(std::vector<FlatFieldMeasurements>& measurements) {
   constexpr double kClipped = 0.01;
-  const auto is_overexposed = [](const FlatSights& target) {
-    return std::ranges::any_of(target,
-                               [](const FlatSight& sight) { return sight.clipped > kClipped; });
+  const auto is_overexposed = [](const FlatFieldMeasurements& target) {
+    return std::ranges::any_of(target, [](const FlatFieldMeasurement& measurement) {
+      return measurement.clipped > kClipped;
+    });
   };
-  if (std::ranges::all_of(sights, is_overexposed)) return;  // said where colours are matched
-  std::erase_if(sights, is_overexposed);
+  if (std::ranges::all_of(measurements, is_overexposed)) return;  // said where colours are matched
+  std::erase_if(measurements, is_overexposed);
 }
 
 /// What was found about which cameras.
@@ -105,7 +110,7 @@ struct FoundColors {
   std::vector<ColorMatch> steps;     ///< each on top of the one before
 };
 
-int reference_of(const ColorOptions& options, const std::vector<std::string>& cameras) {
+int reference_of(const CalibrateColorOptions& options, const std::vector<std::string>& cameras) {
   if (options.reference.empty()) return 0;
   const auto found = std::ranges::find(cameras, options.reference);
   if (found == cameras.end()) {
@@ -130,30 +135,30 @@ void check_sizes(const Take& take, const RigDocument& rig) {
   }
 }
 
-void match_targets(const ColorOptions& options, const RigDocument& document, FoundColors& found,
-                   const std::stop_token& stop) {
+void match_targets(const CalibrateColorOptions& options, const RigDocument& document,
+                   FoundColors& found, const std::stop_token& stop) {
   const Targets targets = open_targets(options);
   for (const auto& take : targets.takes) check_sizes(*take, document);
   found.cameras = targets.cameras;
   found.reference = reference_of(options, targets.cameras);
-  FlatColorSettings settings;
+  FlatFieldMatchSettings settings;
   settings.reference = found.reference;
   settings.neutral = options.neutral;
   settings.vignetting = options.vignetting;
   settings.flat_field = options.flat_field;
   settings.dark = !options.dark.empty();
-  std::vector<FlatSights> sights = sights_of(targets, {}, stop);
+  std::vector<FlatFieldMeasurements> measurements = sights_of(targets, {}, stop);
   if (!options.exposures.empty()) {
-    settings.curves = curves_of(options, targets, sights);
-    sights = sights_of(targets, settings.curves, stop);
-    leave_out_overexposed(sights);
+    settings.curves = curves_of(options, targets, measurements);
+    measurements = sights_of(targets, settings.curves, stop);
+    leave_out_overexposed(measurements);
   }
-  found.steps.push_back(match_flat_targets(sights, targets.cameras, settings));
+  found.steps.push_back(match_flat_fields(measurements, targets.cameras, settings));
 }
 
 /// The rig with its cameras as the take has them.
 RigDocument in_order_of(const std::vector<std::string>& cameras, const RigDocument& document,
-                        const ColorOptions& options) {
+                        const CalibrateColorOptions& options) {
   RigDocument ordered = document;
   ordered.cameras.clear();
   for (const std::string& id : cameras) {
@@ -171,8 +176,8 @@ RigDocument in_order_of(const std::vector<std::string>& cameras, const RigDocume
 }
 
 /// On top of what targets told, or else of what the rig knows.
-void match_chart(const ColorOptions& options, const RigDocument& document, FoundColors& found,
-                 const std::stop_token& stop) {
+void match_chart(const CalibrateColorOptions& options, const RigDocument& document,
+                 FoundColors& found, const std::stop_token& stop) {
   const Take take(options.chart);
   check_sizes(take, document);
   std::vector<PhotometricResponse> responses;
@@ -189,22 +194,24 @@ void match_chart(const ColorOptions& options, const RigDocument& document, Found
                              "Record the chart with the same cameras");
     }
   }
-  found.steps.push_back(match_charts(chart_sights(take, responses, stop), responses, found.cameras,
-                                     {found.reference, options.published}));
+  found.steps.push_back(match_charts(measure_charts(take, responses, stop), responses,
+                                     found.cameras,
+                                     {found.reference, options.use_published_values}));
 }
 
 /// The depths of --focal-depth, to a tenth of it, or of --near and --far, or as the take says.
-DepthRange depths_of(const ColorOptions& options, const Take& take) {
+DepthRange depths_of(const CalibrateColorOptions& options, const Take& take) {
   constexpr double kAround = 1.1;
   if (options.focal_depth > 0) {
     return {options.focal_depth / kAround, options.focal_depth * kAround};
   }
-  return scene_depths(take, {options.near, options.far}, "matching colours",
-                      "Give --near and --far, or --focal-depth, in metres in front of the array");
+  return scene_depth_range(
+      take, {options.near, options.far}, "matching colours",
+      "Give --near and --far, or --focal-depth, in metres in front of the array");
 }
 
-void match_scene(const ColorOptions& options, const RigDocument& document, FoundColors& found,
-                 const std::stop_token& stop) {
+void match_scene(const CalibrateColorOptions& options, const RigDocument& document,
+                 FoundColors& found, const std::stop_token& stop) {
   const Take take(options.scene);
   check_sizes(take, document);
   if (!is_calibrated(document)) {
@@ -215,16 +222,16 @@ void match_scene(const ColorOptions& options, const RigDocument& document, Found
   found.cameras = ids_of(take);
   found.reference = reference_of(options, found.cameras);
   const Rig rig = rig_from_document(in_order_of(found.cameras, document, options));
-  SurfaceSettings settings;
+  PatchSearchSettings settings;
   settings.depths = depths_of(options, take);
   Progress progress(!options.quiet);
-  const std::vector<ScenePlace> points = surface_points(
+  const std::vector<ScenePatch> points = find_scene_patches(
       take, rig, settings, [&](double done) { progress.report(done); }, stop);
   found.steps.push_back(match_scene_colors(points, rig, found.reference, stop));
 }
 
 /// The take that shows what is looked at first.
-const std::filesystem::path& first_take(const ColorOptions& options) {
+const std::filesystem::path& first_take(const CalibrateColorOptions& options) {
   if (!options.takes.empty()) return options.takes.front();
   const auto& take = options.chart.empty() ? options.scene : options.chart;
   if (take.empty()) {
@@ -234,11 +241,11 @@ const std::filesystem::path& first_take(const ColorOptions& options) {
   return take;
 }
 
-ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& stop) {
+ExitCode calibrate_color(const CalibrateColorOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
   const std::filesystem::path& take = first_take(options);
-  check_can_write(options.output);
-  if (!options.sheet.empty()) check_can_write(options.sheet);
+  check_writable(options.output);
+  if (!options.sheet.empty()) check_writable(options.sheet);
   RigDocument rig = read_rig(options.start.empty() ? take / "rig.json" : options.start);
   FoundColors found;
   if (!options.takes.empty()) match_targets(options, rig, found, stop);
@@ -246,8 +253,8 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
   if (!options.scene.empty()) match_scene(options, rig, found, stop);
   const std::vector<std::string>& cameras = found.cameras;
   const std::string& reference = cameras[static_cast<std::size_t>(found.reference)];
-  fmt::print("{}", options.json ? color_json(found.steps, reference, cameras)
-                                : color_text(found.steps, reference));
+  fmt::print("{}", options.json ? color_match_json(found.steps, reference, cameras)
+                                : format_color_match(found.steps, reference));
   const bool is_sure =
       std::ranges::all_of(found.steps, [](const ColorMatch& step) { return step.reasons.empty(); });
   if (!is_sure && !options.force) {
@@ -267,7 +274,7 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
   std::vector<std::byte> sheet;  // before anything is written, as it may fail
   if (!options.sheet.empty()) {
     const Take shown(options.sheet_of.empty() ? take : options.sheet_of);
-    sheet = encode_jpeg(color_sheet(shown, rig), {});
+    sheet = encode_jpeg(make_color_contact_sheet(shown, rig), {});
   }
   if (!sheet.empty()) write_file_atomically(options.sheet, sheet);
   write_rig(rig, options.output);
@@ -277,12 +284,12 @@ ExitCode calibrate_color(const ColorOptions& options, const std::stop_token& sto
 }  // namespace
 
 CalibrateCommand declare_calibrate_color(CLI::App& calibrate) {
-  auto o = std::make_shared<ColorOptions>();
+  auto o = std::make_shared<CalibrateColorOptions>();
   CLI::App* app = calibrate.add_subcommand(
       "color",
       "Contrast and brightness of every camera and channel, and more of its colours: from targets "
       "without features, a colour chart, or a scene");
-  add_color_options(*app, *o);
+  add_calibrate_color_options(*app, *o);
   return {app, [o](const std::stop_token& stop) { return calibrate_color(*o, stop); }};
 }
 

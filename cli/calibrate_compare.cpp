@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <memory>
 
+#include "calibrate/geometry/rig_comparison.h"
 #include "cli/calibrate.h"
-#include "rig/calibration/rig_comparison.h"
 
 namespace raystage {
 namespace {
@@ -33,13 +33,13 @@ CalibrateCommand declare_calibrate_compare(CLI::App& calibrate) {
          "from one camera to the next)")
       ->check(CLI::Range(1e-6, 1e6).description(""));
   app->add_flag("--json", options->json, "Print everything as JSON");
-  return {
-      app, [options](const std::stop_token&) {
-        const RigComparison comparison =
-            compare_rigs(read_rig(options->first), read_rig(options->second), options->nearest_m);
-        fmt::print("{}", options->json ? comparison_json(comparison) : comparison_text(comparison));
-        return ExitCode::kSuccess;
-      }};
+  return {app, [options](const std::stop_token&) {
+            const RigComparison comparison = compare_rigs(
+                read_rig(options->first), read_rig(options->second), options->nearest_m);
+            fmt::print("{}", options->json ? rig_comparison_json(comparison)
+                                           : format_rig_comparison(comparison));
+            return ExitCode::kSuccess;
+          }};
 }
 
 }  // namespace raystage

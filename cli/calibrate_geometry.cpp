@@ -11,15 +11,15 @@
 #include <string>
 #include <vector>
 
-#include "calibrate/board_views.h"
-#include "calibrate/features.h"
-#include "calibrate/light_calibration.h"
+#include "base/atomic_file.h"
+#include "calibrate/detect/board_detection.h"
+#include "calibrate/detect/feature_matching.h"
+#include "calibrate/geometry/calibration.h"
+#include "calibrate/geometry/calibration_report.h"
+#include "calibrate/track_calibration.h"
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
 #include "cli/threads.h"
-#include "rig/calibration/calibration.h"
-#include "rig/calibration/report.h"
-#include "schemas/atomic_file.h"
 #include "store/timeline.h"
 
 namespace raystage {
@@ -30,13 +30,13 @@ struct GeometryOptions {
   std::vector<std::string> hold, distance;
   std::string name;
   std::optional<double> fov_deg, spacing_mm;
-  double most_rms_px = 1;
-  bool lens_per_camera = false, whole_lens_model = false;
+  double max_rms_px = 1;
+  bool lens_per_camera = false, full_lens_model = false;
   std::optional<double> at_s;
   bool features = false, trust_clocks = false, force = false, json = false, quiet = false;
   int threads = 0;
-  std::optional<int> most_points;
-  LightSettings light;
+  std::optional<int> max_points;
+  LightDetectionSettings light;
   BoardOptions board;
 };
 
@@ -93,9 +93,9 @@ CalibrationSettings settings_of(const GeometryOptions& options, const Detections
     };
   }
   settings.scale = scale_of(options);
-  settings.limits.most_rms_px = options.most_rms_px;
+  settings.limits.max_rms_px = options.max_rms_px;
   settings.solve.lens_per_camera = options.lens_per_camera;
-  settings.solve.whole_lens_model = options.whole_lens_model;
+  settings.solve.full_lens_model = options.full_lens_model;
   if (options.fov_deg) settings.solve.horizontal_fov = *options.fov_deg * std::numbers::pi / 180;
   if (!options.start.empty()) settings.start = read_rig(options.start);
   if (!options.lens.empty()) settings.solve.lenses = lenses_from(options.lens, detections);
@@ -103,16 +103,16 @@ CalibrationSettings settings_of(const GeometryOptions& options, const Detections
     if (held == "lens") {
       settings.solve.lens_is_known = true;
     } else if (held == "poses") {
-      settings.holds_all_poses = true;
+      settings.fixes_all_poses = true;
     } else {
-      settings.held_cameras.push_back(held);
+      settings.fixed_cameras.push_back(held);
     }
   }
   if (settings.solve.lens_is_known && options.lens.empty() && options.start.empty()) {
     throw Error::bad_input("the lens is to be held, and nothing says what it is", "--hold lens",
                            "Give it with --lens (raystage calibrate lens), or a rig with --start");
   }
-  std::vector<std::string> named = settings.held_cameras;
+  std::vector<std::string> named = settings.fixed_cameras;
   if (settings.scale.distance) {
     named.insert(named.end(), {settings.scale.distance->from, settings.scale.distance->to});
   }
@@ -128,15 +128,15 @@ CalibrationSettings settings_of(const GeometryOptions& options, const Detections
 }
 
 /// Follows the light through a take.
-LightRecording light_in(const GeometryOptions& options, const std::stop_token& stop) {
+RecordedTracks light_in(const GeometryOptions& options, const std::stop_token& stop) {
   const Take take(options.input);
-  const auto times = frame_times_of(take);
+  const auto times = synchronised_frame_times(take);
   Progress progress(!options.quiet);
-  LightRecording light{
+  RecordedTracks light{
       track_light(
           take, times, options.light, [&](double done) { progress.report(done); }, stop),
-      cameras_of(take), period_of(times)};
-  if (!options.json) fmt::print("{}", track_text(light.tracks, light.cameras));
+      detection_cameras(take), median_frame_period(times)};
+  if (!options.json) fmt::print("{}", format_track_summary(light.tracks, light.cameras));
   return light;
 }
 
@@ -158,55 +158,55 @@ struct Found {
 };
 
 /// What was followed becomes an array, and its clocks.
-Found found_from(const LightRecording& recording, LightCalibrationSettings settings,
+Found found_from(const RecordedTracks& recording, TrackCalibrationSettings settings,
                  const GeometryOptions& options) {
-  settings.finds_clocks = !options.trust_clocks;
-  const LightCalibration found = calibrate_light(recording, settings);
+  settings.estimates_clock_offsets = !options.trust_clocks;
+  const TrackCalibration found = calibrate_from_tracks(recording, settings);
   if (!options.detections.empty()) write_tracked(found.points.detections, options.detections);
-  if (!options.json && settings.finds_clocks) {
-    fmt::print("{}", clock_text(found, recording.cameras));
+  if (!options.json && settings.estimates_clock_offsets) {
+    fmt::print("{}", format_clock_offsets(found, recording.cameras));
   }
   return {settings.calibration, found.calibration};
 }
 
 Found found_in_take(const GeometryOptions& options, const std::stop_token& stop) {
-  LightCalibrationSettings settings;
-  settings.points.most_points = options.most_points.value_or(settings.points.most_points);
-  settings.calibration = settings_of(options, {cameras_of(Take(options.input)), {}}, stop);
-  const LightRecording light = light_in(options, stop);
+  TrackCalibrationSettings settings;
+  settings.points.max_points = options.max_points.value_or(settings.points.max_points);
+  settings.calibration = settings_of(options, {detection_cameras(Take(options.input)), {}}, stop);
+  const RecordedTracks light = light_in(options, stop);
   return found_from(light, settings, options);
 }
 
 Found found_by_board(const GeometryOptions& options, const std::stop_token& stop) {
-  const BoardFinder finder(board_of(options.board, true));
+  const BoardDetector finder(make_board(options.board, true));
   const Take take(options.input);
-  LightCalibrationSettings settings;
-  settings.calibration = settings_of(options, {cameras_of(take), {}}, stop);
-  const auto times = frame_times_of(take);
+  TrackCalibrationSettings settings;
+  settings.calibration = settings_of(options, {detection_cameras(take), {}}, stop);
+  const auto times = synchronised_frame_times(take);
   Progress progress(!options.quiet);
-  const LightRecording board{
-      track_board(
+  const RecordedTracks board{
+      track_board_corners(
           take, times, finder, [&](double done) { progress.report(done); }, stop),
-      cameras_of(take), period_of(times)};
+      detection_cameras(take), median_frame_period(times)};
   constexpr int kInstants = 80;  // each has a board's corners
-  settings.points.most_points = options.most_points.value_or(kInstants);
-  settings.points.prefers_rest = true;
-  settings.points.least_step_px = 0;
-  settings.points.most_bend_px = 20;  // frames lie near to the instants
+  settings.points.max_points = options.max_points.value_or(kInstants);
+  settings.points.prefers_still_instants = true;
+  settings.points.min_step_px = 0;
+  settings.points.max_curvature_px = 20;  // frames lie near to the instants
   settings.calibration.board = finder.board().all_corners();
   return found_from(board, settings, options);
 }
 
 Found found_by_features(const GeometryOptions& options, const std::stop_token& stop) {
   const Take take(options.input);
-  const CalibrationSettings settings = settings_of(options, {cameras_of(take), {}}, stop);
-  FeatureSettings features;
-  features.most_points = options.most_points.value_or(features.most_points);
+  const CalibrationSettings settings = settings_of(options, {detection_cameras(take), {}}, stop);
+  FeatureMatchingSettings features;
+  features.max_points = options.max_points.value_or(features.max_points);
   Progress progress(!options.quiet);
-  const TimeRange all = running_range(frame_times_of(take));
+  const TimeRange all = running_range(synchronised_frame_times(take));
   const Nanoseconds at = options.at_s ? static_cast<Nanoseconds>(std::llround(*options.at_s * 1e9))
                                       : std::midpoint(all.begin, all.end);
-  const Detections detections = feature_points(
+  const Detections detections = match_features(
       take, at, tolerance_of_stamps(take.document().nominal_fps), features,
       [&](double done) { progress.report(done); }, stop);
   if (!options.detections.empty()) write_tracked(detections, options.detections);
@@ -221,9 +221,9 @@ Found found_in_table(const GeometryOptions& options, const std::stop_token& stop
 
 ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
-  check_can_write(options.output);
-  if (!options.report.empty()) check_can_write(options.report);
-  if (!options.detections.empty()) check_can_write(options.detections);
+  check_writable(options.output);
+  if (!options.report.empty()) check_writable(options.report);
+  if (!options.detections.empty()) check_writable(options.detections);
   const bool is_take = std::filesystem::is_directory(options.input);
   const bool has_board = !options.board.squares.empty();
   if (has_board && !is_take) {
@@ -238,17 +238,19 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
                                        : has_board      ? found_by_board(options, stop)
                                        : is_take        ? found_in_take(options, stop)
                                                         : found_in_table(options, stop);
-  fmt::print("{}", options.json ? report_json(calibration) : report_text(calibration));
+  fmt::print("{}", options.json ? calibration_report_json(calibration)
+                                : format_calibration_report(calibration));
   if (!options.report.empty()) {
-    write_file_atomically(options.report, report_html(calibration, options.output.string()));
+    write_file_atomically(options.report,
+                          calibration_report_html(calibration, options.output.string()));
   }
-  const bool is_sure = calibration.verdict.is_vouched_for();
+  const bool is_sure = calibration.verdict.is_accepted();
   if (!is_sure && !options.force) {
     throw Error::failed("the rig was not written, as nobody could rely on it",
                         options.output.string(),
                         "Do what stands under \"Next\"; --force writes the rig all the same");
   }
-  write_rig(rig_of(calibration, settings.start, options.name), options.output);
+  write_rig(make_rig_document(calibration, settings.start, options.name), options.output);
   return ExitCode::kSuccess;
 }
 
@@ -307,19 +309,19 @@ void add_knowledge(CLI::App& app, GeometryOptions& o) {
 
 void add_light(CLI::App& app, GeometryOptions& o) {
   const char* group = "The light, in a take";
-  app.add_option("--light-threshold", o.light.least_light,
+  app.add_option("--light-threshold", o.light.min_light,
                  "Least brightness of the light above what is there without it, linear, full scale "
                  "1")
       ->capture_default_str()
       ->check(CLI::Range(0.001, 1.0).description(""))
       ->group(group);
-  app.add_option("--second-light", o.light.second_light,
+  app.add_option("--second-light", o.light.ambiguity_ratio,
                  "Pictures with a second light that has this share of the first's or more are left "
                  "out: a reflection, 0-1")
       ->capture_default_str()
       ->check(CLI::Range(0.0, 1.0).description(""))
       ->group(group);
-  app.add_option("--points", o.most_points,
+  app.add_option("--points", o.max_points,
                  "At most so many of the light's places (default: 300), instants of the board (80) "
                  "or points of the scene (3000) are used")
       ->check(CLI::Range(20, 100000).description(""))
@@ -356,11 +358,11 @@ void add_model(CLI::App& app, GeometryOptions& o) {
          "Each camera has a lens of its own (default: one for all, unless --lens or --start give "
          "each its own)")
       ->group(group);
-  app.add_flag("--whole-lens-model", o.whole_lens_model,
+  app.add_flag("--whole-lens-model", o.full_lens_model,
                "Also k3, tangential distortion and pixels that are not square (default: focal "
                "length, principal point, k1, k2)")
       ->group(group);
-  app.add_option("--max-rms", o.most_rms_px,
+  app.add_option("--max-rms", o.max_rms_px,
                  "Largest RMS of distances in the pictures that is vouched for, pixels")
       ->capture_default_str()
       ->check(CLI::Range(1e-3, 1e3).description(""))

@@ -8,12 +8,12 @@
 #include <string>
 #include <vector>
 
-#include "calibrate/board_views.h"
+#include "base/atomic_file.h"
+#include "calibrate/detect/board_detection.h"
+#include "calibrate/geometry/lens_calibration.h"
 #include "cli/board_options.h"
 #include "cli/calibrate.h"
 #include "cli/threads.h"
-#include "rig/calibration/board_lens.h"
-#include "schemas/atomic_file.h"
 #include "schemas/rig_document.h"
 
 namespace raystage {
@@ -23,7 +23,7 @@ struct LensOptions {
   std::filesystem::path take, output;
   std::vector<std::string> cameras, one_kind;
   BoardOptions board;
-  LensSettings lens;
+  LensCalibrationSettings lens;
   int most_views = 60, threads = 0;
   bool force = false, quiet = false;
 };
@@ -60,30 +60,30 @@ std::vector<std::string> of_one_kind_among(const Take& take, const std::vector<i
 void print_lens(const std::string& id, const LensCalibration& found) {
   fmt::print("Camera     {}: {:.3f} px RMS over {} corners in {} views, {} left out\n", id,
              found.rms_px, found.corners, found.views, found.outliers);
-  const LensValues values = values_of(found.lens);
+  const LensParameters values = lens_parameters(found.lens);
   for (std::size_t k = 0; k < values.size(); ++k) {
     if (found.deviations[k] == 0 && values[k] == 0) continue;
-    fmt::print("Lens       {} {:.5g} +- {:.2g}\n", kLensValueNames[k], values[k],
+    fmt::print("Lens       {} {:.5g} +- {:.2g}\n", kLensParameterNames[k], values[k],
                found.deviations[k]);
   }
   fmt::print("Seen       {:.0f} % of the picture, tilts up to {:.0f} degrees\n",
-             100 * found.covered, found.largest_tilt_deg);
+             100 * found.image_coverage, found.max_tilt_deg);
   for (const std::string& reason : found.reasons) fmt::print("Not sure   {}\n", reason);
   for (const std::string& step : found.next_steps) fmt::print("Next       {}\n", step);
 }
 
 ExitCode calibrate_lens_of(const LensOptions& options, const std::stop_token& stop) {
   const ThreadLimit limit(options.threads);
-  check_can_write(options.output);
-  const BoardFinder finder(board_of(options.board, false));
+  check_writable(options.output);
+  const BoardDetector finder(make_board(options.board, false));
   const Take take(options.take);
   const std::vector<int> cameras = cameras_chosen(take, options.cameras);
   const std::vector<std::string> of_one_kind = of_one_kind_among(take, cameras, options.one_kind);
   Progress progress(!options.quiet);
-  std::vector<LensViews> alike, others;
+  std::vector<CameraBoardViews> alike, others;
   for (std::size_t k = 0; k < cameras.size(); ++k) {
     const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(cameras[k])];
-    auto views = board_views(
+    auto views = detect_board_views(
         take, cameras[k], finder, options.most_views,
         [&](double done) {
           progress.report((static_cast<double>(k) + done) / static_cast<double>(cameras.size()));
@@ -94,15 +94,15 @@ ExitCode calibrate_lens_of(const LensOptions& options, const std::stop_token& st
         .push_back({camera.id, camera.model.width(), camera.model.height(), std::move(views)});
   }
   std::map<std::string, LensCalibration> found;
-  LensSettings settings = options.lens;
+  LensCalibrationSettings settings = options.lens;
   settings.stop = stop;
-  for (const LensViews& camera : others) found[camera.id] = calibrate_lens(camera, settings);
+  for (const CameraBoardViews& camera : others) found[camera.id] = calibrate_lens(camera, settings);
   if (!alike.empty()) {
-    auto lenses = calibrate_lenses_of_one_kind(alike, settings);
+    auto lenses = calibrate_lenses_with_shared_prior(alike, settings);
     for (std::size_t k = 0; k < alike.size(); ++k) found[alike[k].id] = std::move(lenses[k]);
   }
   RigDocument lenses;
-  lenses.name = kNotCalibrated;  // where the cameras stand is not known
+  lenses.name = kUncalibratedRigName;  // where the cameras stand is not known
   bool is_sure = true;
   for (const int index : cameras) {
     const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(index)];
@@ -150,7 +150,7 @@ CalibrateCommand declare_calibrate_lens(CLI::App& calibrate) {
   add_board_options(*app, o->board);
   app->get_option("--board")->required();
   app->get_option("--square-mm")->required();
-  app->add_flag("--whole-lens-model", o->lens.whole_lens_model,
+  app->add_flag("--whole-lens-model", o->lens.full_lens_model,
                 "Also k3, tangential distortion and pixels that are not square (default: focal "
                 "length, principal point, k1, k2)");
   app->add_option("--views", o->most_views, "At most so many frames of each camera are looked at")

@@ -5,12 +5,12 @@
 #include <filesystem>
 #include <vector>
 
-#include "cli/choice.h"
+#include "base/atomic_file.h"
+#include "cli/choice_option.h"
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "compose/camera/camera_export.h"
 #include "compose/frame_range.h"
-#include "schemas/atomic_file.h"
 
 namespace raystage {
 namespace {
@@ -61,12 +61,12 @@ ExitCode write_camera(const Options& options) {
   std::string text;
   if (output.extension() == ".chan") {
     const RotationOrder order =
-        rotation_order_named(options.rotation_order).value_or(RotationOrder::kZxy);
-    text = camera_as_chan(camera, frames, options.eye, order);
+        parse_rotation_order(options.rotation_order).value_or(RotationOrder::kZxy);
+    text = camera_to_chan(camera, frames, options.eye, order);
   } else if (output.extension() == ".gltf") {
     const std::string name =
         shot.name.empty() ? std::filesystem::path(options.shot).stem().string() : shot.name;
-    text = camera_as_gltf(camera, shot, frames, options.eye, name);
+    text = camera_to_gltf(camera, shot, frames, options.eye, name);
   } else {
     throw Error::bad_input("cameras are written as .chan or .gltf", options.output,
                            "Write FILE.chan or FILE.gltf");

@@ -3,10 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cli/test_command.h"
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/shot_document.h"
-#include "schemas/test_folder.h"
+#include "testing/cli/test_command.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {

@@ -8,7 +8,7 @@
 #include <string>
 #include <string_view>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 

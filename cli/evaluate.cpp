@@ -6,15 +6,15 @@
 #include <string>
 #include <vector>
 
-#include "cli/choice.h"
+#include "base/atomic_file.h"
+#include "cli/choice_option.h"
 #include "cli/command.h"
+#include "cli/command_line_parsing.h"
 #include "cli/focal_depth.h"
-#include "cli/parse.h"
 #include "cli/threads.h"
 #include "render/evaluation/evaluation.h"
 #include "render/methods.h"
-#include "schemas/atomic_file.h"
-#include "schemas/views.h"
+#include "schemas/views_document.h"
 
 namespace {
 
@@ -45,7 +45,7 @@ ExitCode evaluate(const Options& options, std::stop_token stop) {
     const auto [name, value] = option_from_text(text);
     settings.options[name] = value;
   }
-  settings.focal_depth = focal_depth_from(options.focal_depth);
+  settings.focal_depth = parse_focal_depth(options.focal_depth);
   settings.memory_bytes = static_cast<std::size_t>(options.memory_gb * 1e9);
   const Take take(options.take);
   ViewsDocument views;
@@ -83,7 +83,7 @@ int main(int argc, char** argv) {
          "Focal plane parallel to the array, metres in front of it; 'best': eq. 2.2 from the "
          "take's depth range")
       ->capture_default_str();
-  app.add_option("--leave-out", options.settings.leave_out,
+  app.add_option("--leave-out", options.settings.excluded_camera_ids,
                  "Cameras (ids, comma separated) to take out and use as truth")
       ->delimiter(',')
       ->allow_extra_args(false)

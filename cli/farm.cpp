@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 
 int main(int argc, char** argv) {
   using namespace raystage;
@@ -24,7 +24,7 @@ int main(int argc, char** argv) {
   return parse_and_run(app, argc, argv, "farm", [&](std::stop_token stop) {
     for (const FarmCommand& command : commands) {
       if (!command.app->parsed()) continue;
-      refuse_non_finite(*command.app);
+      reject_non_finite(*command.app);
       return command.body(stop);
     }
     return ExitCode::kBadInput;

@@ -29,7 +29,7 @@ FarmCommand declare_farm_task(CLI::App& farm);
 inline void print(const std::string& text) { std::fputs(text.c_str(), stdout); }
 
 /// The positional JOB of most of them.
-inline void add_job(CLI::App& app, std::string& job) {
+inline void add_job_argument(CLI::App& app, std::string& job) {
   app.add_option("JOB", job,
                  "job folder (OUT/NAME.farm/job-0001), or the output (OUT/NAME.####.exr) for its "
                  "newest job")

@@ -8,6 +8,7 @@
 #include <memory>
 #include <thread>
 
+#include "base/atomic_file.h"
 #include "cli/farm.h"
 #include "compose/frame_range.h"
 #include "farm/local_engine.h"
@@ -16,7 +17,6 @@
 #include "farm/slurm_queue.h"
 #include "farm/status.h"
 #include "farm/verification.h"
-#include "schemas/atomic_file.h"
 
 namespace raystage {
 namespace {
@@ -54,7 +54,7 @@ ExitCode show_status(const StatusOptions& options, const std::stop_token& stop) 
     if (redraw) print("\033[H\033[2J");
     print(options.json ? farm::status_json(status) + "\n" : farm::status_text(status, options.all));
     std::fflush(stdout);
-    const bool goes_on = status.is_live() || status.is_preview_under_way();
+    const bool goes_on = status.is_live() || status.is_preview_running();
     if (!options.watch || !goes_on || stop.stop_requested()) return exit_code_of(status);
     const auto until =
         std::chrono::steady_clock::now() + std::chrono::duration<double>(options.interval_s);
@@ -70,7 +70,7 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
   const farm::JobFolder folder = farm::find_job(job_name);
   std::optional<std::vector<int>> wanted;
   if (!frames.empty()) wanted = parse_frame_range(frames);
-  const FarmRound round = farm::write_retry(folder, wanted, stop);
+  const FarmRound round = farm::write_retry_round(folder, wanted, stop);
   print(fmt::format("round {}: {} tasks to render, {} to prepare\n", round.round,
                     round.render.size(), round.prepare.size()));
   std::fflush(stdout);
@@ -83,7 +83,7 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
       farm::LocalOptions local;
       local.progress = [&](double done) { progress.report(done); };
       local.say = [&](std::string_view line) { progress.say(line); };
-      return farm::run_locally(folder, local, stop);
+      return farm::run_job_locally(folder, local, stop);
     }
     default:
       print(fmt::format("the render manager has to run these tasks again, with --round {}\n",
@@ -94,18 +94,18 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
 
 ExitCode cancel(const std::string& job_name) {
   const farm::JobFolder folder = farm::find_job(job_name);
-  const FarmJobDocument job = folder.job_here();
+  const FarmJobDocument job = folder.local_job();
   if (const auto end = folder.end()) {
-    throw Error::bad_input("the job is over: it is " + std::string(farm_end_name(end->state)),
+    throw Error::bad_input("the job is over: it is " + std::string(farm_end_state_name(end->state)),
                            folder.path().string(), "Nothing is left to cancel");
   }
   // First of all: a verification that ends now must queue nothing more.
   write_file_atomically(folder.cancel_file(), "");
-  if (job.engine == FarmJobDocument::Engine::kSlurm) farm::slurm_cancel(job);
-  if (job.engine == FarmJobDocument::Engine::kLocal) farm::stop_running_here(folder);
+  if (job.engine == FarmJobDocument::Engine::kSlurm) farm::cancel_slurm_job(job);
+  if (job.engine == FarmJobDocument::Engine::kLocal) farm::stop_local_job(folder);
   FarmEnd end;
   end.state = FarmEnd::State::kCancelled;
-  end.frames = static_cast<int>(farm::frames_of(job).size());
+  end.frames = static_cast<int>(farm::job_frames(job).size());
   farm::end_job(folder, job, end);
   print(fmt::format("job {} is cancelled; frames that are there stay\n", job.id));
   return ExitCode::kSuccess;
@@ -115,10 +115,10 @@ ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
   const farm::JobFolder folder = farm::find_job(job_name);
   const FarmJobDocument job = folder.job();
   const std::vector<int> wanted{frame};
-  const std::vector<int> chunks = farm::chunks_with(job, wanted);
+  const std::vector<int> chunks = farm::chunks_with_frames(job, wanted);
   if (chunks.empty()) {
     throw Error::bad_input(fmt::format("frame {} is not in the job, which has {}", frame,
-                                       format_frame_range(farm::frames_of(job))),
+                                       format_frame_range(farm::job_frames(job))),
                            folder.path().string(), "Name a frame of the job");
   }
   const farm::TaskAttempts attempts = farm::read_attempts(folder);
@@ -164,7 +164,7 @@ ExitCode show_logs(const std::string& job_name, int frame, int only_attempt) {
 FarmCommand declare_farm_status(CLI::App& farm) {
   CLI::App* app = farm.add_subcommand("status", "report what is done, runs, failed, and why");
   auto options = std::make_shared<StatusOptions>();
-  add_job(*app, options->job);
+  add_job_argument(*app, options->job);
   app->add_flag("--watch", options->watch, "repeat until the job is over");
   app->add_option("--interval", options->interval_s, "seconds between two looks (default: 5)")
       ->check(CLI::Range(0.1, 86400.0))
@@ -182,7 +182,7 @@ FarmCommand declare_farm_status(CLI::App& farm) {
 FarmCommand declare_farm_retry(CLI::App& farm) {
   CLI::App* app = farm.add_subcommand("retry", "try the missing frames of a job again");
   auto job = std::make_shared<std::string>(), frames = std::make_shared<std::string>();
-  add_job(*app, *job);
+  add_job_argument(*app, *job);
   app->add_option("--frames", *frames,
                   "render these frames anew, whole or not (default: all that\nare not whole)")
       ->type_name("RANGE");
@@ -192,7 +192,7 @@ FarmCommand declare_farm_retry(CLI::App& farm) {
 FarmCommand declare_farm_cancel(CLI::App& farm) {
   CLI::App* app = farm.add_subcommand("cancel", "cancel what waits or runs");
   auto job = std::make_shared<std::string>();
-  add_job(*app, *job);
+  add_job_argument(*app, *job);
   return {app, [job](std::stop_token /*stop*/) { return cancel(*job); }};
 }
 
@@ -200,7 +200,7 @@ FarmCommand declare_farm_logs(CLI::App& farm) {
   CLI::App* app = farm.add_subcommand("logs", "print the logs of a frame, attempt by attempt");
   auto job = std::make_shared<std::string>();
   auto frame = std::make_shared<int>(0), attempt = std::make_shared<int>(0);
-  add_job(*app, *job);
+  add_job_argument(*app, *job);
   app->add_option("FRAME", *frame, "a frame number")->required();
   app->add_option("--attempt", *attempt, "only this attempt (default: all)")
       ->check(CLI::Range(1, 1000000))

@@ -6,13 +6,13 @@
 #include <cstdio>
 #include <memory>
 
-#include "cli/choice.h"
+#include "base/atomic_file.h"
+#include "cli/choice_option.h"
 #include "cli/farm.h"
 #include "cli/threads.h"
 #include "farm/cost_model.h"
 #include "farm/doctor.h"
 #include "farm/task.h"
-#include "schemas/atomic_file.h"
 
 namespace raystage {
 namespace {
@@ -30,20 +30,20 @@ ExitCode run_task(const TaskOptions& options, const std::stop_token& stop) {
   farm::TaskRequest request{farm::JobFolder(options.job)};
   for (const std::string& map : options.maps) request.paths.push_back(farm::parse_path_rule(map));
   if (!options.path_mapping.empty()) {
-    for (farm::PathRule& rule : farm::read_path_mapping(options.path_mapping)) {
+    for (farm::PathMappingRule& rule : farm::read_path_mapping(options.path_mapping)) {
       request.paths.push_back(std::move(rule));
     }
   }
   if (options.stage == "doctor") {
     const farm::MappedJob mapped = farm::read_mapped_job(request.folder, request.paths);
-    print(farm::format_node_report(farm::examine_node(mapped.job, options.job, options.node)));
+    print(farm::format_node_report(farm::check_node(mapped.job, options.job, options.node)));
     return ExitCode::kSuccess;
   }
   request.stage = parse_farm_stage(options.stage);
   request.index = options.index;
   request.round = options.round;
   request.node = options.node;
-  request.patience_seconds = options.patience_s;
+  request.timeout_seconds = options.patience_s;
   Progress progress(options.progress);
   request.progress = [&](double done) { progress.report(done); };
   request.say = [&](std::string_view line) { progress.say(line); };
@@ -56,7 +56,7 @@ ExitCode run_task(const TaskOptions& options, const std::stop_token& stop) {
 struct EstimateOptions {
   std::string job, page;
   std::vector<int> nodes{1, 2, 4, 10, 100, 1000};
-  farm::SiteCosts site;
+  farm::SiteParameters site;
   double read_mb = 1000, write_mb = 1000;
   double frame_read_mb = -1, task_s = -1, latency_s = -1;  ///< negative: as measured
   int frames = 0, chunks = 0, instants = -1;
@@ -64,7 +64,7 @@ struct EstimateOptions {
 
 ExitCode estimate(EstimateOptions options) {
   const farm::JobFolder folder = farm::find_job(options.job);
-  const FarmJobDocument job = folder.job_here();
+  const FarmJobDocument job = folder.local_job();
   auto costs = farm::measured_costs(job, farm::read_attempts(folder));
   if (!costs) {
     throw Error::bad_input("no task of stage render is done, so nothing is measured",
@@ -101,7 +101,7 @@ FarmCommand declare_farm_doctor(CLI::App& farm) {
     double patience_s = 60;
   };
   auto options = std::make_shared<Options>();
-  add_job(*app, options->job);
+  add_job_argument(*app, options->job);
   app->add_option("--nodes", options->nodes, "only these nodes (default: all of the partition)")
       ->delimiter(',')
       ->type_name("NODE,...");
@@ -112,8 +112,8 @@ FarmCommand declare_farm_doctor(CLI::App& farm) {
       "To ask before anything is rendered: raystage farm submit --no-queue writes a job without\n"
       "queueing it. Exit codes: 0 every node is ready; 1 some are not.");
   return {app, [options](std::stop_token stop) {
-            const auto reports = farm::examine_nodes(farm::find_job(options->job), options->nodes,
-                                                     options->patience_s, stop);
+            const auto reports = farm::check_nodes(farm::find_job(options->job), options->nodes,
+                                                   options->patience_s, stop);
             print(farm::doctor_text(reports));
             for (const farm::NodeReport& report : reports) {
               if (!report.fault.empty()) return ExitCode::kFailed;
@@ -126,7 +126,7 @@ FarmCommand declare_farm_estimate(CLI::App& farm) {
   CLI::App* app =
       farm.add_subcommand("estimate", "predict how a job scales, from what its tasks took");
   auto options = std::make_shared<EstimateOptions>();
-  add_job(*app, options->job);
+  add_job_argument(*app, options->job);
   app->add_option("--nodes", options->nodes, "numbers of nodes (default: 1,2,4,10,100,1000)")
       ->delimiter(',')
       ->check(CLI::Range(1, 1000000))

@@ -5,7 +5,8 @@
 #include <cstdio>
 #include <memory>
 
-#include "cli/choice.h"
+#include "base/atomic_file.h"
+#include "cli/choice_option.h"
 #include "cli/farm.h"
 #include "compose/frame_range.h"
 #include "farm/local_engine.h"
@@ -15,7 +16,6 @@
 #include "farm/slurm_queue.h"
 #include "farm/slurm_scripts.h"
 #include "farm/submission.h"
-#include "schemas/atomic_file.h"
 
 namespace raystage {
 namespace {
@@ -148,7 +148,7 @@ void declare_resources(CLI::App& app, Options& options) {
       ->type_name("FROM=TO")
       ->take_all()
       ->allow_extra_args(false);
-  app.add_option("--wrap", submission.wrap,
+  app.add_option("--wrap", submission.command_prefix,
                  "words before the command of a task, e.g. \"apptainer exec /net/raystage.sif\"")
       ->type_name("COMMAND");
   app.add_option("--program", submission.program,
@@ -217,7 +217,7 @@ void complete_distributed(const Options& options, SubmissionOptions& submission)
                            "Add --nodes, e.g. --nodes 'n[1-4]'");
   }
   submission.distributed = options.distributed;
-  submission.distributed->nodes = farm::nodes_of_list(options.nodes);
+  submission.distributed->nodes = farm::expand_node_list(options.nodes);
 }
 
 SubmissionOptions completed(Options& options, Progress& progress) {
@@ -253,14 +253,14 @@ ExitCode show_plan(const SubmissionOptions& submission) {
   const farm::PlannedJob planned = farm::plan_submission(submission);
   const FarmJobDocument& job = planned.job;
   print(fmt::format("frames   {} ({}) in {} tasks, the first of frames {}\n",
-                    farm::frames_of(job).size(), format_frame_range(farm::frames_of(job)),
+                    farm::job_frames(job).size(), format_frame_range(farm::job_frames(job)),
                     job.chunks.size(), job.chunks.front().frames));
   if (job.distributed) {
     print(fmt::format("nodes    {}, all for each task of stage render\n",
                       fmt::join(job.distributed->nodes, " ")));
   }
-  print(fmt::format("output   {}\nprogram  {}{}{}\nsimd     {}\n\n", job.output, job.wrap,
-                    job.wrap.empty() ? "" : " ", job.program, job.simd));
+  print(fmt::format("output   {}\nprogram  {}{}{}\nsimd     {}\n\n", job.output, job.command_prefix,
+                    job.command_prefix.empty() ? "" : " ", job.program, job.simd));
   print(fmt::format("{:<8} {:>6} {:>8} {:>11} {:>9} {:>10}  {}\n", "stage", "tasks", "threads",
                     "memory", "of Slurm", "time", "options of sbatch"));
   if (!job.instants.empty()) print(resources_line(job, FarmStage::kPrepare, job.instants.size()));
@@ -272,7 +272,7 @@ ExitCode show_plan(const SubmissionOptions& submission) {
     print(
         fmt::format("\nA submission renders frame {} here first: chunk, memory and time that are "
                     "not given follow from it.\n",
-                    farm::frames_of(job).front()));
+                    farm::job_frames(job).front()));
   }
   print("\nNothing was written or queued. --no-queue writes the job with its scripts.\n");
   return ExitCode::kSuccess;
@@ -293,7 +293,7 @@ ExitCode submit(Options& options, std::stop_token stop) {
     farm::LocalOptions local;
     local.progress = [&](double done) { progress.report(done); };
     if (!options.quiet) local.say = [&](std::string_view line) { progress.say(line); };
-    return farm::run_locally(folder, local, stop);
+    return farm::run_job_locally(folder, local, stop);
   }
   if (!options.no_queue) farm::queue_round(folder, folder.rounds().front());
   return ExitCode::kSuccess;
@@ -306,7 +306,7 @@ ExitCode export_job(Options& options, std::stop_token stop) {
   submission.measure = false;
   const farm::JobFolder folder = farm::write_submission(submission, stop);
   const std::string text = farm::openjd_template(folder.job());
-  if (const auto faults = farm::openjd_faults(text); !faults.empty()) {
+  if (const auto faults = farm::validate_openjd_template(text); !faults.empty()) {
     throw Error::bad_input(
         "the template would break a rule of Open Job Description: " + faults.front(),
         folder.path().string(), "Use shorter paths and names");

@@ -5,10 +5,10 @@
 
 #include <nlohmann/json.hpp>
 
-#include "cli/test_command.h"
-#include "schemas/atomic_file.h"
-#include "schemas/test_folder.h"
-#include "store/take_test_data.h"
+#include "base/atomic_file.h"
+#include "testing/cli/test_command.h"
+#include "testing/store/take_test_data.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {

@@ -4,12 +4,12 @@
 #include <optional>
 #include <string>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 
 /// --focal-depth: "best" (nullopt) or metres. Throws Error (bad input).
-inline std::optional<double> focal_depth_from(const std::string& text) {
+inline std::optional<double> parse_focal_depth(const std::string& text) {
   if (text == "best") return std::nullopt;
   std::size_t used = 0;
   double depth = 0;

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "cli/threads.h"
 #include "ingest/import_source.h"
 #include "ingest/import_take.h"
@@ -110,7 +110,7 @@ raystage::ImportSettings settings_from(const Options& options) {
 }
 
 ExitCode run(const Options& options, std::stop_token stop) {
-  raystage::ModelSettings model;
+  raystage::ModelImportSettings model;
   if (!options.images.empty()) model.images = options.images;
   model.epoch_utc = raystage::parse_utc(options.epoch);
   model.nominal_fps = options.fps;

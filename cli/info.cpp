@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "store/take_summary.h"
 
 namespace raystage {
@@ -22,7 +22,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 using Camera = TakeSummary::Camera;
 
-constexpr double kNsPerMs = 1e6, kNsPerS = 1e9, kBytesPerMb = 1e6;
+constexpr double kBytesPerMb = 1e6;
 
 double seconds(Nanoseconds time) { return static_cast<double>(time) / kNsPerS; }
 
@@ -177,7 +177,7 @@ void print_text(const Take& take, const TakeSummary& summary) {
   }
   if (!summary.restarts_error.empty()) line("Resumed", summary.restarts_error);
   line("Colour", document.color_space);
-  line("Clock", fmt::format("{}; a time marks: {}", document.clock, document.time_marks));
+  line("Clock", fmt::format("{}; a time marks: {}", document.clock, document.timestamp_event));
   line("JPEG", restart_markers(summary));
   if (document.depth_range) {
     const DepthRange range = *document.depth_range;
@@ -240,7 +240,7 @@ void print_json(const Take& take, const TakeSummary& summary) {
                                                    : Json()},
             {"color_space", document.color_space},
             {"clock", document.clock},
-            {"time_marks", document.time_marks},
+            {"time_marks", document.timestamp_event},
             {"scale", document.arbitrary_scale ? "arbitrary" : "metres"},
             {"nominal_fps", document.nominal_fps},
             {"fps", summary.fps},

@@ -11,12 +11,12 @@
 #include <vector>
 
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "cli/shot_options.h"
 #include "cli/simd_option.h"
 #include "cli/threads.h"
+#include "compose/derived_data.h"
 #include "compose/frame_range.h"
-#include "compose/preparation.h"
 #include "compose/sequence.h"
 
 namespace raystage {
@@ -94,8 +94,8 @@ std::vector<LayerTick> parse_instants(const std::string& text) {
   return instants;
 }
 
-void print_list(std::span<const DerivedInstant> instants) {
-  for (const DerivedInstant& instant : instants) {
+void print_list(std::span<const DerivedFrameData> instants) {
+  for (const DerivedFrameData& instant : instants) {
     const std::string line = fmt::format("{}:{}\t{}\t{}\t{}\n", instant.layer, instant.tick,
                                          instant.is_stored ? "stored" : "missing",
                                          format_frame_range(instant.frames), instant.file.string());
@@ -104,7 +104,7 @@ void print_list(std::span<const DerivedInstant> instants) {
 }
 
 std::string summary_of(const PrepareReport& report) {
-  std::string text = stored_data_text(report.derived, report.stored_before);
+  std::string text = format_stored_data_counts(report.derived, report.stored_before);
   if (!report.failures.empty()) text += fmt::format("; {} failed", report.failures.size());
   return text;
 }
@@ -125,22 +125,22 @@ ExitCode prepare(const Options& options, std::stop_token stop) {
   const ShotPlan plan(options.shot, plan_options);
   const std::vector<int> numbers = frames_to_render(plan.shot(), asked, say);
   const std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
-  const std::vector<DerivedInstant> instants =
-      wanted ? derived_instants(plan, frames, *wanted) : derived_instants(plan, frames);
+  const std::vector<DerivedFrameData> instants =
+      wanted ? list_derived_data(plan, frames, *wanted) : list_derived_data(plan, frames);
   if (options.list) {
     print_list(instants);
     return ExitCode::kSuccess;
   }
   if (!options.pin.empty()) {
     std::vector<std::filesystem::path> files;
-    for (const DerivedInstant& instant : instants) files.push_back(instant.file);
-    pin_derived(files, options.pin);
+    for (const DerivedFrameData& instant : instants) files.push_back(instant.file);
+    pin_derived_data(files, options.pin);
   }
   PrepareOptions how;
   how.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   how.progress = [&](double done) { progress.report(done); };
   how.say = say;
-  const PrepareReport report = prepare_instants(plan, instants, how, std::move(stop));
+  const PrepareReport report = prepare_derived_data(plan, instants, how, std::move(stop));
   progress.say(summary_of(report));
   return report.exit_code();
 }

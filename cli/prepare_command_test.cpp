@@ -3,9 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "cli/test_command.h"
-#include "compose/sequence_test_data.h"
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
+#include "testing/cli/test_command.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {

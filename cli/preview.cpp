@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "compose/frame_range.h"
 
 int main(int argc, char** argv) {

@@ -10,15 +10,15 @@
 #include <filesystem>
 #include <optional>
 
+#include "base/resources.h"
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "cli/record_status.h"
 #include "cli/threads.h"
-#include "ingest/record/memory_plan.h"
 #include "ingest/record/record_setup.h"
-#include "ingest/sources/open_source.h"
+#include "ingest/record/recording_memory_plan.h"
+#include "ingest/sources/open_frame_source.h"
 #include "raystage_version.h"
-#include "schemas/resources.h"
 
 namespace raystage {
 namespace {
@@ -131,9 +131,9 @@ RecordingTake open_take(const Options& options, const RecordConfig& config,
     return resume_take(options.take, cameras, node, start_utc, duration_s);
   }
   const Nanoseconds epoch = whole_second(start_utc.value_or(host_utc_now()));
-  return RecordingTake::create(options.take,
-                               take_for(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION),
-                               rig_for(config, options.config.parent_path(), cameras), node);
+  return RecordingTake::create(
+      options.take, make_take_document(config, cameras, node, epoch, "raystage " RAYSTAGE_VERSION),
+      make_recording_rig(config, options.config.parent_path(), cameras), node);
 }
 
 /// Before cameras are opened, which can take long.
@@ -160,13 +160,14 @@ void say_when_it_starts(Nanoseconds start, bool given) {
                "raystage record: --start-at was {:.1f} s ago: the frames since are missing\n",
                -ahead);
   } else if (ahead > 0) {
-    fmt::print(stderr, "Frames count from {} on, in {}\n", format_utc(start), duration_text(ahead));
+    fmt::print(stderr, "Frames count from {} on, in {}\n", format_utc(start),
+               format_duration(ahead));
   }
 }
 
 /// What it will take of this machine's RAM, which had `free_before` bytes when it began.
-void say_what_memory_it_takes(const MemoryPlan& plan, std::size_t free_before) {
-  fmt::print(stderr, "{}\n", memory_text(plan));
+void say_what_memory_it_takes(const RecordingMemoryPlan& plan, std::size_t free_before) {
+  fmt::print(stderr, "{}\n", format_memory_plan(plan));
   const std::string warning = memory_warning(plan, free_before);
   if (!warning.empty()) fmt::print(stderr, "raystage record: {}\n", warning);
 }
@@ -177,7 +178,7 @@ void say_how_long_memory_lasts(std::size_t bytes, std::optional<double> rate) {
   const std::string text =
       rate && *rate > 0
           ? fmt::format("{:.0f} MB of memory hold {} of this ({:.1f} MB/s)\n", memory / 1e6,
-                        duration_text(memory / *rate), *rate / 1e6)
+                        format_duration(memory / *rate), *rate / 1e6)
           : fmt::format("How long {:.0f} MB of memory last is not known before {}\n", memory / 1e6,
                         rate ? "frames come" : "files and pipes are read");
   std::fputs(text.c_str(), stderr);
@@ -191,8 +192,8 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   const std::string node = !options.node.empty()  ? options.node
                            : !config.node.empty() ? config.node
                                                   : host_name();
-  RecorderSettings settings = settings_from(config);
-  check_memory(settings.memory_bytes, available_memory());
+  RecorderSettings settings = make_recorder_settings(config);
+  check_recording_memory(settings.memory_bytes, available_memory());
   const std::size_t free_before = free_memory();
   settings.threads = thread_count(options.threads);
   if (!options.start_at.empty()) settings.start_utc = parse_utc(options.start_at);
@@ -208,14 +209,15 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
   if (options.status != "none") {
     fmt::print(stderr, "raystage record: opening {} cameras\n", config.cameras.size());
   }
-  auto cameras = open_cameras(
-      config, [folder](const RecordConfig::Camera& camera) { return open_source(camera, folder); });
+  auto cameras = open_cameras(config, [folder](const RecordConfig::Camera& camera) {
+    return open_frame_source(camera, folder);
+  });
   constexpr double kMeasure = 2;  // seconds
-  const auto rate = config.hold ? measure_bytes_per_second(cameras, settings.jpeg, kMeasure)
-                                : std::optional<double>();
+  const auto rate =
+      config.hold ? measure_data_rate(cameras, settings.jpeg, kMeasure) : std::optional<double>();
   check_stop();
   RecordingTake take = open_take(options, config, cameras, node, settings.start_utc);
-  const MemoryPlan plan = memory_plan(settings, cameras);
+  const RecordingMemoryPlan plan = plan_recording_memory(settings, cameras);
   Recorder recorder(settings, std::move(cameras), take, "raystage " RAYSTAGE_VERSION);
   say_what_memory_it_takes(plan, free_before);
   say_when_it_starts(std::max(settings.start_utc.value_or(0), take.document().epoch_utc),
@@ -231,7 +233,7 @@ ExitCode record(const Options& options, const std::stop_token& stop) {
       });
   printer.finish();
   fmt::print(options.status == "json" ? stderr : stdout, "{}: {}; {}", options.take.string(),
-             session.why_stopped, session_text(session));
+             session.stop_reason, format_session_summary(session));
 
   if (!session.audit || !session.audit->holds) return ExitCode::kFailed;
   bool whole = true;

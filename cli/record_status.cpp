@@ -60,7 +60,7 @@ std::string many_cameras_text(const std::vector<RecorderStatus::Camera>& cameras
 
 }  // namespace
 
-std::string duration_text(double seconds) {
+std::string format_duration(double seconds) {
   constexpr double kMinute = 60, kHour = 3600;
   const auto whole = static_cast<std::int64_t>(seconds);
   if (seconds >= 100 * kHour) return "over 100 h";
@@ -86,9 +86,9 @@ std::string status_line(const RecorderStatus& status) {
   text += fmt::format("  RAM {:.0f} of {:.0f} MB  disk {:.1f} MB/s",
                       static_cast<double>(status.memory_used) / kMegabyte,
                       static_cast<double>(status.memory_limit) / kMegabyte,
-                      status.written_per_second / kMegabyte);
-  if (status.seconds_left) text += "  " + duration_text(*status.seconds_left) + " left";
-  if (!status.trouble.empty()) text += "  DISK: " + status.trouble;
+                      status.write_bytes_per_s / kMegabyte);
+  if (status.seconds_left) text += "  " + format_duration(*status.seconds_left) + " left";
+  if (!status.write_error.empty()) text += "  DISK: " + status.write_error;
   return text;
 }
 
@@ -96,13 +96,13 @@ std::string status_json(const RecorderStatus& status) {
   nlohmann::ordered_json json{{"seconds", status.seconds},
                               {"memory_used_bytes", status.memory_used},
                               {"memory_limit_bytes", status.memory_limit},
-                              {"written_bytes_per_second", status.written_per_second}};
+                              {"written_bytes_per_second", status.write_bytes_per_s}};
   if (status.seconds_left) {
     json["seconds_left"] = *status.seconds_left;
   } else {
     json["seconds_left"] = nullptr;
   }
-  json["trouble"] = status.trouble;
+  json["trouble"] = status.write_error;
   auto& cameras = json["cameras"] = nlohmann::ordered_json::array();
   for (const auto& camera : status.cameras) {
     cameras.push_back({{"id", camera.id},
@@ -117,7 +117,7 @@ std::string status_json(const RecorderStatus& status) {
   return json.dump();
 }
 
-std::string session_text(const RecordingDocument::Session& session) {
+std::string format_session_summary(const RecordingDocument::Session& session) {
   std::uint64_t arrived = 0, stored = 0, skipped = 0;
   std::map<std::string, std::uint64_t> dropped;
   std::string cameras;
@@ -152,7 +152,7 @@ std::string session_text(const RecordingDocument::Session& session) {
   text += cameras;
   if (session.audit) {
     text += session.audit->holds ? "The audit holds.\n" : "THE AUDIT FAILS:\n";
-    for (const std::string& complaint : session.audit->complaints) {
+    for (const std::string& complaint : session.audit->problems) {
       text += "  " + complaint + "\n";
     }
   }

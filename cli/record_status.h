@@ -14,8 +14,8 @@ std::string status_line(const RecorderStatus& status);
 /// One line of JSON with everything, for programs.
 std::string status_json(const RecorderStatus& status);
 /// The account at the end, for a person.
-std::string session_text(const RecordingDocument::Session& session);
+std::string format_session_summary(const RecordingDocument::Session& session);
 /// "2 h 05 min", "3 min 20 s", "12 s".
-std::string duration_text(double seconds);
+std::string format_duration(double seconds);
 
 }  // namespace raystage

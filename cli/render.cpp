@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // raystage render: a shot as an EXR sequence.
+#include "base/error.h"
 #include "cli/render_command.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
 
 void check_alone(const RenderOptions& options) {
-  if (options.take_folders.empty() && !options.absent_archives && options.fragments.empty() &&
+  if (options.take_folders.empty() && !options.missing_archives && options.fragments.empty() &&
       options.jpeg_quality == 0) {
     return;
   }
@@ -24,7 +24,7 @@ int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app{"Renders a shot as an EXR sequence.", "raystage render"};
   RenderOptions options;
-  declare(app, options, argv);
+  declare_render_options(app, options, argv);
   return parse_and_run(app, argc, argv, "render", [&](std::stop_token stop) {
     check_alone(options);
     Progress progress(options.progress);

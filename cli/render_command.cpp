@@ -9,13 +9,13 @@
 #include <map>
 #include <optional>
 
-#include "cli/choice.h"
-#include "cli/parse.h"
+#include "cli/choice_option.h"
+#include "cli/command_line_parsing.h"
 #include "cli/shot_options.h"
 #include "cli/simd_option.h"
 #include "cli/threads.h"
+#include "compose/derived_data.h"
 #include "compose/frame_range.h"
-#include "compose/preparation.h"
 #include "compose/sequence.h"
 #include "raystage_version.h"
 #include "render/methods.h"
@@ -27,7 +27,7 @@ constexpr double kBytesPerGb = 1e9, kLeastMemoryGb = 1e-3, kMostMemoryGb = 1e5;
 
 }  // namespace
 
-void declare(CLI::App& app, RenderOptions& options, char** argv) {
+void declare_render_options(CLI::App& app, RenderOptions& options, char** argv) {
   app.add_option("SHOT", options.shot, "the shot to render (shot.json)")->required();
   add_relative_to_option(app, options.relative_to);
   app.add_option("-o,--output", options.output,
@@ -110,7 +110,7 @@ void declare(CLI::App& app, RenderOptions& options, char** argv) {
       ->take_all()
       ->allow_extra_args(false)
       ->group(of_hosts);
-  add_choice<bool>(app, "--missing-archives", options.absent_archives,
+  add_choice<bool>(app, "--missing-archives", options.missing_archives,
                    {{"error", false}, {"absent", true}},
                    "cameras whose archives no rank has: error = refuse to start; absent = render "
                    "without them and\nmark what is missing (default: error)")
@@ -150,13 +150,13 @@ std::string host_name() {
 
 }  // namespace
 
-ExitCode render(const RenderOptions& options, Progress& progress, TakeHosts* hosts,
-                std::string_view on_hosts, std::stop_token stop) {
+ExitCode render(const RenderOptions& options, Progress& progress, DistributedTakes* hosts,
+                std::string_view hosts_description, std::stop_token stop) {
   const int threads = thread_count(options.threads);
   progress.say(fmt::format(
       "raystage render {} on {}{}: {} threads, simd {}, SHOT {}, --existing {}, frames {}",
-      RAYSTAGE_VERSION, host_name(), on_hosts, threads, simd_level_name(kernel_simd_level()),
-      options.shot,
+      RAYSTAGE_VERSION, host_name(), hosts_description, threads,
+      simd_level_name(kernel_simd_level()), options.shot,
       options.existing == ExistingFiles::kError  ? "error"
       : options.existing == ExistingFiles::kSkip ? "skip"
                                                  : "overwrite",
@@ -190,8 +190,9 @@ ExitCode render(const RenderOptions& options, Progress& progress, TakeHosts* hos
   tbb::task_arena arena(threads);
   const SequenceReport report =
       arena.execute([&] { return render_sequence(options.shot, sequence, stop); });
-  if (report.instants_solved + report.instants_read > 0) {
-    progress.say(stored_data_text(report.instants_solved, report.instants_read));
+  if (report.light_field_frames_estimated + report.light_field_frames_loaded > 0) {
+    progress.say(format_stored_data_counts(report.light_field_frames_estimated,
+                                           report.light_field_frames_loaded));
   }
   if (report.rendered > 0) progress.say(report.stages());
   progress.say(report.summary());

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "compose/sequence.h"
 #include "schemas/hole_fill.h"
 
@@ -30,16 +30,17 @@ struct RenderOptions {
   ProgressStyle progress = ProgressStyle::kAuto;
   // Of several hosts, see docs/farm.md.
   std::vector<std::string> take_folders;
-  bool absent_archives = false;
+  bool missing_archives = false;
   std::string fragments;
   int jpeg_quality = 0;
   std::filesystem::path fingerprints;
 };
 
-void declare(CLI::App& app, RenderOptions& options, char** argv);
+void declare_render_options(CLI::App& app, RenderOptions& options, char** argv);
 
-/// Renders the shot. `hosts`: as SequenceOptions; `on_hosts`: for the first line that is said.
-ExitCode render(const RenderOptions& options, Progress& progress, TakeHosts* hosts,
-                std::string_view on_hosts, std::stop_token stop);
+/// Renders the shot. `hosts`: as SequenceOptions; `hosts_description`: for the first line that is
+/// said.
+ExitCode render(const RenderOptions& options, Progress& progress, DistributedTakes* hosts,
+                std::string_view hosts_description, std::stop_token stop);
 
 }  // namespace raystage

@@ -2,15 +2,15 @@
 // raystage render as a farm runs it.
 #include <hwy/targets.h>
 
-#include "cli/render_command_test_data.h"
-#include "render/view/simd_level.h"
+#include "render/common/simd_level.h"
+#include "testing/cli/render_command_test_data.h"
 
 namespace raystage::test {
 namespace {
 
 using ::testing::HasSubstr;
 
-class RenderCommand : public RenderCommands {};
+class RenderCommand : public RenderCommandTest {};
 
 TEST_F(RenderCommand, OneSimdLevelGivesTheSameBytes) {
   for (const char* method : {"focal_plane", "depth"}) {

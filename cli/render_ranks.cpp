@@ -8,8 +8,8 @@
 #include "cli/render_command.h"
 #include "cli/threads.h"
 #include "farm/path_map.h"
-#include "farm/ranks/first_rank.h"
-#include "farm/ranks/other_rank.h"
+#include "farm/ranks/root_rank.h"
+#include "farm/ranks/worker_rank.h"
 
 namespace raystage {
 namespace {
@@ -22,8 +22,8 @@ FragmentEncodingSettings encoding_of(const RenderOptions& options) {
   return settings;
 }
 
-std::vector<farm::PathRule> folders_of(const RenderOptions& options) {
-  std::vector<farm::PathRule> rules;
+std::vector<farm::PathMappingRule> folders_of(const RenderOptions& options) {
+  std::vector<farm::PathMappingRule> rules;
   for (const std::string& text : options.take_folders) {
     rules.push_back(farm::parse_path_rule(text));
   }
@@ -45,23 +45,23 @@ std::string traffic_text(const farm::RankTraffic& traffic) {
 
 std::string costs_text(const farm::RankTraffic& traffic) {
   const auto views = static_cast<double>(std::max<std::int64_t>(traffic.views, 1));
-  const farm::SumTimes& times = traffic.times;
+  const farm::ReduceTimes& times = traffic.times;
   return fmt::format(
       "all ranks: {:.2f} CPU seconds, {:.2f} of them waiting; milliseconds a view: own cameras of "
       "rank 0 {:.1f}, then waiting {:.1f} and adding fragments {:.1f}; the slowest other rank: own "
       "cameras {:.1f}, adding {:.1f}, encoding fragments {:.1f}; messages and turns {:.1f}",
-      traffic.costs.cpu_seconds, traffic.costs.waiting_cpu_seconds, times.own_ms / views,
-      times.wait_ms / views, times.add_ms / views, times.slowest.own_ms / views,
+      traffic.costs.cpu_seconds, traffic.costs.waiting_cpu_seconds, times.local_ms / views,
+      times.wait_ms / views, times.add_ms / views, times.slowest.local_ms / views,
       times.slowest.add_ms / views, times.slowest.encode_ms / views, times.travel_ms() / views);
 }
 
 ExitCode render_as_first(farm::MpiWorld& world, const RenderOptions& options,
                          const std::stop_token& stop) {
   Progress progress(options.progress);
-  farm::FirstRank ranks(
+  farm::RootRank ranks(
       world,
       {folders_of(options),
-       options.absent_archives ? farm::MissingArchives::kAbsent : farm::MissingArchives::kError,
+       options.missing_archives ? farm::MissingArchives::kAbsent : farm::MissingArchives::kError,
        encoding_of(options), [&](std::string_view line) { progress.say(line); }});
   const ExitCode code =
       render(options, progress, &ranks, fmt::format(", the first of {} ranks", world.size()), stop);
@@ -75,8 +75,8 @@ void serve(farm::MpiWorld& world, const RenderOptions& options) {
   const int threads = thread_count(options.threads);
   const ThreadLimit limit(threads);
   try {
-    farm::serve_first_rank(world,
-                           {folders_of(options), encoding_of(options), threads, kOutOfMemoryCode});
+    farm::run_worker_rank(world,
+                          {folders_of(options), encoding_of(options), threads, kOutOfMemoryCode});
   } catch (const std::bad_alloc&) {
     fmt::print(stderr, "raystage render: rank {}: out of memory\n", world.rank());
     world.abort(kOutOfMemoryCode);
@@ -93,7 +93,7 @@ int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app{"Renders a shot as an EXR sequence, as one rank of several.", "raystage render"};
   RenderOptions options;
-  declare(app, options, argv);
+  declare_render_options(app, options, argv);
   return parse_and_run(app, argc, argv, "render", [&](std::stop_token stop) {
     folders_of(options);  // refuses wrong ones before there are other ranks to wait for
     farm::MpiWorld world(&argc, &argv);

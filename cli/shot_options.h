@@ -4,7 +4,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 
-#include "cli/choice.h"
+#include "cli/choice_option.h"
 #include "cli/command.h"
 #include "compose/sequence.h"
 

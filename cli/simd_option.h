@@ -9,8 +9,8 @@
 #include <optional>
 #include <string>
 
-#include "render/view/simd_level.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "render/common/simd_level.h"
 
 namespace raystage {
 

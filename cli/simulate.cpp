@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "ingest/simulated/simulate.h"
+#include "simulate/simulate.h"
 
 #include <fmt/format.h>
 
@@ -7,9 +7,10 @@
 #include <memory>
 
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "cli/threads.h"
-#include "ingest/simulated/scene.h"
+#include "raystage_version.h"
+#include "simulate/scene.h"
 
 namespace {
 
@@ -102,7 +103,7 @@ void add_time_options(CLI::App& app, Options& o) {
   app.add_option("--cameras-per-node", s.cameras_per_node,
                  "Cameras whose frames one clock stamps, 1-10000")
       ->group(group);
-  app.add_option("--startup-loss-seconds", s.start_up_loss,
+  app.add_option("--startup-loss-seconds", s.startup_loss_s,
                  "Frames before this are lost, seconds, at most the take")
       ->group(group);
   app.add_option("--drop", s.drop_probability, "Probability that a later frame is lost, 0-0.99")

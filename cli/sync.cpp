@@ -10,24 +10,22 @@
 #include <numeric>
 #include <optional>
 
-#include "cli/choice.h"
+#include "base/atomic_file.h"
+#include "cli/choice_option.h"
 #include "cli/command.h"
-#include "cli/parse.h"
+#include "cli/command_line_parsing.h"
 #include "cli/threads.h"
 #include "raystage_version.h"
-#include "schemas/atomic_file.h"
 #include "store/journal_archives.h"
-#include "store/retime/retime_take.h"
-#include "store/sync/flash.h"
-#include "store/sync/luminance.h"
-#include "store/sync/node_offsets.h"
-#include "store/sync/resync.h"
-#include "store/sync/verdict.h"
+#include "store/processing/retime/retime_take.h"
+#include "store/processing/sync/flash.h"
+#include "store/processing/sync/luminance.h"
+#include "store/processing/sync/node_offsets.h"
+#include "store/processing/sync/resync.h"
+#include "store/processing/sync/verdict.h"
 
 namespace raystage {
 namespace {
-
-constexpr double kNsPerMs = 1e6, kNsPerS = 1e9;
 
 struct Options {
   std::string take, stamps = "auto", node_offsets, flash_per = "node", report, output;

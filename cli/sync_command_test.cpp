@@ -6,12 +6,12 @@
 #include <cstdlib>
 #include <nlohmann/json.hpp>
 
-#include "cli/test_command.h"
-#include "schemas/atomic_file.h"
-#include "schemas/test_folder.h"
+#include "base/atomic_file.h"
 #include "store/jpeg/encode.h"
-#include "store/take_test_data.h"
 #include "store/timeline.h"
+#include "testing/cli/test_command.h"
+#include "testing/store/take_test_data.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {

@@ -5,9 +5,9 @@
 
 #include <nlohmann/json.hpp>
 
-#include "cli/test_command.h"
-#include "schemas/test_folder.h"
-#include "store/take_test_data.h"
+#include "testing/cli/test_command.h"
+#include "testing/store/take_test_data.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -76,7 +76,7 @@ TEST_F(TakeCommands, Json) {
 
 TEST_F(TakeCommands, GuessedPlacesAreNotMeasured) {
   RigDocument rig = test::rig_document(4);
-  rig.name = kNotCalibrated;
+  rig.name = kUncalibratedRigName;
   write_rig(rig, take / "rig.json");
   const test::CommandResult info = run("info " + quoted);
   EXPECT_THAT(info.output, HasSubstr("Spacing     unknown: the rig is not calibrated"));

@@ -6,7 +6,7 @@
 #include <CLI/CLI.hpp>
 #include <cstddef>
 
-#include "schemas/resources.h"
+#include "base/resources.h"
 
 namespace raystage {
 

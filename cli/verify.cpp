@@ -10,9 +10,9 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "base/atomic_file.h"
 #include "cli/command.h"
-#include "cli/parse.h"
-#include "schemas/atomic_file.h"
+#include "cli/command_line_parsing.h"
 
 namespace raystage {
 namespace {

@@ -10,17 +10,41 @@ endif()
 set(RAYSTAGE_COMMAND_OPTIMISATION -O1)  # they parse a command line, each with all of CLI11
 include(PrecompiledHeaders)
 
-# raystage_library(NAME SOURCES ... [ALONE ...] LINKS ...)
-#   Static library raystage_NAME of the folder it is called in. LINKS are public: what a header
-#   shows, its users may use. Where CMAKE_UNITY_BUILD is on, sources are compiled several at
-#   a time, which saves much of the work; those after ALONE are not: file-local names of theirs are others'
-#   names, too, or commands want some of them without the libraries (OpenImageIO) that others load.
+# raystage_library(NAME SOURCES ... [ALONE ...] [PUBLIC ...] [PRIVATE ...])
+#   Static library raystage_NAME of the folder it is called in; without sources an INTERFACE library. PUBLIC: the
+#   libraries whose headers this folder's headers include; PRIVATE: those that only its sources include.
+#   tests/house_test.py checks every include against these lists. Where CMAKE_UNITY_BUILD is on, several sources
+#   are compiled at a time, except those after ALONE.
 function(raystage_library NAME)
-  cmake_parse_arguments(ARG "" "" "SOURCES;ALONE;LINKS" ${ARGN})
-  set_source_files_properties(${ARG_ALONE} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
-  add_library(raystage_${NAME} STATIC ${ARG_SOURCES} ${ARG_ALONE})
-  target_link_libraries(raystage_${NAME} PUBLIC raystage_compiler ${ARG_LINKS})
-  raystage_precompiled(raystage_${NAME} raystage_library_headers)
+  cmake_parse_arguments(ARG "" "" "SOURCES;ALONE;PUBLIC;PRIVATE" ${ARGN})
+  if(ARG_SOURCES OR ARG_ALONE)
+    set_source_files_properties(${ARG_ALONE} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
+    add_library(raystage_${NAME} STATIC ${ARG_SOURCES} ${ARG_ALONE})
+    target_link_libraries(raystage_${NAME} PUBLIC raystage_compiler ${ARG_PUBLIC} PRIVATE ${ARG_PRIVATE})
+    raystage_precompiled(raystage_${NAME} raystage_library_headers)
+  else()
+    add_library(raystage_${NAME} INTERFACE)
+    target_link_libraries(raystage_${NAME} INTERFACE raystage_compiler ${ARG_PUBLIC})
+  endif()
+  raystage_record_links(raystage_${NAME} "${ARG_PUBLIC}" "${ARG_PRIVATE}")
+endfunction()
+
+# raystage_record_links(TARGET PUBLIC PRIVATE)
+#   Adds a target to house.json in the build folder, which tests/house_test.py reads.
+function(raystage_record_links TARGET PUBLIC PRIVATE)
+  file(RELATIVE_PATH folder "${PROJECT_SOURCE_DIR}" "${CMAKE_CURRENT_SOURCE_DIR}")
+  list(JOIN PUBLIC " " public)
+  list(JOIN PRIVATE " " private)
+  set_property(GLOBAL APPEND PROPERTY RAYSTAGE_HOUSE
+    "{\"target\": \"${TARGET}\", \"folder\": \"${folder}\", \"public\": \"${public}\", \"private\": \"${private}\"}")
+endfunction()
+
+# raystage_write_house()
+#   Writes house.json: one object for each library and command.
+function(raystage_write_house)
+  get_property(targets GLOBAL PROPERTY RAYSTAGE_HOUSE)
+  list(JOIN targets ",\n " targets)
+  file(CONFIGURE OUTPUT "${CMAKE_BINARY_DIR}/house.json" CONTENT "[${targets}]\n" @ONLY)
 endfunction()
 
 # raystage_test(NAME SOURCES ... [ALONE ...] LINKS ... [LABELS ...] [LOCK NAME])
@@ -59,6 +83,7 @@ function(raystage_command NAME)
   raystage_precompiled(raystage-${NAME} raystage_command_headers)
   install(TARGETS raystage-${NAME} RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}")
   set_property(GLOBAL APPEND PROPERTY RAYSTAGE_COMMANDS ${NAME})
+  raystage_record_links(raystage-${NAME} "" "${ARG_LINKS}")
 endfunction()
 
 # raystage_kernels(FILES...)

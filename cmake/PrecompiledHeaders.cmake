@@ -31,6 +31,8 @@ endfunction()
 function(raystage_precompiled TARGET HOST)
   if(RAYSTAGE_PRECOMPILED_HEADERS)
     target_precompile_headers(${TARGET} REUSE_FROM ${HOST})
+    # The same definitions and include folders as those of the headers.
+    target_link_libraries(${TARGET} PRIVATE Eigen3::Eigen fmt::fmt)
     if(RAYSTAGE_SANITIZE)
       # Compiled without optimisation, what the headers define is in every object, whether it is used or not.
       target_link_libraries(${TARGET} PRIVATE TBB::tbb)

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <fstream>
 
-#include "compose/sequence_test_data.h"
-#include "images/exr/exr_channels.h"
+#include "images/exr_channels.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {

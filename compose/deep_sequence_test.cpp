@@ -8,9 +8,9 @@
 #include <fstream>
 #include <set>
 
-#include "compose/exr/file.h"
+#include "compose/exr/exr_file.h"
 #include "compose/sequence_name.h"
-#include "compose/sequence_test_data.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {

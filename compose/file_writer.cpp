@@ -4,7 +4,7 @@
 #include <chrono>
 #include <utility>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 
 namespace raystage {
 namespace {
@@ -17,8 +17,8 @@ double seconds_since(Clock::time_point start) {
 
 }  // namespace
 
-FileWriter::FileWriter(std::size_t most_waiting)
-    : most_waiting_(most_waiting), thread_([this] { work(); }) {}
+FileWriter::FileWriter(std::size_t max_queued_calls)
+    : max_queued_calls_(max_queued_calls), thread_([this] { work(); }) {}
 
 FileWriter::~FileWriter() { finish(); }
 
@@ -26,8 +26,8 @@ double FileWriter::write(std::vector<File> files, Done done) {
   const Clock::time_point start = Clock::now();
   {
     std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return waiting_.size() < most_waiting_; });
-    waiting_.push_back({std::move(files), std::move(done)});
+    changed_.wait(lock, [&] { return queue_.size() < max_queued_calls_; });
+    queue_.push_back({std::move(files), std::move(done)});
   }
   changed_.notify_all();
   return seconds_since(start);
@@ -47,14 +47,14 @@ void FileWriter::work() {
     Job job;
     {
       std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return !waiting_.empty() || is_finished_; });
-      if (waiting_.empty()) return;
-      job = std::move(waiting_.front());
-      waiting_.pop_front();
+      changed_.wait(lock, [&] { return !queue_.empty() || is_finished_; });
+      if (queue_.empty()) return;
+      job = std::move(queue_.front());
+      queue_.pop_front();
     }
     changed_.notify_all();
     const Clock::time_point start = Clock::now();
-    Written written;
+    WriteResult written;
     try {
       for (const File& file : job.files) {
         write_file_atomically(file.path, file.bytes);

@@ -13,33 +13,33 @@
 
 namespace raystage {
 
-/// Writes finished files on a thread of its own, in order, each as write_file_atomically(): a disk
-/// that takes its time holds up none of the threads that render.
+/// Writes finished files on its own thread, in order, each by write_file_atomically(), so that a
+/// slow disk does not block rendering threads.
 class FileWriter {
  public:
   struct File {
     std::filesystem::path path;
     std::vector<std::byte> bytes;
   };
-  /// What became of the files of one call.
-  struct Written {
+  /// Result of one call of write().
+  struct WriteResult {
     std::exception_ptr error;  ///< null: all are in place
     std::size_t bytes = 0;
     double seconds = 0;
   };
   /// Called on the writer's thread. Must not throw.
-  using Done = std::function<void(const Written&)>;
+  using Done = std::function<void(const WriteResult&)>;
 
-  /// Besides those being written, files of `most_waiting` calls wait at most.
-  explicit FileWriter(std::size_t most_waiting);
-  /// As finish().
+  /// `max_queued_calls`: number of calls whose files may wait, besides those being written.
+  explicit FileWriter(std::size_t max_queued_calls);
+  /// Calls finish().
   ~FileWriter();
   FileWriter(const FileWriter&) = delete;
   FileWriter& operator=(const FileWriter&) = delete;
 
-  /// Holds the caller up only while the queue is full; for how many seconds it returns.
+  /// Queues files. Blocks while the queue is full; returns the seconds that it blocked.
   double write(std::vector<File> files, Done done);
-  /// Waits until everything is written. Nothing more may come.
+  /// Waits until everything is written. write() must not be called afterwards.
   void finish();
 
  private:
@@ -49,12 +49,12 @@ class FileWriter {
   };
   void work();
 
-  const std::size_t most_waiting_;
+  const std::size_t max_queued_calls_;
   std::mutex mutex_;  ///< of what follows
   std::condition_variable changed_;
-  std::deque<Job> waiting_;
+  std::deque<Job> queue_;
   bool is_finished_ = false;
-  std::thread thread_;  ///< last: the others are there when it begins
+  std::thread thread_;  ///< last member: the others exist when it starts
 };
 
 }  // namespace raystage

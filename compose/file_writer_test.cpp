@@ -7,9 +7,9 @@
 #include <future>
 #include <string>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -28,7 +28,7 @@ TEST(FileWriter, WritesAllFilesInOrderAndSaysSo) {
       const std::string name = "f" + std::to_string(i);
       writer.write(
           {{folder.path() / name, bytes_of(name)}, {folder.path() / (name + "d"), {}}},
-          [&, i](const FileWriter::Written& done) {
+          [&, i](const FileWriter::WriteResult& done) {
             EXPECT_FALSE(done.error);
             EXPECT_EQ(read_file(folder.path() / ("f" + std::to_string(i))).size(), done.bytes);
             EXPECT_TRUE(std::filesystem::exists(folder.path() / ("f" + std::to_string(i) + "d")));
@@ -46,7 +46,7 @@ TEST(FileWriter, AFileThatFailsLeavesTheOthers) {
   FileWriter writer(2);
   for (const char* name : {"a", "nowhere/b", "c"}) {
     writer.write({{folder.path() / name, bytes_of("text")}},
-                 [&](const FileWriter::Written& written) {
+                 [&](const FileWriter::WriteResult& written) {
                    ++done;
                    if (!written.error) return;
                    ++failed;
@@ -66,15 +66,15 @@ TEST(FileWriter, HoldsNobodyUpUntilItsQueueIsFull) {
   FileWriter writer(1);
   // The first one is stuck in its account, as on a disk that does not answer.
   std::promise<void> stuck;
-  writer.write({{folder.path() / "a", bytes_of("a")}}, [&](const FileWriter::Written&) {
+  writer.write({{folder.path() / "a", bytes_of("a")}}, [&](const FileWriter::WriteResult&) {
     stuck.set_value();
     answered.wait();
   });
   stuck.get_future().wait();
-  writer.write({{folder.path() / "b", bytes_of("b")}}, [](const FileWriter::Written&) {});
+  writer.write({{folder.path() / "b", bytes_of("b")}}, [](const FileWriter::WriteResult&) {});
   std::atomic<bool> third_is_in = false;
   std::thread third([&] {
-    writer.write({{folder.path() / "c", bytes_of("c")}}, [](const FileWriter::Written&) {});
+    writer.write({{folder.path() / "c", bytes_of("c")}}, [](const FileWriter::WriteResult&) {});
     third_is_in = true;
   });
   std::this_thread::sleep_for(std::chrono::milliseconds(50));

@@ -8,7 +8,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {

@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <set>
 
+#include "base/error.h"
 #include "compose/sequence_name.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -96,18 +96,18 @@ TEST(SequenceName, OneFrameNeedsNoToken) {
 
 TEST(SequenceName, FindsTheFrameOfAFile) {
   const SequenceName name("x/a.####.exr");
-  EXPECT_EQ(name.frame_of("a.0012.exr"), 12);
-  EXPECT_EQ(name.frame_of("a.-012.exr"), -12);
-  EXPECT_EQ(name.frame_of("a.12345.exr"), 12345);
-  EXPECT_EQ(name.frame_of("a.12.exr"), std::nullopt) << "padding differs";
-  EXPECT_EQ(name.frame_of("b.0012.exr"), std::nullopt);
-  EXPECT_EQ(name.frame_of("a.00x2.exr"), std::nullopt);
-  EXPECT_EQ(name.frame_of("a..exr"), std::nullopt);
+  EXPECT_EQ(name.frame_from_file_name("a.0012.exr"), 12);
+  EXPECT_EQ(name.frame_from_file_name("a.-012.exr"), -12);
+  EXPECT_EQ(name.frame_from_file_name("a.12345.exr"), 12345);
+  EXPECT_EQ(name.frame_from_file_name("a.12.exr"), std::nullopt) << "padding differs";
+  EXPECT_EQ(name.frame_from_file_name("b.0012.exr"), std::nullopt);
+  EXPECT_EQ(name.frame_from_file_name("a.00x2.exr"), std::nullopt);
+  EXPECT_EQ(name.frame_from_file_name("a..exr"), std::nullopt);
   EXPECT_TRUE(rc::check("path and frame_of are inverse", [] {
     const int frame = *rc::gen::inRange(-99999, 99999);
     const int padding = *rc::gen::inRange(2, 8);
     const SequenceName other("d/s." + std::string(static_cast<std::size_t>(padding), '#') + ".exr");
-    RC_ASSERT(other.frame_of(other.path(frame).filename().string()) == frame);
+    RC_ASSERT(other.frame_from_file_name(other.path(frame).filename().string()) == frame);
   }));
 }
 
@@ -116,7 +116,8 @@ TEST(SequenceName, HasOthersBesideIt) {
   EXPECT_EQ(SequenceName("x/a.%03d.exr").with("deep").path(7), "x/a.deep.007.exr");
   EXPECT_EQ(SequenceName("x/a_@@.exr").with("deep").path(7), "x/a_deep.07.exr");
   EXPECT_EQ(SequenceName("x.y/a.exr").with("deep").path(7), "x.y/a.deep.exr");
-  EXPECT_EQ(SequenceName("x/a.####.exr").with("deep").frame_of("a.0007.exr"), std::nullopt);
+  EXPECT_EQ(SequenceName("x/a.####.exr").with("deep").frame_from_file_name("a.0007.exr"),
+            std::nullopt);
 }
 
 TEST(SequenceName, RefusesTwoPlacesAndUnknownTokens) {

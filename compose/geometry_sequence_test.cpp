@@ -8,8 +8,8 @@
 #include <fstream>
 
 #include "compose/layers/cryptomatte.h"
-#include "compose/sequence_test_data.h"
-#include "images/exr/exr_channels.h"
+#include "images/exr_channels.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {
@@ -63,7 +63,7 @@ TEST_F(GeometrySequence, StandsInTheLightFieldByDepth) {
   EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005);
   shot_.layers[1] = square(-2);
   std::swap(shot_.layers[0], shot_.layers[1]);
-  shot_.merge = ShotDocument::Merge::kStated;
+  shot_.merge = ShotDocument::Merge::kLayerOrder;
   run();
   EXPECT_NEAR(value("R", 20, 15), grey(0), 0.005) << "the rearmost is stated first";
 }

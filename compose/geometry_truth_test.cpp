@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "compose/layers/cryptomatte.h"
-#include "compose/test_traced_scene.h"
+#include "testing/compose/test_traced_scene.h"
 
 namespace raystage {
 namespace {

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "compose/layers/cryptomatte.h"
-#include "compose/test_traced_scene.h"
+#include "testing/compose/test_traced_scene.h"
 
 namespace raystage {
 namespace {
@@ -32,7 +32,7 @@ class Immersive : public ::testing::Test {
     for (ShotDocument::Layer& layer : seen.layers) layer.geometry->samples = 4;
     // The side of the volume is 0.4 m; planes extend by l / tan(A) (thesis, "Array layout").
     for (int side = 0; side < 4; ++side) {
-      testing::TracedArray array{.turn_deg = 90.0 * side, .side = 3, .spacing = 0.25};
+      testing::TracedRig array{.turn_deg = 90.0 * side, .side = 3, .spacing = 0.25};
       array.width = 240;
       array.height = 180;
       const double angle = array.turn_deg * std::numbers::pi / 180;
@@ -131,7 +131,7 @@ TEST_F(Immersive, TheSeamIsNotSeen) {
   EXPECT_GT(seam, 34);  // the ball's edges are there, all of them
   // One take after the other instead, each where it saw anything, is what a volume is better than.
   for (ShotDocument::Layer& layer : shot.layers) layer.volume.clear();
-  shot.merge = ShotDocument::Merge::kStated;
+  shot.merge = ShotDocument::Merge::kLayerOrder;
   EXPECT_LT(everywhere(truth, room_->render(shot)), everywhere(truth, room));
 }
 

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compose/sequence_test_data.h"
-#include "ingest/simulated/simulate.h"
-#include "ingest/simulated/test_coverage.h"
+#include "simulate/simulate.h"
+#include "testing/compose/sequence_test_data.h"
+#include "testing/ingest/test_moving_coverage.h"
 
 namespace raystage {
 namespace {
@@ -25,7 +25,7 @@ class KeyedLightField : public ::testing::Test {
     simulation.width = 240;
     simulation.height = 180;
     simulation.seconds = 0.2;
-    simulation.start_up_loss = simulation.drop_probability = 0;
+    simulation.startup_loss_s = simulation.drop_probability = 0;
     simulation.jitter = simulation.period_error_ppm = simulation.clock_offset = 0;
     simulation.edge_samples = 36;
     simulation.truth_views = 0;
@@ -66,8 +66,8 @@ class KeyedLightField : public ::testing::Test {
     const PixelRays rays(
         CameraModel({"view", view.width, view.height, view.intrinsics, {}, {}, {}}), view.pose);
     LinearImage image;
-    CameraRenderer().render_evenly(world, rays, 100, image);
-    return {std::move(image), testing::coverage_of_moving_parts(world, rays)};
+    CameraRenderer().render_supersampled(world, rays, 100, image);
+    return {std::move(image), testing::moving_part_coverage(world, rays)};
   }
 
   TestFolder folder_;

@@ -10,10 +10,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "compose/sequence_test_data.h"
-#include "images/exr/exr_channels.h"
-#include "images/exr/exr_slice.h"
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
+#include "images/exr_channels.h"
+#include "images/exr_slice.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {
@@ -73,7 +73,8 @@ std::vector<float> red_of_data_window(const std::filesystem::path& file, Imath::
   const int width = window.max.x - window.min.x + 1, height = window.max.y - window.min.y + 1;
   std::vector<float> red(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   Imf::FrameBuffer buffer;
-  buffer.insert("R", exr_slice(Imf::FLOAT, red.data(), width, 1, window.min.x, window.min.y, 0.0));
+  buffer.insert("R",
+                make_exr_slice(Imf::FLOAT, red.data(), width, 1, window.min.x, window.min.y, 0.0));
   part.setFrameBuffer(buffer);
   part.readPixels(window.min.y, window.max.y);
   return red;
@@ -177,7 +178,7 @@ TEST_F(LayeredSequence, DeepFilesHoldWhatThePictureIsMadeOf) {
   EXPECT_EQ(run().rendered, 1);
   EXPECT_TRUE(std::filesystem::exists(deep_file));
 
-  shot_.merge = ShotDocument::Merge::kStated;
+  shot_.merge = ShotDocument::Merge::kLayerOrder;
   EXPECT_THAT(refusal(), HasSubstr("deep files put layers together by depth"));
 }
 
@@ -265,7 +266,7 @@ TEST_F(LayeredSequence, EachLayersMissingFramesAreNamed) {
   EXPECT_THAT(refusal(), HasSubstr("shot.json#/layers/1: the take has nothing to show"));
   options_.missing = MissingFrames::kBlack;
   EXPECT_EQ(run().rendered, 1);
-  EXPECT_THAT(said_, Contains(HasSubstr("layer 1: 1 frames are empty")));
+  EXPECT_THAT(messages_, Contains(HasSubstr("layer 1: 1 frames are empty")));
   EXPECT_NEAR(at(20, 15)[0], grey(0), 0.005F) << "the layer behind shows";
 }
 
@@ -311,8 +312,8 @@ TEST_F(LayeredSequence, SameBytesForAnyNumberOfThreads) {
   shot_.merge = ShotDocument::Merge::kDepth;
   std::string first;
   options_.existing = ExistingFiles::kOverwrite;
-  for (const int in_flight : {1, 4}) {
-    options_.frames_in_flight = in_flight;
+  for (const int frames_in_flight : {1, 4}) {
+    options_.frames_in_flight = frames_in_flight;
     run();
     const std::string bytes = read_file(file(101));
     if (first.empty()) first = bytes;

@@ -11,10 +11,10 @@
 #include <fstream>
 #include <set>
 
-#include "compose/exr/file.h"
-#include "compose/sequence_test_data.h"
-#include "images/exr/exr_channels.h"
+#include "compose/exr/exr_file.h"
+#include "images/exr_channels.h"
 #include "schemas/rig_document.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {
@@ -215,22 +215,24 @@ TEST_F(OutputSequence, TellsWhatAViewDoesNotSeeAndAFocusDoesNotDo) {
   shot_.layers.resize(1);
   options_.frames = {101, 102};
   run();
-  EXPECT_THAT(said_, Not(Contains(HasSubstr("seen by no camera"))));
+  EXPECT_THAT(messages_, Not(Contains(HasSubstr("seen by no camera"))));
   shot_.camera.keys.resize(1);
   shot_.camera.keys[0].position = {{0.15, -0.03, 0}};  // on the array's edge
   run();
-  EXPECT_THAT(said_, Contains(HasSubstr("of the view is seen by no camera, in frames 101-102")));
+  EXPECT_THAT(messages_,
+              Contains(HasSubstr("of the view is seen by no camera, in frames 101-102")));
 
   shot_.layers[0].focal_plane = {.kind = ShotDocument::FocalPlane::Kind::kKeys,
                                  .keys = {{101, 2}, {105, 4}}};
   shot_.layers[0].method = "plane_sweep";
   run();
-  EXPECT_THAT(said_, Contains(HasSubstr("pays no heed to the focal plane")));
+  EXPECT_THAT(messages_, Contains(HasSubstr("pays no heed to the focal plane")));
   shot_.layers[0].method = "focal_plane";
   shot_.merge = ShotDocument::Merge::kDepth;
   shot_.layers.push_back(shot_.layers[0]);
   run();
-  EXPECT_THAT(said_, Contains(HasSubstr("layer 1: all of the light field stands at its focal")));
+  EXPECT_THAT(messages_,
+              Contains(HasSubstr("layer 1: all of the light field stands at its focal")));
 }
 
 TEST_F(OutputSequence, ALayersFocusIsPulledByItsKeys) {

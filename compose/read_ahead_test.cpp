@@ -2,8 +2,8 @@
 // The disk works for the frames of a shot that come next.
 #include <gtest/gtest.h>
 
-#include "compose/sequence_test_data.h"
-#include "compose/test_camera_key.h"
+#include "testing/compose/sequence_test_data.h"
+#include "testing/compose/test_camera_key.h"
 
 namespace raystage {
 namespace {
@@ -24,8 +24,8 @@ class ReadAhead : public testing::SequenceTest {
     shot_.layers.front().options = {};
     shot_.camera.keys = {testing::camera_key(101, {0.01, -0.01, 0}, 20)};
   }
-  SequenceReport run_with(int in_flight) {
-    options_.frames_in_flight = in_flight;
+  SequenceReport run_with(int frames_in_flight) {
+    options_.frames_in_flight = frames_in_flight;
     return run();
   }
 };
@@ -49,14 +49,15 @@ TEST_F(ReadAhead, LooksAsFarAheadAsFramesAreInFlight) {
 
 TEST_F(ReadAhead, AsksForNothingMoreOfAnInstantThatIsLookedAt) {
   shot_.layers.front().speed = 0;
-  for (const int in_flight : {1, 3}) EXPECT_EQ(run_with(in_flight).frames_read_ahead, 0);
+  for (const int frames_in_flight : {1, 3})
+    EXPECT_EQ(run_with(frames_in_flight).frames_read_ahead, 0);
 }
 
 TEST_F(ReadAhead, AsksForAnInstantOnce) {
   shot_.layers.front().speed = 0.33;  // three frames see the same
   shot_.last_frame = 101 + 3 * kTicks - 2;
-  for (const int in_flight : {1, 3, 4}) {
-    const SequenceReport report = run_with(in_flight);
+  for (const int frames_in_flight : {1, 3, 4}) {
+    const SequenceReport report = run_with(frames_in_flight);
     EXPECT_EQ(report.rendered, 3 * kTicks - 1);
     EXPECT_GE(report.frames_read_ahead, 1);
     EXPECT_LE(report.frames_read_ahead, kFramesOfTake - kCameras);
@@ -96,12 +97,12 @@ TEST_F(ReadAhead, LeavesMemoryWithinWhatIsGranted) {
   shot_.layers.front().take = "large";
   options_.memory_bytes = 400'000'000;
   const SequenceReport plenty = run_with(1);
-  EXPECT_NEAR(static_cast<double>(plenty.decoded_bytes_held), kDecoded, 0.01 * kDecoded);
+  EXPECT_NEAR(static_cast<double>(plenty.decoded_bytes_cached), kDecoded, 0.01 * kDecoded);
   options_.memory_bytes = 72'000'000;
   const SequenceReport little = run_with(1);
   EXPECT_EQ(little.exit_code(), ExitCode::kSuccess);
-  EXPECT_LE(little.decoded_bytes_held, options_.memory_bytes);
-  EXPECT_GT(static_cast<double>(little.decoded_bytes_held), 0.4 * kDecoded);
+  EXPECT_LE(little.decoded_bytes_cached, options_.memory_bytes);
+  EXPECT_GT(static_cast<double>(little.decoded_bytes_cached), 0.4 * kDecoded);
   EXPECT_EQ(little.frames_read_ahead, kFramesOfTake - kCameras);
   EXPECT_EQ(little.pixels_decoded, plenty.pixels_decoded);  // nothing twice
 }

@@ -7,10 +7,10 @@
 #include <map>
 
 #include "compose/shot_plan.h"
-#include "render/hull/test_matte.h"
 #include "render/methods.h"
-#include "render/view/synthetic_take.h"
 #include "store/timeline.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_matte.h"
 
 namespace raystage {
 namespace {
@@ -78,7 +78,7 @@ TEST(ReconstructionVersion, FiveHasThesePixels) {
   const TestFolder folder;
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(4, 4, 0.06, kWidth, kHeight);
-  settings.painting = board_before_plane;
+  settings.scene = board_before_plane;
   settings.samples = 2;
   settings.depth_range = DepthRange{2, 5};
   write_synthetic_take(settings, folder.path() / "take");
@@ -100,7 +100,7 @@ TEST(ReconstructionVersion, FiveHasThesePixels) {
     const std::string name(method->name());
     const Signature found = signature_of(renderer.render(
         view, select_frames(take, 0, kNanosecondsPerSecond),
-        {.method = name, .focal_plane = plane_in_front_of(take.rig(), 3), .options = {}}));
+        {.method = name, .focal_plane = fronto_parallel_plane(take.rig(), 3), .options = {}}));
     const auto entry = known.find(name);
     // Between processors the last digits differ.
     constexpr double kSame = 5e-5;

@@ -5,8 +5,8 @@
 
 #include <fstream>
 
-#include "compose/sequence_test_data.h"
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {

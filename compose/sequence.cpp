@@ -12,18 +12,18 @@
 #include <new>
 #include <set>
 
-#include "compose/exr/deep_file.h"
-#include "compose/exr/file.h"
+#include "base/atomic_file.h"
+#include "base/parallel.h"
+#include "base/resources.h"
+#include "compose/exr/exr_deep_file.h"
+#include "compose/exr/exr_file.h"
 #include "compose/file_writer.h"
-#include "compose/frame_painter.h"
+#include "compose/frame_compositor.h"
 #include "compose/frame_range.h"
-#include "compose/memory_plan.h"
 #include "compose/sequence_checks.h"
+#include "compose/sequence_memory_plan.h"
 #include "compose/sequence_name.h"
 #include "compose/sequence_warnings.h"
-#include "schemas/atomic_file.h"
-#include "schemas/parallel.h"
-#include "schemas/resources.h"
 
 namespace raystage {
 namespace {
@@ -45,34 +45,35 @@ std::string methods_text(const ShotPlan& plan) {
 class SequenceRun {
  public:
   SequenceRun(const ShotPlan& plan, const SequenceName& name, std::span<const PlannedFrame> frames,
-              const FramePainter& painter, const SequenceOptions& options, std::stop_token stop)
+              const FrameCompositor& compositor, const SequenceOptions& options,
+              std::stop_token stop)
       : plan_(plan),
         name_(name),
         deep_name_(name.with("deep")),
         frames_(frames),
-        painter_(painter),
+        compositor_(compositor),
         options_(options),
         stop_(std::move(stop)) {}
 
-  SequenceReport run(int in_flight) {
+  SequenceReport run(int frames_in_flight) {
     const Clock::time_point start = Clock::now();
-    for_each_in_flight(
-        frames_.size(), static_cast<std::size_t>(in_flight),
+    parallel_for_in_order(
+        frames_.size(), static_cast<std::size_t>(frames_in_flight),
         [this] { return stop_.stop_requested() || out_of_memory_; },
-        [this, in_flight](std::size_t index) {
-          read_ahead(index + static_cast<std::size_t>(in_flight));
+        [this, frames_in_flight](std::size_t index) {
+          read_ahead(index + static_cast<std::size_t>(frames_in_flight));
           process(frames_[index]);
         });
     writer_.finish();
     if (out_of_memory_) throw std::bad_alloc();
     say_what_was_unseen();
     report_.seconds = ms_since(start) / 1e3;
-    report_.in_flight = in_flight;
+    report_.frames_in_flight = frames_in_flight;
     report_.asked = static_cast<int>(frames_.size());
-    report_.frames_read_ahead = painter_.frames_read_ahead();
-    report_.decoding = painter_.decode_costs();
-    report_.instants_solved = painter_.stored_data().derived;
-    report_.instants_read = painter_.stored_data().read;
+    report_.frames_read_ahead = compositor_.frames_read_ahead();
+    report_.decoding = compositor_.decode_costs();
+    report_.light_field_frames_estimated = compositor_.stored_data().derived;
+    report_.light_field_frames_loaded = compositor_.stored_data().read;
     const std::size_t done =
         static_cast<std::size_t>(report_.rendered + report_.skipped) + report_.failures.size();
     report_.stopped = done < frames_.size();
@@ -95,7 +96,7 @@ class SequenceRun {
         std::filesystem::exists(name_.path(frames_[index].frame), ignored)) {
       return;
     }
-    painter_.read_ahead(frames_[index]);
+    compositor_.read_ahead(frames_[index]);
   }
 
   void process(const PlannedFrame& frame) {
@@ -123,8 +124,8 @@ class SequenceRun {
     const std::filesystem::path file = name_.path(frame.frame);
     const std::string fingerprint = plan_.fingerprint(frame, options_.chromaticities);
     const std::filesystem::path deep_file = deep_name_.path(frame.frame);
-    if (options_.existing == ExistingFiles::kSkip && exr_is_whole(file, fingerprint) &&
-        (!options_.deep || exr_is_whole(deep_file, fingerprint))) {
+    if (options_.existing == ExistingFiles::kSkip && is_complete_exr(file, fingerprint) &&
+        (!options_.deep || is_complete_exr(deep_file, fingerprint))) {
       const std::scoped_lock lock(mutex_);
       ++report_.skipped;
       return;
@@ -135,14 +136,14 @@ class SequenceRun {
     metadata.chromaticities = options_.chromaticities;
 
     const std::vector<Eye> eyes = plan_.eyes();
-    std::vector<PaintedView> painted;
+    std::vector<CompositedView> painted;
     std::vector<DeepImage> deep(options_.deep ? eyes.size() : 0);
     std::vector<ExrView> views;
     std::vector<ExrCamera> cameras;
     for (const Eye eye : eyes) {
       cameras.push_back(plan_.exr_camera(frame.frame, eye));
-      painted.push_back(painter_.paint(frame, cameras.back(), stop_,
-                                       options_.deep ? &deep[painted.size()] : nullptr));
+      painted.push_back(compositor_.composite(frame, cameras.back(), stop_,
+                                              options_.deep ? &deep[painted.size()] : nullptr));
       if (stop_.stop_requested()) return;
     }
     // Of the finished list: views refer to its pictures.
@@ -160,32 +161,32 @@ class SequenceRun {
     }
     files.push_back({file, encode_exr(views, cameras, metadata)});
     account(painted, metadata, ms_since(encoding));
-    const double held_up =
-        writer_.write(std::move(files),
-                      [this, frame = frame.frame, parts_left](const FileWriter::Written& written) {
-                        wrote(frame, written, parts_left);
-                      });
+    const double write_wait = writer_.write(
+        std::move(files),
+        [this, frame = frame.frame, parts_left](const FileWriter::WriteResult& written) {
+          wrote(frame, written, parts_left);
+        });
     parts_left = 0;
     const std::scoped_lock lock(mutex_);
-    report_.milliseconds.held_up += held_up * 1e3;
+    report_.milliseconds.write_wait += write_wait * 1e3;
   }
 
-  void account(const std::vector<PaintedView>& painted, const ExrMetadata& metadata,
+  void account(const std::vector<CompositedView>& painted, const ExrMetadata& metadata,
                double encode_ms) {
     const std::scoped_lock lock(mutex_);
     for (const std::string& note : metadata.notes) {
       if (notes_.insert(note).second) options_.say(note);
     }
-    report_.decoded_bytes_held =
-        std::max(report_.decoded_bytes_held, painter_.decoded_bytes_held());
+    report_.decoded_bytes_cached =
+        std::max(report_.decoded_bytes_cached, compositor_.decoded_bytes_cached());
     StageTimes& ms = report_.milliseconds;
     ms.encode += encode_ms;
-    for (const PaintedView& view : painted) {
-      for (std::size_t i = 0; i < view.unseen.size(); ++i) {
-        if (view.unseen[i] < kTellUnseen) continue;
+    for (const CompositedView& view : painted) {
+      for (std::size_t i = 0; i < view.uncovered_share.size(); ++i) {
+        if (view.uncovered_share[i] < kTellUnseen) continue;
         auto& [frames, most] = unseen_[i];
         frames.insert(metadata.frame);
-        most = std::max(most, view.unseen[i]);
+        most = std::max(most, view.uncovered_share[i]);
       }
       report_.pixels_decoded += view.picture.statistics.pixels_decoded;
       ms.light_fields += view.times.light_fields_ms;
@@ -195,7 +196,7 @@ class SequenceRun {
   }
 
   /// On the writer's thread, which no exception may leave.
-  void wrote(int frame, const FileWriter::Written& written, int parts) noexcept {
+  void wrote(int frame, const FileWriter::WriteResult& written, int parts) noexcept {
     try {
       if (written.error) {
         try {
@@ -237,11 +238,11 @@ class SequenceRun {
 
   /// A view may leave the array without anybody's noticing: what is transparent looks black.
   void say_what_was_unseen() const {
-    for (const auto& [layer, unseen] : unseen_) {
-      options_.say(fmt::format(
-          "{}up to {:.0f} % of the view is seen by no camera, in frames {}",
-          layer_text(plan_, layer), 100 * unseen.second,
-          format_frame_range(std::vector<int>(unseen.first.begin(), unseen.first.end()))));
+    for (const auto& [layer, uncovered_share] : unseen_) {
+      options_.say(fmt::format("{}up to {:.0f} % of the view is seen by no camera, in frames {}",
+                               layer_label(plan_, layer), 100 * uncovered_share.second,
+                               format_frame_range(std::vector<int>(uncovered_share.first.begin(),
+                                                                   uncovered_share.first.end()))));
     }
   }
 
@@ -261,7 +262,7 @@ class SequenceRun {
   const SequenceName& name_;
   const SequenceName deep_name_;
   std::span<const PlannedFrame> frames_;
-  const FramePainter& painter_;
+  const FrameCompositor& compositor_;
   const SequenceOptions& options_;
   std::stop_token stop_;
   std::atomic<std::int64_t> parts_done_ = 0;
@@ -271,7 +272,7 @@ class SequenceRun {
   std::set<std::string> notes_;  ///< said already
   /// Of layers: in which frames, and how much at most.
   std::map<std::size_t, std::pair<std::set<int>, double>> unseen_;
-  FileWriter writer_{kFilesWaiting};  ///< last: it is done before the others go
+  FileWriter writer_{kMaxQueuedFrames};  ///< last: it is done before the others go
 };
 
 void write_fingerprints(const CheckedSequence& checked, const SequenceOptions& options) {
@@ -329,25 +330,25 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                  options.aovs, options.frames, options.cache_folder, options.folder,
                                  options.hosts});
   const ShotPlan& plan = *opened;
-  if (plan.hosts() != nullptr) check_hosts(plan, shot_file);
+  if (plan.hosts() != nullptr) check_distributed_archives(plan, shot_file);
   const ShotDocument& shot = plan.shot();
   const std::vector<int> numbers = frames_to_render(shot, options.frames, options.say);
   std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
-  if (plan.measures_coverage()) check_measures(plan, shot_file);
-  MemoryPlan memory =
-      plan_memory(plan, frames, {options.memory_bytes, options.frames_in_flight, options.deep});
+  if (plan.measures_coverage()) check_requested_aovs(plan, shot_file);
+  SequenceMemoryPlan memory = plan_sequence_memory(
+      plan, frames, {options.memory_bytes, options.frames_in_flight, options.deep});
   SequenceOptions resolved = options;
   if (resolved.output.empty()) resolved.output = default_output(shot_file, shot);
-  SequenceName name = checked_name(resolved, frames.size());
-  if (options.deep) check_deep(plan, shot_file);
-  check_plates(plan, name, shot_file);
+  SequenceName name = checked_output_name(resolved, frames.size());
+  if (options.deep) check_deep_output(plan, shot_file);
+  check_plates_not_overwritten(plan, name, shot_file);
   if (options.existing == ExistingFiles::kError) {
-    check_existing(name, numbers);
-    if (options.deep) check_existing(name.with("deep"), numbers);
+    check_existing_files(name, numbers);
+    if (options.deep) check_existing_files(name.with("deep"), numbers);
   }
-  check_folder(name.folder());
-  check_room(name.folder(), plan, frames.size(), options);
+  check_output_folder(name.folder());
+  check_disk_space(name.folder(), plan, frames.size(), options);
   return {std::move(opened), std::move(frames), std::move(name), std::move(memory)};
 }
 
@@ -355,24 +356,25 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop) {
   const CheckedSequence checked = check_sequence(shot_file, options);
   const ShotPlan& plan = *checked.plan;
-  const MemoryPlan& memory = checked.memory;
+  const SequenceMemoryPlan& memory = checked.memory;
   if (!options.fingerprints_file.empty()) write_fingerprints(checked, options);
-  const FramePainter painter(plan, memory);
+  const FrameCompositor compositor(plan, memory);
 
-  say_what_is_missing(plan, checked.frames, options);
-  std::string plan_text = fmt::format(
-      "writing {} frames to {}, {} in flight, {} of cache", checked.frames.size(),
-      checked.name.pattern(), memory.in_flight, size_text(static_cast<double>(memory.cache)));
+  report_sequence_warnings(plan, checked.frames, options);
+  std::string plan_text =
+      fmt::format("writing {} frames to {}, {} in flight, {} of cache", checked.frames.size(),
+                  checked.name.pattern(), memory.frames_in_flight,
+                  format_byte_size(static_cast<double>(memory.cache)));
   if (memory.kept + memory.working > 0) {
     plan_text += fmt::format(", {} for what {} keep, {} for each frame to work with",
-                             size_text(static_cast<double>(memory.kept)), methods_text(plan),
-                             size_text(static_cast<double>(memory.working)));
+                             format_byte_size(static_cast<double>(memory.kept)), methods_text(plan),
+                             format_byte_size(static_cast<double>(memory.working)));
   }
   options.say(plan_text);
   if (!memory.note.empty()) options.say(memory.note);
   options.progress(0);
-  return SequenceRun(plan, checked.name, checked.frames, painter, options, std::move(stop))
-      .run(memory.in_flight);
+  return SequenceRun(plan, checked.name, checked.frames, compositor, options, std::move(stop))
+      .run(memory.frames_in_flight);
 }
 
 }  // namespace raystage

@@ -12,117 +12,117 @@
 #include <string_view>
 #include <vector>
 
-#include "compose/memory_plan.h"
+#include "base/error.h"
+#include "compose/sequence_memory_plan.h"
 #include "compose/sequence_name.h"
 #include "compose/shot_plan.h"
-#include "schemas/error.h"
 
 namespace raystage {
 
-/// What to do about frames whose file is there already.
+/// How frames are handled whose file exists.
 enum class ExistingFiles {
-  kError,     ///< refuse before anything is rendered
-  kSkip,      ///< keep files that are whole and carry the fingerprint; render the others anew
-  kOverwrite  ///< render all
+  kError,     ///< an error before anything is rendered
+  kSkip,      ///< files that are whole and have the current fingerprint stay; others are rendered
+  kOverwrite  ///< all frames are rendered
 };
 
 struct SequenceOptions {
   std::string output;                      ///< SequenceName pattern of .exr files
-  std::optional<std::vector<int>> frames;  ///< sorted; none: all of the shot
+  std::optional<std::vector<int>> frames;  ///< sorted; none: all frames of the shot
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
-  std::optional<HoleFill> fill;  ///< in place of what the shot says
+  std::optional<HoleFill> fill;  ///< replaces that of the shot
   OptionValues target;           ///< as ShotPlan
   int frames_in_flight = 0;      ///< 0: one per thread of the TBB arena, at most 16
-  std::size_t memory_bytes = 0;  ///< for frames, cache, what methods keep and work in; 0: half of
-                                 ///< available_memory(), at most 4 GiB of cache
-  std::string layout;            ///< not empty: in place of the shot's
-  std::filesystem::path color_config;  ///< not empty: in place of the shot's
+  std::size_t memory_bytes = 0;  ///< budget of frames, caches and working memory; 0: half of
+                                 ///< available_memory(), of which the cache gets 4 GiB at most
+  std::string layout;            ///< replaces that of the shot unless empty
+  std::filesystem::path color_config;  ///< replaces that of the shot unless empty
   bool chromaticities = false;         ///< as in ExrMetadata
-  std::vector<std::string> aovs;       ///< beside the shot's: see ShotDocument::Output
-  /// Beside each file one of the samples that it is made of: SequenceName::with("deep").
+  std::vector<std::string> aovs;       ///< in addition to those of the shot: ShotDocument::Output
+  /// Writes a deep file next to each file: SequenceName::with("deep").
   bool deep = false;
   std::filesystem::path cache_folder;  ///< as ShotPlanOptions
   std::filesystem::path folder;        ///< as ShotPlanOptions
-  TakeHosts* hosts = nullptr;          ///< as ShotPlanOptions
-  /// Not empty: the fingerprint of each frame asked for is written there, a line "FRAME
-  /// FINGERPRINT" each, before the first is rendered.
+  DistributedTakes* hosts = nullptr;   ///< as ShotPlanOptions
+  /// If not empty: a text file that gets a line "FRAME FINGERPRINT" for each requested frame,
+  /// before the first one is rendered.
   std::filesystem::path fingerprints_file;
   std::string program_version;
-  /// Rising from 0 to 1; called from many threads.
+  /// Called with values that rise from 0 to 1, from many threads.
   std::function<void(double)> progress = [](double) {};
-  /// One line for the log: what was clamped, held, skipped or failed; called from many threads.
+  /// Called with one line for the log (clamped, held, skipped or failed), from many threads.
   std::function<void(std::string_view)> say = [](std::string_view) {};
 };
 
-/// Where the time of a sequence went: wall-clock milliseconds, summed over the frames, of which
-/// several are under way at once. Only writing runs beside the threads that render.
+/// Wall-clock time of each stage, milliseconds, summed over the frames. Several frames are in
+/// flight at once; writing has a thread of its own.
 struct StageTimes {
   double light_fields = 0, geometry = 0;
-  double merge = 0;    ///< and all else: plates, clips, colours
-  double encode = 0;   ///< to EXR, in memory
-  double write = 0;    ///< to the disk
-  double held_up = 0;  ///< finished frames waited for the disk, holding up a thread that renders
+  double merge = 0;       ///< and everything else: plates, clips, colours
+  double encode = 0;      ///< EXR files in memory
+  double write = 0;       ///< files to the disk
+  double write_wait = 0;  ///< a rendering thread waited for the queue of files
 };
 
-/// What became of a sequence.
+/// Result of render_sequence().
 struct SequenceReport {
   struct Failure {
     int frame = 0;
     std::string what;
-    bool is_bad_input = false;  ///< trying again leads nowhere
+    bool is_bad_input = false;  ///< another attempt would fail, too
   };
   int asked = 0, rendered = 0, skipped = 0;
-  bool stopped = false;           ///< a stop was requested before the last frame
+  bool stopped = false;           ///< stopped on request before the last frame
   std::vector<Failure> failures;  ///< by frame
   double seconds = 0;             ///< wall-clock, of the frames
   std::int64_t bytes_written = 0, pixels_decoded = 0;
-  /// Light field frames whose depths were solved, and read from files; one counts again after its
-  /// depths were dropped from memory.
-  int instants_solved = 0, instants_read = 0;
-  int frames_read_ahead = 0;           ///< of cameras, asked of the disk before they were decoded
-  std::size_t decoded_bytes_held = 0;  ///< the most that was kept of decoded frames after a frame
+  /// Numbers of light field frames whose depths were estimated, or read from files. A frame counts
+  /// again if its depths were evicted from memory.
+  int light_field_frames_estimated = 0, light_field_frames_loaded = 0;
+  int frames_read_ahead = 0;  ///< camera frames requested from the disk before they were decoded
+  std::size_t decoded_bytes_cached = 0;  ///< peak of the decoded frames in the cache
   StageTimes milliseconds;
-  DecodeCosts decoding;  ///< a part of what light fields take
-  int in_flight = 1;     ///< frames under way at once, at most
+  DecodeCosts decoding;      ///< part of the time of light fields
+  int frames_in_flight = 1;  ///< largest number at once
 
-  /// kSuccess only if every frame asked for is there, whole; kBadInput where all failed by it.
+  /// Returns kSuccess only if every requested frame exists whole; kBadInput if bad input caused all
+  /// failures and no frame exists.
   ExitCode exit_code() const;
-  /// One line: frames, frames per second, decoded pixels, bytes written, peak memory.
+  /// Returns one line: frames, frames per second, decoded pixels, bytes written, peak memory.
   std::string summary() const;
-  /// One line: what the stages took for a frame.
+  /// Returns one line: time of each stage per frame.
   std::string stages() const;
 };
 
-/// What render_sequence() would render.
+/// A sequence that check_sequence() accepted.
 struct CheckedSequence {
   std::unique_ptr<const ShotPlan> plan;
   std::vector<PlannedFrame> frames;
   SequenceName name;
-  MemoryPlan memory;
+  SequenceMemoryPlan memory;
 };
 
-/// Checks everything that can be checked before the first frame, as render_sequence() does: shot,
-/// takes, files, memory, the output folder (which it makes) and the room in it. Throws Error as
-/// that does.
+/// Performs all checks of render_sequence() that come before the first frame: shot, takes, files,
+/// memory, output folder (which it creates) and disk space. Throws Error as render_sequence().
 CheckedSequence check_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options);
 
-/// Renders a shot's frames to EXR files, several frames in flight. Everything that can be is
-/// checked before the first one; a frame that fails later is reported and the others go on. Files
-/// appear whole or not at all. Once `stop` is requested frames under way are dropped. Uses the TBB
-/// arena it is called in; the bytes do not depend on its size. Throws Error where nothing can be
-/// rendered, std::bad_alloc when memory runs out.
+/// Renders the frames of a shot to EXR files, several frames in flight. Calls check_sequence()
+/// first; a frame that fails later is reported, and the others continue. Each file is written whole
+/// or not at all. A requested `stop` drops the frames in flight. Uses the current TBB arena; the
+/// bytes do not depend on its size. Throws Error if nothing can be rendered, std::bad_alloc when
+/// memory runs out.
 SequenceReport render_sequence(const std::filesystem::path& shot_file,
                                const SequenceOptions& options, std::stop_token stop);
 
-/// Returns the frames of the shot among those asked for, sorted; all of the shot where none are
-/// named. Says how many lie outside. Throws Error (bad input) where all do.
+/// Returns the requested frames that belong to the shot, sorted; all frames of the shot if none are
+/// requested. Reports the number of others by `say`. Throws Error (bad input) if no frame is left.
 std::vector<int> frames_to_render(const ShotDocument& shot,
                                   const std::optional<std::vector<int>>& asked,
                                   const std::function<void(std::string_view)>& say);
 
-/// "renders/SHOT_LAYER.####.exr" beside the shot.
+/// Returns "renders/SHOT_LAYER.####.exr" in the folder of the shot.
 std::string default_output(const std::filesystem::path& shot_file, const ShotDocument& shot);
 
 }  // namespace raystage

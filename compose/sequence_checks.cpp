@@ -11,10 +11,10 @@
 #include <set>
 #include <vector>
 
+#include "base/atomic_file.h"
 #include "compose/frame_range.h"
-#include "compose/memory_plan.h"
+#include "compose/sequence_memory_plan.h"
 #include "render/methods.h"
-#include "schemas/atomic_file.h"
 
 namespace raystage {
 
@@ -31,7 +31,7 @@ void write_probe(const std::filesystem::path& path) {
 
 }  // namespace
 
-void check_folder(const std::filesystem::path& folder) {
+void check_output_folder(const std::filesystem::path& folder) {
   create_folder(folder);
   // Asking the permissions is not enough: a disk may be mounted read-only or be full.
   try {
@@ -42,25 +42,25 @@ void check_folder(const std::filesystem::path& folder) {
   }
 }
 
-void check_room(const std::filesystem::path& folder, const ShotPlan& plan, std::size_t frames,
-                const SequenceOptions& options) {
+void check_disk_space(const std::filesystem::path& folder, const ShotPlan& plan, std::size_t frames,
+                      const SequenceOptions& options) {
   std::error_code error;
   const std::filesystem::space_info space = std::filesystem::space(folder, error);
   if (error || space.available == std::numeric_limits<std::uintmax_t>::max()) return;
-  const double raw =
-      static_cast<double>(raw_file_bytes(plan, options.deep)) * static_cast<double>(frames);
+  const double raw = static_cast<double>(uncompressed_file_bytes(plan, options.deep)) *
+                     static_cast<double>(frames);
   // Lossless compression rarely gains more than a factor of four on pictures.
   const double least = plan.shot().output.compression == "none" ? raw : raw / 4;
   const double available = static_cast<double>(space.available);
-  const std::string text =
-      fmt::format("the disk has room for {} and the {} frames need {} to {}", size_text(available),
-                  frames, size_text(least), size_text(raw));
+  const std::string text = fmt::format("the disk has room for {} and the {} frames need {} to {}",
+                                       format_byte_size(available), frames, format_byte_size(least),
+                                       format_byte_size(raw));
   if (available < least)
     throw Error::failed(text, folder.string(), "Make room or render elsewhere");
   if (available < raw) options.say("warning: " + text);
 }
 
-void check_existing(const SequenceName& name, std::span<const int> frames) {
+void check_existing_files(const SequenceName& name, std::span<const int> frames) {
   std::vector<int> there;
   std::error_code ignored;
   std::copy_if(frames.begin(), frames.end(), std::back_inserter(there),
@@ -69,35 +69,36 @@ void check_existing(const SequenceName& name, std::span<const int> frames) {
   throw Error::bad_input(fmt::format("{} of {} frames are there already ({})", there.size(),
                                      frames.size(), format_frame_range(there)),
                          name.pattern(),
-                         "Use --existing skip to keep those that are whole and up to date, or "
-                         "--existing overwrite");
+                         "Choose to skip those that are whole and up to date, or to overwrite")
+      .concerning({"existing"});
 }
 
-void check_plates(const ShotPlan& plan, const SequenceName& name,
-                  const std::filesystem::path& shot_file) {
+void check_plates_not_overwritten(const ShotPlan& plan, const SequenceName& name,
+                                  const std::filesystem::path& shot_file) {
   const ShotDocument& shot = plan.shot();
   std::error_code ignored;
   const auto place_of = [&](const std::filesystem::path& path) {
     return std::filesystem::weakly_canonical(path, ignored);
   };
   for (std::size_t i = 0; i < plan.layers(); ++i) {
-    if (plan.plate(i) == nullptr) continue;
+    if (plan.layer(i) == nullptr || !plan.layer(i)->input_file(shot.first_frame)) continue;
     std::set<std::filesystem::path> written;
     for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) {
       written.insert(place_of(name.path(frame)));
     }
     for (int frame = shot.first_frame; frame <= shot.last_frame; ++frame) {
-      const std::filesystem::path file = plan.plate(i)->file(frame);
+      const std::filesystem::path file = *plan.layer(i)->input_file(frame);
       if (!plan.is_visible(i, frame) || !written.contains(place_of(file))) continue;
       throw Error::bad_input(
           fmt::format("frame {} shows {}, which rendering this shot writes", frame, file.string()),
           fmt::format("{}#/layers/{}/plate", shot_file.string(), i),
-          "Render to another place with --output, or show other pictures");
+          "Choose another output, or another plate")
+          .concerning({"output"});
     }
   }
 }
 
-SequenceName checked_name(const SequenceOptions& options, std::size_t frames) {
+SequenceName checked_output_name(const SequenceOptions& options, std::size_t frames) {
   SequenceName name(options.output);
   if (frames > 1 && !name.has_frame_token()) {
     throw Error::bad_input(fmt::format("{} frames would all get the same name", frames),
@@ -109,7 +110,7 @@ SequenceName checked_name(const SequenceOptions& options, std::size_t frames) {
   return name;
 }
 
-void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file) {
+void check_requested_aovs(const ShotPlan& plan, const std::filesystem::path& shot_file) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.light_field(i) == nullptr) continue;
     const Method& method = method_named(plan.light_field(i)->reconstruction().method);
@@ -117,12 +118,12 @@ void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file
     throw Error::bad_input(
         "method " + std::string(method.name()) + " does not measure its coverage",
         fmt::format("{}#/layers/{}", shot_file.string(), i),
-        "Leave out --coverage, and lf.cameras and lf.nearest of output.aovs, or "
-        "choose another method");
+        "Remove lf.cameras and lf.nearest from output.aovs, or choose another method")
+        .concerning({"coverage"});
   }
 }
 
-void check_hosts(const ShotPlan& plan, const std::filesystem::path& shot_file) {
+void check_distributed_archives(const ShotPlan& plan, const std::filesystem::path& shot_file) {
   const auto refuse = [&](std::size_t layer, const char* member, const std::string& what) {
     throw Error::bad_input(what, fmt::format("{}#/layers/{}{}", shot_file.string(), layer, member),
                            "Gather the archives in one take and render that (docs/farm.md lists "
@@ -131,16 +132,16 @@ void check_hosts(const ShotPlan& plan, const std::filesystem::path& shot_file) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     const LightFieldLayer* light_field = plan.light_field(i);
     if (light_field == nullptr) continue;
-    const Reconstruction& reconstruction = light_field->reconstruction();
+    const ReconstructionSettings& reconstruction = light_field->reconstruction();
     const Method& method = method_named(reconstruction.method);
     const MethodOptions options(method.options(), reconstruction.options, method.name());
-    if (method.distribution(options) == Distribution::kNone) {
+    if (method.distribution(options) == DistributionMode::kNone) {
       refuse(i, "/method",
              fmt::format("method {} with these options cannot be rendered from archives on several "
                          "hosts",
                          method.name()));
     }
-    if (plan.measures_coverage() && method.distribution(options) == Distribution::kInStep) {
+    if (plan.measures_coverage() && method.distribution(options) == DistributionMode::kLockstep) {
       refuse(i, "/method",
              fmt::format("the coverage of method {} cannot be measured from archives on several "
                          "hosts (lf.cameras, lf.nearest)",
@@ -149,26 +150,27 @@ void check_hosts(const ShotPlan& plan, const std::filesystem::path& shot_file) {
     if (light_field->matte()) {
       refuse(i, "/matte", "a layer with a matte cannot be rendered from archives on several hosts");
     }
-    for (const ShotPlan::LayerLight& light : plan.light_field_lights()) {
+    for (const ShotPlan::LightFieldLight& light : plan.light_field_lights()) {
       if (std::ranges::find(light.layers, i) == light.layers.end()) continue;
       refuse(i, "", "a light field that is a light cannot be on several hosts");
     }
   }
-  if (plan.wants("lf.confidence")) {
-    throw Error::bad_input("lf.confidence cannot be measured from archives on several hosts",
-                           shot_file.string(),
-                           "Leave out --confidence, and lf.confidence of "
-                           "output.aovs, or gather the archives in one take");
+  if (plan.writes_aov("lf.confidence")) {
+    throw Error::bad_input(
+        "lf.confidence cannot be measured from archives on several hosts", shot_file.string(),
+        "Remove lf.confidence from output.aovs, or gather the archives in one take")
+        .concerning({"confidence"});
   }
 }
 
-void check_deep(const ShotPlan& plan, const std::filesystem::path& shot_file) {
+void check_deep_output(const ShotPlan& plan, const std::filesystem::path& shot_file) {
   std::size_t pictures = 0;  // layers around one volume are one
-  for (std::size_t i = plan.layers(); i > 0; i -= plan.layers_of_picture(i - 1)) ++pictures;
+  for (std::size_t i = plan.layers(); i > 0; i -= plan.volume_layer_count(i - 1)) ++pictures;
   if (pictures == 1 || plan.shot().merge == ShotDocument::Merge::kDepth) return;
   throw Error::bad_input("deep files put layers together by depth, this shot in a stated order",
                          shot_file.string() + "#/merge",
-                         "Write \"merge\": \"depth\", or leave --deep out");
+                         "Write \"merge\": \"depth\", or do without deep files")
+      .concerning({"deep"});
 }
 
 }  // namespace raystage

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside compose/ only: what would keep a sequence from being written, found before the first
-// frame. All throw Error (bad input), or failed for the disk.
+// Used within compose/ only: checks before the first frame. All throw Error: bad input, or failed
+// for the disk.
 #pragma once
 
 #include <cstddef>
@@ -12,20 +12,24 @@
 
 namespace raystage {
 
-/// Makes the folder and writes into it once.
-void check_folder(const std::filesystem::path& folder);
-/// Says so where the disk might not do.
-void check_room(const std::filesystem::path& folder, const ShotPlan& plan, std::size_t frames,
-                const SequenceOptions& options);
-void check_existing(const SequenceName& name, std::span<const int> frames);
-/// What a shot shows it must not write, not even in chunks.
-void check_plates(const ShotPlan& plan, const SequenceName& name,
-                  const std::filesystem::path& shot_file);
-SequenceName checked_name(const SequenceOptions& options, std::size_t frames);
-/// Throws Error (bad input) for what cannot be rendered from archives on several hosts.
-void check_hosts(const ShotPlan& plan, const std::filesystem::path& shot_file);
-void check_measures(const ShotPlan& plan, const std::filesystem::path& shot_file);
-/// Readers put deep samples together by depth, and so must we.
-void check_deep(const ShotPlan& plan, const std::filesystem::path& shot_file);
+/// Creates the folder and checks that files can be written to it.
+void check_output_folder(const std::filesystem::path& folder);
+/// Reports by SequenceOptions::say if free disk space may not suffice.
+void check_disk_space(const std::filesystem::path& folder, const ShotPlan& plan, std::size_t frames,
+                      const SequenceOptions& options);
+/// Throws Error if a file of the frames exists.
+void check_existing_files(const SequenceName& name, std::span<const int> frames);
+/// Throws Error if the sequence would overwrite a plate of the shot, at any frame of the shot.
+void check_plates_not_overwritten(const ShotPlan& plan, const SequenceName& name,
+                                  const std::filesystem::path& shot_file);
+/// Returns the name of the output files. Throws Error if all frames would get one name, or if it
+/// does not end in .exr.
+SequenceName checked_output_name(const SequenceOptions& options, std::size_t frames);
+/// Throws Error if the shot uses anything that cannot be rendered from archives on several hosts.
+void check_distributed_archives(const ShotPlan& plan, const std::filesystem::path& shot_file);
+/// Throws Error if a method does not measure an AOV that is requested.
+void check_requested_aovs(const ShotPlan& plan, const std::filesystem::path& shot_file);
+/// Throws Error if deep output is requested and layers are not merged by depth, as readers do it.
+void check_deep_output(const ShotPlan& plan, const std::filesystem::path& shot_file);
 
 }  // namespace raystage

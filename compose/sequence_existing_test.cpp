@@ -6,9 +6,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "compose/exr/file.h"
-#include "compose/sequence_test_data.h"
+#include "compose/exr/exr_file.h"
 #include "schemas/rig_document.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {

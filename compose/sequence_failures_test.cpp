@@ -6,13 +6,13 @@
 #include <fstream>
 #include <random>
 
-#include "compose/sequence_test_data.h"
-#include "compose/test_camera_key.h"
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "store/archive.h"
 #include "store/jpeg/encode.h"
+#include "testing/compose/sequence_test_data.h"
+#include "testing/compose/test_camera_key.h"
 
-namespace raystage {
+namespace raystage::sequence_failures_test {
 namespace {
 
 using ::testing::Contains;
@@ -88,7 +88,7 @@ TEST_F(SequenceFailures, ADamagedFrameFailsAloneAndIsNamed) {
   ASSERT_EQ(report.failures.size(), 1U);
   EXPECT_EQ(report.failures[0].frame, 104);
   EXPECT_THAT(report.summary(), HasSubstr("1 failed (104)"));
-  EXPECT_THAT(said_, Contains(HasSubstr("frame 104 failed")));
+  EXPECT_THAT(messages_, Contains(HasSubstr("frame 104 failed")));
   EXPECT_FALSE(std::filesystem::exists(file(104)));
   EXPECT_EQ(files(), 5);
   EXPECT_EQ(progress_, 1);
@@ -101,7 +101,7 @@ TEST_F(SequenceFailures, FramesThatAllFailByBadInputNeedNoRetry) {
   const SequenceReport report = run();
   EXPECT_EQ(report.failures.size(), 6U);
   EXPECT_EQ(report.exit_code(), ExitCode::kBadInput);
-  EXPECT_THAT(said_, Contains(HasSubstr("no camera has a matte")));
+  EXPECT_THAT(messages_, Contains(HasSubstr("no camera has a matte")));
 }
 
 TEST_F(SequenceFailures, ChecksTheMethodsOptionsFirst) {
@@ -137,7 +137,7 @@ TEST_F(SequenceFailures, ChecksEverythingFirst) {
   EXPECT_NE(refusal(ExitCode::kFailed), "no error") << "a file where the folder should be";
   options_.output = (folder_.path() / "out" / "a.####.exr").string();
   options_.memory_bytes = 1000;
-  EXPECT_THAT(refusal(), HasSubstr("--memory"));
+  EXPECT_THAT(refusal(), HasSubstr("memory budget"));
   options_.memory_bytes = 0;
   shot_.layers[0].method = "magic";
   EXPECT_THAT(refusal(), HasSubstr("magic"));
@@ -168,4 +168,4 @@ TEST_F(SequenceFailures, MemoryIsWhatTheHeaviestFrameTakesWhereverItIs) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::sequence_failures_test

@@ -5,7 +5,7 @@
 
 #include <charconv>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -99,7 +99,7 @@ SequenceName SequenceName::with(std::string_view word) const {
   return SequenceName(pattern_.substr(0, end) + "." + std::string(word) + extension);
 }
 
-std::optional<int> SequenceName::frame_of(std::string_view file_name) const {
+std::optional<int> SequenceName::frame_from_file_name(std::string_view file_name) const {
   if (!has_token_) return std::nullopt;
   const std::string_view before =
       std::string_view(before_).substr(before_.find_last_of('/') + 1);  // npos + 1 == 0

@@ -30,7 +30,7 @@ class SequenceName {
   std::filesystem::path path(int frame) const;
   /// The frame that a file name (without folder) stands for, nullopt where it is not of this
   /// sequence.
-  std::optional<int> frame_of(std::string_view file_name) const;
+  std::optional<int> frame_from_file_name(std::string_view file_name) const;
 
  private:
   std::string number(int frame) const;

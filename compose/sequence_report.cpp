@@ -3,10 +3,10 @@
 
 #include <algorithm>
 
+#include "base/resources.h"
 #include "compose/frame_range.h"
-#include "compose/memory_plan.h"
 #include "compose/sequence.h"
-#include "schemas/resources.h"
+#include "compose/sequence_memory_plan.h"
 
 namespace raystage {
 
@@ -34,8 +34,8 @@ std::string SequenceReport::summary() const {
   if (rendered > 0 && seconds > 0) text += fmt::format(", {:.2f} frames/s", rendered / seconds);
   return text + fmt::format("; {:.1f} Mpixel decoded, {} written, peak memory {}",
                             static_cast<double>(pixels_decoded) * 1e-6,
-                            size_text(static_cast<double>(bytes_written)),
-                            size_text(static_cast<double>(peak_memory())));
+                            format_byte_size(static_cast<double>(bytes_written)),
+                            format_byte_size(static_cast<double>(peak_memory())));
 }
 
 std::string SequenceReport::stages() const {
@@ -45,11 +45,11 @@ std::string SequenceReport::stages() const {
       "milliseconds a frame, {} at once: light fields {:.1f}, geometry {:.1f}, merging {:.1f}, "
       "encoding {:.1f}; next to them writing {:.1f}; decoding {:.1f} of processors for {:.3f} MB "
       "of JPEG",
-      in_flight, of_frame(ms.light_fields), of_frame(ms.geometry), of_frame(ms.merge),
+      frames_in_flight, of_frame(ms.light_fields), of_frame(ms.geometry), of_frame(ms.merge),
       of_frame(ms.encode), of_frame(ms.write), of_frame(1e3 * decoding.seconds),
       of_frame(1e-6 * static_cast<double>(decoding.jpeg_bytes)));
-  if (of_frame(ms.held_up) >= 10) {
-    text += fmt::format("; the disk held frames up for {:.0f}", of_frame(ms.held_up));
+  if (of_frame(ms.write_wait) >= 10) {
+    text += fmt::format("; the disk held frames up for {:.0f}", of_frame(ms.write_wait));
   }
   return text;
 }

@@ -5,8 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "compose/sequence_test_data.h"
-#include "images/exr/exr_channels.h"
+#include "images/exr_channels.h"
+#include "testing/compose/sequence_test_data.h"
 
 namespace raystage {
 namespace {
@@ -76,7 +76,7 @@ TEST_F(StereoSequence, WhatTheTakeLacksIsBlackInBothEyes) {
 }
 
 TEST_F(StereoSequence, ACameraThatIsNowhereIsRefusedBeforeTheFirstFrame) {
-  shot_.camera.vertigo = ShotDocument::Vertigo{.target = {0.03, -0.03, -1}};
+  shot_.camera.dolly_zoom = ShotDocument::DollyZoom{.target = {0.03, -0.03, -1}};
   shot_.camera.keys.back().position = {{0.03, -0.03, -2}};
   shot_.camera.keys.back().frame = 104;
   options_.frames = {101, 102, 103};

@@ -22,30 +22,30 @@ void say_what_focus_means(const ShotPlan& plan, std::size_t layer, const Sequenc
     options.say(
         fmt::format("{}the method {} finds the scene's depth and pays no heed to the focal "
                     "plane: nothing is pulled",
-                    layer_text(plan, layer), method.name()));
+                    layer_label(plan, layer), method.name()));
   } else if (plan.shot().merge == ShotDocument::Merge::kDepth && plan.layers() > 1) {
     options.say(
         fmt::format("{}all of the light field stands at its focal plane, and moves with it before "
                     "and behind other layers",
-                    layer_text(plan, layer)));
+                    layer_label(plan, layer)));
   }
 }
 
 }  // namespace
 
-std::string layer_text(const ShotPlan& plan, std::size_t layer) {
+std::string layer_label(const ShotPlan& plan, std::size_t layer) {
   if (plan.layers() == 1) return "";
   const std::string& name = plan.shot().layers[layer].name;
   return name.empty() ? fmt::format("layer {}: ", layer)
                       : fmt::format("layer {} ({}): ", layer, name);
 }
 
-void say_what_is_missing(const ShotPlan& plan, std::span<const PlannedFrame> frames,
-                         const SequenceOptions& options) {
+void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                              const SequenceOptions& options) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     const LightFieldLayer* light_field = plan.light_field(i);
     if (light_field == nullptr) continue;
-    const std::string of_layer = layer_text(plan, i);
+    const std::string of_layer = layer_label(plan, i);
     say_what_focus_means(plan, i, options);
     if (!is_calibrated(read_rig(light_field->take().folder() / "rig.json"))) {
       options.say("warning: " + of_layer +

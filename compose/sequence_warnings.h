@@ -10,12 +10,12 @@
 
 namespace raystage {
 
-/// "layer 2 (actor): "; nothing where the shot has one layer alone.
-std::string layer_text(const ShotPlan& plan, std::size_t layer);
+/// Returns "layer 2 (actor): ", or "" if the shot has one layer.
+std::string layer_label(const ShotPlan& plan, std::size_t layer);
 
-/// Tells what will be rendered and is likely not meant: a rig that nobody calibrated, frames for
-/// which a take has nothing, a focus that moves without anything to be seen of it.
-void say_what_is_missing(const ShotPlan& plan, std::span<const PlannedFrame> frames,
-                         const SequenceOptions& options);
+/// Reports by SequenceOptions::say what is probably not intended: an uncalibrated rig, frames for
+/// which a take has no instant, a focus pull without visible effect.
+void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame> frames,
+                              const SequenceOptions& options);
 
 }  // namespace raystage

@@ -7,9 +7,11 @@
 #include <cmath>
 #include <set>
 
+#include "base/error.h"
 #include "compose/frame_range.h"
 #include "compose/layers/cryptomatte.h"
-#include "schemas/error.h"
+#include "compose/layers/solid_layer.h"
+#include "compose/plate_layer.h"
 
 namespace raystage {
 namespace {
@@ -34,7 +36,7 @@ ScreenClip screen_clip_from(const ShotDocument::Clip& document, const ShotDocume
     return (share * size + overscan) / (size + 2.0 * overscan);
   };
   const auto [x, y] = shot.output.overscan;
-  const ShotDocument::Screen& s = document.screen;
+  const ShotDocument::ScreenRegion& s = document.screen;
   return {share_of(s.left, shot.width, x), share_of(s.right, shot.width, x),
           share_of(s.top, shot.height, y), share_of(s.bottom, shot.height, y),
           document.feather * shot.width / (shot.width + 2.0 * x)};
@@ -58,10 +60,6 @@ Clip clip_from(const ShotDocument::Clip& document, const ShotDocument& shot) {
 
 }  // namespace
 
-bool PlannedFrame::holds() const {
-  return std::ranges::any_of(shown, [](const ShownInstant& instant) { return instant.held; });
-}
-
 ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions& options)
     : shot_file_(shot_file),
       cache_folder_(options.cache_folder),
@@ -69,58 +67,64 @@ ShotPlan::ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions
       hosts_(options.hosts),
       shot_(shot_with(read_shot(shot_file), options)),
       camera_(shot_, shot_file, folder_),
-      colors_(shot_colors(shot_, shot_file, folder_, options.color_config)) {
+      colors_(make_shot_color_spaces(shot_, shot_file, folder_, options.color_config)) {
   check_exr_compression(shot_.output.compression);
   if (!shot_.output.data_compression.empty()) check_exr_compression(shot_.output.data_compression);
-  exr_layout_named(shot_.output.layout);
+  parse_exr_layout(shot_.output.layout);
   for (const ShotDocument::Layer& layer : shot_.layers) {
     clips_.emplace_back();
     for (const ShotDocument::Clip& clip : layer.clips)
       clips_.back().push_back(clip_from(clip, shot_));
   }
-  find_layer_lights();
+  find_light_field_lights();
+  layers_.resize(layers());
   for (std::size_t i = 0; i < layers(); ++i) {
-    light_fields_.emplace_back();
-    geometries_.emplace_back();
-    plates_.emplace_back();
-    if (!shows_in(i, options.frames)) continue;
-    if (shot_.layers[i].is_light_field()) {
-      // A target is one for views; a light is asked for rays.
-      light_fields_.back() = std::make_unique<const LightFieldLayer>(
-          shot_, i, shot_file, folder_, options.fill, is_light(i) ? OptionValues{} : options.target,
-          options.hosts);
-      if (is_light(i)) check_answers_rays(light_fields_.back()->reconstruction());
-    } else if (shot_.layers[i].geometry) {
-      open_geometry(i);
-    } else if (shot_.layers[i].plate) {
-      plates_.back() = std::make_unique<const PlateLayer>(shot_, i, folder_, colors_.studio);
-    }
+    if (is_visible_in_any(i, options.frames)) layers_[i] = open_layer(i, options);
   }
-  name_objects();
+  assign_object_names();
 }
 
-void ShotPlan::name_objects() {
+std::unique_ptr<const Layer> ShotPlan::open_layer(std::size_t layer,
+                                                  const ShotPlanOptions& options) {
+  const ShotDocument::Layer& document = shot_.layers[layer];
+  if (document.geometry) return open_geometry(layer);
+  if (document.plate) {
+    return std::make_unique<const PlateLayer>(shot_, layer, folder_, colors_.studio);
+  }
+  if (document.solid) return std::make_unique<const SolidLayer>(*document.solid);
+  return open_light_field(layer, options);
+}
+
+std::unique_ptr<const Layer> ShotPlan::open_light_field(std::size_t layer,
+                                                        const ShotPlanOptions& options) {
+  // A target is one for views; a light is asked for rays.
+  auto opened = std::make_unique<const LightFieldLayer>(
+      shot_, layer, shot_file_, folder_, options.fill,
+      is_light(layer) ? OptionValues{} : options.target, options.hosts);
+  if (is_light(layer)) check_ray_query_support(opened->reconstruction());
+  return opened;
+}
+
+void ShotPlan::assign_object_names() {
   object_names_.resize(layers());
   if (!shot_.output.cryptomatte) return;
   for (std::size_t i = 0; i < layers(); ++i) {
     const ShotDocument::Layer& of_shot = shot_.layers[i];
     const std::string& name = of_shot.volume.empty() ? of_shot.name : of_shot.volume;
     const std::string layer = name.empty() ? fmt::format("layer{}", i) : name;
-    if (!geometries_[i]) {
-      if (!shot_.layers[i].geometry) object_names_[i] = {layer};
-      continue;
-    }
-    for (const Mesh::Object& object : geometries_[i]->mesh().objects) {
-      object_names_[i].push_back(layer + "/" + object.name);
+    if (layers_[i]) {
+      object_names_[i] = layers_[i]->object_names(layer);
+    } else if (!of_shot.geometry) {
+      object_names_[i] = {layer};
     }
   }
 }
 
-void ShotPlan::find_layer_lights() {
+void ShotPlan::find_light_field_lights() {
   for (std::size_t i = 0; i < shot_.lights.size(); ++i) {
     const ShotDocument::Light& light = shot_.lights[i];
     if (light.light_field.empty()) continue;
-    LayerLight asked{{}, light.strength};
+    LightFieldLight asked{{}, light.strength};
     for (std::size_t layer = 0; layer < layers(); ++layer) {
       if (shot_.layers[layer].volume == light.light_field) asked.layers.push_back(layer);
     }
@@ -143,64 +147,67 @@ void ShotPlan::find_layer_lights() {
                       is_there ? "which has no take" : "which is not there"),
           fmt::format("{}#/lights/{}", shot_file_.string(), i), "Name a layer with a take");
     }
-    layer_lights_.push_back(std::move(asked));
+    light_field_lights_.push_back(std::move(asked));
   }
 }
 
-std::size_t ShotPlan::layers_of_picture(std::size_t layer) const {
+std::size_t ShotPlan::volume_layer_count(std::size_t layer) const {
   const std::string& volume = shot_.layers[layer].volume;
   std::size_t count = 1;
   while (!volume.empty() && count <= layer && shot_.layers[layer - count].volume == volume) ++count;
   return count;
 }
 
-void ShotPlan::open_geometry(std::size_t layer) {
+std::unique_ptr<const Layer> ShotPlan::open_geometry(std::size_t layer) {
   if (!textures_) {
     textures_ = std::make_unique<Textures>(kTextureBytes, colors_.working_from_scene_matrix);
-    lights_ = lights_from(shot_.lights, folder_, *textures_);
+    lights_ = make_lights(shot_.lights, folder_, *textures_);
     Fingerprint print;
-    raystage::add_to(print, shot_.lights, folder_);
-    lights_print_ = print.hex();
+    raystage::add_to_fingerprint(print, shot_.lights, folder_);
+    lights_fingerprint_ = print.hex();
   }
-  geometries_[layer] = std::make_unique<const GeometryLayer>(
+  return std::make_unique<const GeometryLayer>(
       *shot_.layers[layer].geometry, folder_,
       fmt::format("{}#/layers/{}/geometry", shot_file_.string(), layer), *textures_);
 }
 
-GeometryScene ShotPlan::geometry_at(int frame, std::vector<int>& mesh_of_layer) const {
+GeometryScene ShotPlan::geometry_at(int frame, std::vector<int>& mesh_indices) const {
   GeometryScene scene;
   scene.textures = textures_.get();
   scene.lights = lights_;
-  mesh_of_layer.assign(layers(), -1);
+  mesh_indices.assign(layers(), -1);
   for (std::size_t i = 0; i < layers(); ++i) {
-    if (!geometries_[i] || !is_visible(i, frame)) continue;
-    mesh_of_layer[i] = static_cast<int>(scene.meshes.size());
-    scene.meshes.push_back(geometries_[i]->placed(frame));
+    const GeometryLayer* mesh = geometry(i);
+    if (mesh == nullptr || !is_visible(i, frame)) continue;
+    mesh_indices[i] = static_cast<int>(scene.meshes.size());
+    scene.meshes.push_back(mesh->placed(frame));
   }
   return scene;
 }
 
-std::size_t ShotPlan::geometry_bytes() const {
+std::size_t ShotPlan::shared_bytes() const {
   std::size_t bytes = textures_ && textures_->is_used() ? kTextureBytes : 0;
-  for (const auto& geometry : geometries_) bytes += geometry ? geometry->bytes() : 0;
+  for (const auto& layer : layers_) bytes += layer ? layer->shared_bytes() : 0;
   return bytes;
 }
 
-bool ShotPlan::wants(std::string_view aov) const {
+bool ShotPlan::writes_aov(std::string_view aov) const {
   return std::ranges::find(shot_.output.aovs, aov) != shot_.output.aovs.end();
 }
 
-bool ShotPlan::measures_coverage() const { return wants("lf.cameras") || wants("lf.nearest"); }
+bool ShotPlan::measures_coverage() const {
+  return writes_aov("lf.cameras") || writes_aov("lf.nearest");
+}
 
 bool ShotPlan::is_shown(std::size_t layer, int frame) const {
   const ShotDocument::Layer& document = shot_.layers[layer];
   return frame >= document.first_frame.value_or(frame) &&
          frame <= document.last_frame.value_or(frame) && document.opacity > 0 &&
-         keeps_something(clips_[layer]);
+         keeps_any_pixel(clips_[layer]);
 }
 
-bool ShotPlan::is_behind_a_solid(std::size_t layer, int frame) const {
-  if (shot_.merge != ShotDocument::Merge::kStated) return false;
+bool ShotPlan::is_occluded_by_solid(std::size_t layer, int frame) const {
+  if (shot_.merge != ShotDocument::Merge::kLayerOrder) return false;
   for (std::size_t i = layers(); --i > layer;) {
     const ShotDocument::Layer& front = shot_.layers[i];
     if (!is_shown(i, frame)) continue;
@@ -215,11 +222,11 @@ bool ShotPlan::is_behind_a_solid(std::size_t layer, int frame) const {
 }
 
 bool ShotPlan::is_visible(std::size_t layer, int frame) const {
-  return is_shown(layer, frame) && !is_behind_a_solid(layer, frame);
+  return is_shown(layer, frame) && !is_occluded_by_solid(layer, frame);
 }
 
 bool ShotPlan::is_light(std::size_t layer) const {
-  return std::ranges::any_of(layer_lights_, [&](const LayerLight& light) {
+  return std::ranges::any_of(light_field_lights_, [&](const LightFieldLight& light) {
     return std::ranges::find(light.layers, layer) != light.layers.end();
   });
 }
@@ -233,7 +240,8 @@ bool ShotPlan::is_needed(std::size_t layer, int frame) const {
   return false;
 }
 
-bool ShotPlan::shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const {
+bool ShotPlan::is_visible_in_any(std::size_t layer,
+                                 const std::optional<std::vector<int>>& frames) const {
   if (frames) {
     return std::ranges::any_of(*frames, [&](int frame) { return is_needed(layer, frame); });
   }
@@ -245,41 +253,35 @@ bool ShotPlan::shows_in(std::size_t layer, const std::optional<std::vector<int>>
 
 std::vector<PlannedFrame> ShotPlan::plan(std::span<const int> frames, MissingFrames policy) const {
   std::vector<PlannedFrame> planned;
-  for (const int frame : frames) planned.push_back({frame, std::vector<ShownInstant>(layers())});
+  for (const int frame : frames) planned.push_back({frame, std::vector<ShownTick>(layers())});
   for (std::size_t i = 0; i < layers(); ++i) {
-    const LightFieldLayer* light_field = light_fields_[i].get();
-    if (light_field == nullptr) continue;
+    const LightFieldLayer* take = light_field(i);
+    if (take == nullptr) continue;
     std::vector<int> missing;
     for (PlannedFrame& one : planned) {
       if (!is_needed(i, one.frame)) continue;
-      one.shown[i] = light_field->shown_at(one.frame, policy);
+      one.shown[i] = take->shown_tick_at(one.frame, policy);
       if (!one.shown[i].tick || one.shown[i].held) missing.push_back(one.frame);
     }
     if (policy != MissingFrames::kError || missing.empty()) continue;
     throw Error::bad_input(
         fmt::format("the take has nothing to show at {} of {} frames ({}); {}", missing.size(),
-                    frames.size(), format_frame_range(missing), light_field->length_text()),
+                    frames.size(), format_frame_range(missing), take->take_duration_text()),
         layers() == 1 ? shot_file_.string() : fmt::format("{}#/layers/{}", shot_file_.string(), i),
-        "Change start_seconds, speed or the frame range, or use --missing hold or --missing black");
+        "Change start_seconds, speed or the frame range, or let missing instants be held or black")
+        .concerning({"missing"});
   }
   return planned;
 }
 
 void ShotPlan::check_files(std::span<const PlannedFrame> frames) const {
-  std::set<std::filesystem::path> checked;  // a plate may be the same at every frame
+  std::set<std::filesystem::path> files_checked;
   for (const PlannedFrame& frame : frames) {
-    const CameraState state = camera_.state(frame.frame);
+    const bool camera_has_focus = camera_.state(frame.frame).focus_m.has_value();
     for (std::size_t i = 0; i < layers(); ++i) {
-      if (plates_[i] && is_visible(i, frame.frame) &&
-          checked.insert(plates_[i]->file(frame.frame)).second) {
-        plates_[i]->check_file(frame.frame);
-      }
-      if (!light_fields_[i]) continue;
-      light_fields_[i]->check_files(frame.frame, frame.shown[i]);
-      if (!light_fields_[i]->focuses_as_camera() || state.focus_m) continue;
-      throw Error::bad_input("the focal plane is to be the camera's, which has no focus_m",
-                             fmt::format("{}#/layers/{}", shot_file_.string(), i),
-                             "Give focus_m in a key of the camera, or another focal plane");
+      if (!layers_[i]) continue;
+      layers_[i]->check_frame({frame.frame, frame.shown[i], is_visible(i, frame.frame),
+                               camera_has_focus, files_checked});
     }
   }
 }
@@ -309,7 +311,7 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
   metadata.frame = frame.frame;
   metadata.fps_numerator = shot_.fps_numerator;
   metadata.fps_denominator = shot_.fps_denominator;
-  metadata.layout = exr_layout_named(shot_.output.layout);
+  metadata.layout = parse_exr_layout(shot_.output.layout);
   metadata.compression = shot_.output.compression;
   metadata.data_compression = shot_.output.data_compression;
   metadata.color_interop_id = colors_.interop_id;
@@ -327,9 +329,8 @@ ExrMetadata ShotPlan::metadata(const PlannedFrame& frame) const {
     metadata.cryptomatte_manifest = cryptomatte_manifest(names);
   }
   for (std::size_t i = 0; i < layers(); ++i) {
-    if (!light_fields_[i] || !is_visible(i, frame.frame)) continue;
-    light_fields_[i]->describe(frame.shown[i], metadata);
-    break;
+    if (!layers_[i] || !is_visible(i, frame.frame)) continue;
+    if (layers_[i]->fill_metadata(frame.shown[i], metadata)) break;
   }
   return metadata;
 }

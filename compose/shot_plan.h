@@ -10,146 +10,146 @@
 #include <vector>
 
 #include "compose/camera/shot_camera.h"
-#include "compose/exr/header.h"
+#include "compose/exr/exr_header.h"
 #include "compose/geometry/geometry_layer.h"
-#include "compose/geometry/geometry_view.h"
+#include "compose/geometry/geometry_scene.h"
 #include "compose/layers/clip.h"
 #include "compose/layers/fingerprint.h"
+#include "compose/layers/layer.h"
 #include "compose/layers/light_field_layer.h"
-#include "compose/plate.h"
-#include "compose/shot_colors.h"
-#include "render/view_hosts.h"
+#include "compose/shot_color_spaces.h"
+#include "render/distributed_rendering.h"
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
 
 namespace raystage {
 
-/// Changes whenever the same inputs give other pixels, so that `--existing skip` renders them anew.
+/// Raised whenever the same inputs give other pixels, so that existing files count as out of date.
 inline constexpr int kReconstructionVersion = 5;
 
-/// What a frame of the shot shows.
+/// A frame of the shot with the instants that it shows.
 struct PlannedFrame {
   int frame = 0;
-  std::vector<ShownInstant> shown;  ///< of each layer; of those that are no light field, nothing
-
-  bool holds() const;
+  std::vector<ShownTick> shown;  ///< for each layer; none for layers without a take
 };
 
-/// In place of what the shot says.
+/// Settings that replace or extend those of the shot.
 struct ShotPlanOptions {
   std::optional<HoleFill> fill = {};
   OptionValues target =
-      {};  ///< not empty: the method `auto` with these options, for every light field
+      {};  ///< not empty: the method `auto` with these options for every light field
   std::string layout = "";                  ///< not empty: of the EXR files
   std::filesystem::path color_config = {};  ///< not empty: OpenColorIO's
-  std::vector<std::string> aovs = {};       ///< beside those of the shot
-  /// Light fields and meshes are opened that show in one of these; none: in a frame of the shot.
+  std::vector<std::string> aovs = {};       ///< in addition to those of the shot
+  /// Only layers that are visible in one of these frames are opened; none: all frames of the shot.
   std::optional<std::vector<int>> frames = {};
   /// Holds the data that methods derive from takes (DIR/depth/...); empty: each take's folder does.
   /// Does not change the pixels, nor the fingerprint.
   std::filesystem::path cache_folder = {};
-  /// What paths in the shot are relative to; empty: the shot file's folder.
+  /// Folder that paths in the shot are relative to; empty: that of the shot file.
   std::filesystem::path folder = {};
-  /// Who holds the takes' archives; null: each take's folder does. Refers to it.
-  TakeHosts* hosts = nullptr;
+  /// Access to archives on other hosts; null: each take's folder holds them. Referred to.
+  DistributedTakes* hosts = nullptr;
 };
 
-/// A shot with its takes and meshes opened and everything checked that can be before rendering.
-/// Those of layers that show nothing are left alone.
+/// A shot whose visible layers are opened and checked as far as possible before rendering.
 class ShotPlan {
  public:
-  /// Throws Error (bad input): the shot, its camera or a light field cannot be used, unknown
-  /// compression or layout.
+  /// Throws Error (bad input) if the shot, its camera or a layer cannot be used, or if compression
+  /// or layout is unknown.
   explicit ShotPlan(const std::filesystem::path& shot_file, const ShotPlanOptions& options = {});
 
   const ShotDocument& shot() const { return shot_; }
   std::size_t layers() const { return shot_.layers.size(); }
-  /// Of a layer; null: it is none, or shows nothing.
-  const LightFieldLayer* light_field(std::size_t layer) const { return light_fields_[layer].get(); }
-  /// Of a layer; null: it is none, or shows nothing.
-  const GeometryLayer* geometry(std::size_t layer) const { return geometries_[layer].get(); }
-  /// Of a layer; null: it is none, or shows nothing.
-  const PlateLayer* plate(std::size_t layer) const { return plates_[layer].get(); }
-  /// All meshes that are visible at a frame where they stand, and what lights them.
-  /// `mesh_of_layer`: index into its meshes of each layer; -1 for others.
-  GeometryScene geometry_at(int frame, std::vector<int>& mesh_of_layer) const;
-  /// For Cryptomatte: of each object of a layer that may be visible; none where nobody asks.
-  /// "LAYER/OBJECT" of meshes, else "LAYER".
+  /// Returns a layer; null: it shows nothing.
+  const Layer* layer(std::size_t layer) const { return layers_[layer].get(); }
+  /// Returns a layer with a take; null: it is of another kind, or shows nothing.
+  const LightFieldLayer* light_field(std::size_t layer) const {
+    return dynamic_cast<const LightFieldLayer*>(layers_[layer].get());
+  }
+  /// Returns a layer with a mesh; null: it is of another kind, or shows nothing.
+  const GeometryLayer* geometry(std::size_t layer) const {
+    return dynamic_cast<const GeometryLayer*>(layers_[layer].get());
+  }
+  /// Returns all meshes that are visible at a frame, and their lights. `mesh_indices`: receives for
+  /// each layer the index of its mesh in the result, or -1.
+  GeometryScene geometry_at(int frame, std::vector<int>& mesh_indices) const;
+  /// Returns the Cryptomatte names of a layer's objects, "LAYER/OBJECT" for meshes and "LAYER" for
+  /// others; none unless requested.
   const std::vector<std::string>& object_names(std::size_t layer) const {
     return object_names_[layer];
   }
-  /// What meshes take, with their textures at most.
-  std::size_t geometry_bytes() const;
+  /// Returns the memory that all frames share, bytes: meshes, at most their textures, mattes.
+  std::size_t shared_bytes() const;
   std::span<const Clip> clips(std::size_t layer) const { return clips_[layer]; }
-  /// Whether a layer can show anything at a frame: in its range, of some opacity, not clipped away,
-  /// not behind a solid that hides all.
+  /// Returns whether a layer may be visible at a frame: within its range, not fully transparent or
+  /// clipped, not behind an opaque solid.
   bool is_visible(std::size_t layer, int frame) const;
-  /// Whether a light field is asked for rays at a frame: visible, or a light on visible geometry.
+  /// Returns whether a layer is used at a frame: visible, or a light on visible geometry.
   bool is_needed(std::size_t layer, int frame) const;
-  /// Layers whose light fields are lights, in the order in which they are asked, with strengths:
-  /// one, or those around a volume.
-  struct LayerLight {
+  /// A light field that is a light: one layer, or those around a volume.
+  struct LightFieldLight {
     std::vector<std::size_t> layers;
     double strength = 1;
   };
-  const std::vector<LayerLight>& light_field_lights() const { return layer_lights_; }
-  /// How many layers up to this one, the foremost of its volume, make one picture: 1 without one.
-  std::size_t layers_of_picture(std::size_t layer) const;
+  const std::vector<LightFieldLight>& light_field_lights() const { return light_field_lights_; }
+  /// Returns the number of layers of the volume whose foremost layer this is; 1 without a volume.
+  std::size_t volume_layer_count(std::size_t layer) const;
 
-  const ShotColors& colors() const { return colors_; }
+  const ShotColorSpaces& colors() const { return colors_; }
   /// As ShotPlanOptions.
   const std::filesystem::path& cache_folder() const { return cache_folder_; }
-  TakeHosts* hosts() const { return hosts_; }
-  /// Whether the files are to tell an AOV of this name (ShotDocument::Output::aovs).
-  bool wants(std::string_view aov) const;
-  /// Whether one of them is among what RendererSettings::measure_coverage gives.
+  DistributedTakes* hosts() const { return hosts_; }
+  /// Returns whether the files contain an AOV (ShotDocument::Output::aovs).
+  bool writes_aov(std::string_view aov) const;
+  /// Returns whether they contain one that needs RendererSettings::measure_coverage.
   bool measures_coverage() const;
 
-  /// The views of a frame: left and right, or one.
+  /// Returns the views of a frame: left and right, or one.
   std::vector<Eye> eyes() const { return camera_.eyes(); }
-  /// With overscan.
+  /// Returns the camera with overscan.
   VirtualCamera camera(int frame, Eye eye) const { return exr_camera(frame, eye).view; }
 
-  /// With kError throws Error (bad input) listing the frames for which a visible light field has
-  /// nothing.
+  /// Returns the instants that the frames show. With kError throws Error (bad input), which lists
+  /// the frames for which a take has no instant.
   std::vector<PlannedFrame> plan(std::span<const int> frames, MissingFrames policy) const;
 
-  /// Throws Error (bad input) where a file that a method reads for one of the frames is missing, or
-  /// the camera is nowhere.
+  /// Throws Error (bad input) if a file that a layer reads for one of the frames is missing, or if
+  /// the camera has no position.
   void check_files(std::span<const PlannedFrame> frames) const;
 
-  /// Of everything that determines the file of a frame: the camera at it, layers, size and output
-  /// of the shot, take.json and rig.json, time and XXH3 of each source frame (those of the ticks
-  /// before and after, too, where the method looks at them), kReconstructionVersion. Not of paths,
-  /// threads or other frames.
+  /// Returns the hash of everything that determines the file of a frame: camera, layers, size and
+  /// output of the shot, take.json and rig.json, time and XXH3 of each source frame (also those of
+  /// adjacent ticks if the method reads them), kReconstructionVersion. Paths, threads and other
+  /// frames are not part of it.
   std::string fingerprint(const PlannedFrame& frame, bool chromaticities) const;
-  /// Of take and method the first light field's.
+  /// Returns the header of a frame. Take and method are those of the first visible light field.
   ExrMetadata metadata(const PlannedFrame& frame) const;
   ExrCamera exr_camera(int frame, Eye eye) const;
 
  private:
-  void find_layer_lights();
+  void find_light_field_lights();
   bool is_light(std::size_t layer) const;
   bool is_shown(std::size_t layer, int frame) const;
-  bool is_behind_a_solid(std::size_t layer, int frame) const;
-  void name_objects();
-  void open_geometry(std::size_t layer);
-  bool shows_in(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
+  bool is_occluded_by_solid(std::size_t layer, int frame) const;
+  void assign_object_names();
+  std::unique_ptr<const Layer> open_layer(std::size_t layer, const ShotPlanOptions& options);
+  std::unique_ptr<const Layer> open_light_field(std::size_t layer, const ShotPlanOptions& options);
+  std::unique_ptr<const Layer> open_geometry(std::size_t layer);
+  bool is_visible_in_any(std::size_t layer, const std::optional<std::vector<int>>& frames) const;
 
   std::filesystem::path shot_file_, cache_folder_, folder_;
-  TakeHosts* hosts_;
+  DistributedTakes* hosts_;
   ShotDocument shot_;
   ShotCamera camera_;
-  ShotColors colors_;
+  ShotColorSpaces colors_;
   std::vector<std::vector<Clip>> clips_;
-  std::vector<std::unique_ptr<const LightFieldLayer>> light_fields_;
-  std::unique_ptr<Textures> textures_;  ///< null: no mesh is visible
-  std::vector<std::unique_ptr<const GeometryLayer>> geometries_;
-  std::vector<std::unique_ptr<const PlateLayer>> plates_;
+  std::unique_ptr<Textures> textures_;                ///< null: no mesh is visible
+  std::vector<std::unique_ptr<const Layer>> layers_;  ///< null: it shows nothing
   std::vector<std::vector<std::string>> object_names_;
   Lights lights_;
-  std::string lights_print_;
-  std::vector<LayerLight> layer_lights_;
+  std::string lights_fingerprint_;
+  std::vector<LightFieldLight> light_field_lights_;
 };
 
 }  // namespace raystage

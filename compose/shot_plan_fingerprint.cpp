@@ -41,7 +41,8 @@ void add_layer(const ShotDocument::Layer& layer, Fingerprint& print) {
   print.integer("holdout", layer.holdout ? 1 : 0).number("opacity", layer.opacity);
   print.text("volume", layer.volume);
   if (layer.shadows) {
-    print.number("strength", layer.shadows->strength).number("reach", layer.shadows->reach_m);
+    print.number("strength", layer.shadows->strength)
+        .number("reach", layer.shadows->occlusion_distance_m);
     print.integer("shadow rays", layer.shadows->rays);
   }
   for (const ShotDocument::Clip& clip : layer.clips) add_clip(clip, print);
@@ -76,7 +77,7 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
     print.text("called rec709", shot_.output.color.rec709_space);
   }
   print.integer("frame", frame.frame);
-  for (const LayerLight& light : layer_lights_) {
+  for (const LightFieldLight& light : light_field_lights_) {
     for (const std::size_t layer : light.layers) {
       print.integer("light", static_cast<std::int64_t>(layer));
     }
@@ -89,12 +90,10 @@ std::string ShotPlan::fingerprint(const PlannedFrame& frame, bool chromaticities
     print.integer("visible", is_visible(i, frame.frame) ? 1 : 0);
     add_layer(shot_.layers[i], print);
     for (const std::string& name : object_names_[i]) print.text("object", name);
-    if (light_fields_[i]) light_fields_[i]->add_to(print, frame.frame, frame.shown[i]);
-    if (geometries_[i]) geometries_[i]->add_to(print, frame.frame);
-    shows_geometry = shows_geometry || geometries_[i] != nullptr;
-    if (plates_[i]) plates_[i]->add_to(print, frame.frame);
+    if (layers_[i]) layers_[i]->add_to_fingerprint(print, frame.frame, frame.shown[i]);
+    shows_geometry = shows_geometry || geometry(i) != nullptr;
   }
-  if (shows_geometry) print.text("lights", lights_print_);
+  if (shows_geometry) print.text("lights", lights_fingerprint_);
   return print.hex();
 }
 

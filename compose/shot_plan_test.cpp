@@ -8,11 +8,11 @@
 #include <fstream>
 #include <set>
 
-#include "compose/sequence_test_data.h"
-#include "render/evaluation/subjects.h"
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
+#include "render/evaluation/evaluation_cases.h"
+#include "testing/compose/sequence_test_data.h"
 
-namespace raystage {
+namespace raystage::shot_plan_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -58,7 +58,7 @@ TEST_F(ShotPlans, EvaluationsShowTheInstantsThatAShotShows) {
     ViewsDocument views;
     views.views.emplace_back().time_ns = light_field.take_time(frame);
     const auto subjects =
-        evaluation_subjects(light_field.take(), &light_field.timeline(), views, {}, {});
+        make_evaluation_cases(light_field.take(), &light_field.timeline(), views, {}, {});
     const std::optional<int> tick = light_field.tick_at(frame);
     shown.insert(tick.value_or(-1));
     const FrameSelection& frames = subjects.at(0).frames;
@@ -78,9 +78,9 @@ TEST_F(ShotPlans, ATargetKeepsHowDeepTheLayerSaysItsSceneIs) {
   shot_.layers[0].options = {{"near", 1.5}, {"far", 6.0}, {"neighbours", 4.0}};
   write_shot(shot_, shot_file());
   const ShotPlan plan(shot_file(), {.target = {{"target_error", 30.0}}});
-  const Reconstruction& reconstruction = plan.light_field(0)->reconstruction();
+  const ReconstructionSettings& reconstruction = plan.light_field(0)->reconstruction();
   EXPECT_EQ(reconstruction.method, "auto");
-  EXPECT_EQ(text_of(reconstruction.options), "far=6,near=1.5,target_error=30");
+  EXPECT_EQ(options_to_text(reconstruction.options), "far=6,near=1.5,target_error=30");
 }
 
 TEST_F(ShotPlans, WithoutADepthRangeAutoNeedsAPlaneOrDepths) {
@@ -146,4 +146,4 @@ TEST_F(ShotPlans, FocalPlanesOfEveryKind) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::shot_plan_test

@@ -9,8 +9,8 @@
 #include <cerrno>
 #include <charconv>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 
 namespace raystage::farm {
 namespace {
@@ -90,7 +90,7 @@ fs::path attempt_log(const JobFolder& folder, const FarmAttempt& attempt) {
   return folder.logs() / (attempt_name(attempt) + ".log");
 }
 
-void record_start(const JobFolder& folder, FarmAttempt& attempt) {
+void record_attempt_start(const JobFolder& folder, FarmAttempt& attempt) {
   for (attempt.attempt = 1;; ++attempt.attempt) {
     const fs::path file = record_file(folder, attempt);
     const int descriptor = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
@@ -105,7 +105,7 @@ void record_start(const JobFolder& folder, FarmAttempt& attempt) {
   }
 }
 
-void record_end(const JobFolder& folder, const FarmAttempt& attempt) {
+void record_attempt_end(const JobFolder& folder, const FarmAttempt& attempt) {
   const std::string text = record_text(attempt);
   const fs::path file = record_file(folder, attempt);
   try {

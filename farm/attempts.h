@@ -12,11 +12,11 @@ namespace raystage::farm {
 
 /// Records the start of an attempt in JOB/attempts under the next free number, which it sets. Two
 /// processes never get the same number. Throws Error (failed) for the disk.
-void record_start(const JobFolder& folder, FarmAttempt& attempt);
+void record_attempt_start(const JobFolder& folder, FarmAttempt& attempt);
 
 /// Writes `attempt` with its end over its start. A full disk is no obstacle: the start has reserved
 /// the room. Throws Error (failed) where the disk refuses even that.
-void record_end(const JobFolder& folder, const FarmAttempt& attempt);
+void record_attempt_end(const JobFolder& folder, const FarmAttempt& attempt);
 
 /// Attempts by task (stage and index), in their order. A record that is unreadable counts as an
 /// attempt without an end.

@@ -7,23 +7,23 @@
 #include <fstream>
 #include <thread>
 
-#include "farm/test_job.h"
-#include "schemas/test_folder.h"
+#include "testing/farm/test_job.h"
+#include "testing/test_folder.h"
 
 namespace raystage::farm {
 namespace {
 
 TEST(Attempts, AreNumberedOnceHoweverManyStartAtATime) {
   const TestFolder parent;
-  const JobFolder folder = testing::written_job(parent.path());
+  const JobFolder folder = testing::write_small_job(parent.path());
   constexpr int kThreads = 8, kEach = 5;
   std::vector<std::thread> threads;
   for (int i = 0; i < kThreads; ++i) {
     threads.emplace_back([&] {
       for (int j = 0; j < kEach; ++j) {
-        FarmAttempt attempt = testing::attempt_at(2, AttemptResult::kDone);
+        FarmAttempt attempt = testing::make_attempt(2, AttemptResult::kDone);
         attempt.end.reset();
-        record_start(folder, attempt);
+        record_attempt_start(folder, attempt);
       }
     });
   }
@@ -37,16 +37,16 @@ TEST(Attempts, AreNumberedOnceHoweverManyStartAtATime) {
 
 TEST(Attempts, KeepTheirEnd) {
   const TestFolder parent;
-  const JobFolder folder = testing::written_job(parent.path());
-  FarmAttempt attempt = testing::attempt_at(1, AttemptResult::kFailed, "node 7/ä");
+  const JobFolder folder = testing::write_small_job(parent.path());
+  FarmAttempt attempt = testing::make_attempt(1, AttemptResult::kFailed, "node 7/ä");
   const auto end = attempt.end;
   attempt.end.reset();
-  record_start(folder, attempt);
+  record_attempt_start(folder, attempt);
   EXPECT_FALSE(read_attempts(folder).at({"render", 1})[0].end);
   attempt.end = end;
   attempt.end->reason = std::string(5000, 'x');
   attempt.end->failed_frames = "4-6";
-  record_end(folder, attempt);
+  record_attempt_end(folder, attempt);
   const FarmAttempt back = read_attempts(folder).at({"render", 1})[0];
   ASSERT_TRUE(back.end);
   EXPECT_EQ(back.node, "node 7/ä");
@@ -56,16 +56,16 @@ TEST(Attempts, KeepTheirEnd) {
 
 TEST(Attempts, EndIsWrittenOverItsStartWhereNoFileCanBeCreated) {
   const TestFolder parent;
-  const JobFolder folder = testing::written_job(parent.path());
-  FarmAttempt attempt = testing::attempt_at(1, AttemptResult::kDone);
+  const JobFolder folder = testing::write_small_job(parent.path());
+  FarmAttempt attempt = testing::make_attempt(1, AttemptResult::kDone);
   const auto end = attempt.end;
   attempt.end.reset();
-  record_start(folder, attempt);
+  record_attempt_start(folder, attempt);
   const auto size_before =
       std::filesystem::file_size(folder.attempts() / (attempt_name(attempt) + ".json"));
   attempt.end = end;
   attempt.end->reason = std::string(1400, 'r');
-  record_end(folder, attempt);
+  record_attempt_end(folder, attempt);
   EXPECT_EQ(std::filesystem::file_size(folder.attempts() / (attempt_name(attempt) + ".json")),
             size_before)
       << "an end that is longer than its start needs room that a full disk does not have";
@@ -73,7 +73,7 @@ TEST(Attempts, EndIsWrittenOverItsStartWhereNoFileCanBeCreated) {
 
 TEST(Attempts, ThatAreUnreadableCountWithoutAnEnd) {
   const TestFolder parent;
-  const JobFolder folder = testing::written_job(parent.path());
+  const JobFolder folder = testing::write_small_job(parent.path());
   std::ofstream(folder.attempts() / "render.0003.02.json") << "{\"schema";
   std::ofstream(folder.attempts() / "render.0003.json") << "{}";
   std::ofstream(folder.attempts() / "notes.txt") << "x";

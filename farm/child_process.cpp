@@ -15,7 +15,7 @@
 #include <thread>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 extern char** environ;  // NOLINT: POSIX's name
 
@@ -159,8 +159,8 @@ ChildResult run_child(const std::vector<std::string>& command, const ChildOption
         if (log.number() >= 0) {
           [[maybe_unused]] const ssize_t kept = write(log.number(), text.data(), text.size());
         }
-        result.out.append(
-            text.substr(0, options.kept_bytes - std::min(options.kept_bytes, result.out.size())));
+        result.out.append(text.substr(
+            0, options.max_output_bytes - std::min(options.max_output_bytes, result.out.size())));
         lines.add(text);
         continue;
       }

@@ -17,7 +17,7 @@ struct ChildOptions {
   std::stop_token stop = {};   ///< requested: the child gets SIGTERM, and has its time to end
   double timeout_seconds = 0;  ///< 0: none; then SIGKILL
   std::string input = {};      ///< on its standard input
-  std::size_t kept_bytes = std::size_t{1} << 20;  ///< of what it prints, for ChildResult::out
+  std::size_t max_output_bytes = std::size_t{1} << 20;  ///< of what it prints, for ChildResult::out
 };
 
 struct ChildResult {
@@ -26,7 +26,7 @@ struct ChildResult {
   bool timed_out = false;
   double wall_seconds = 0, cpu_seconds = 0;
   double peak_memory_bytes = 0;  ///< largest resident size
-  std::string out;               ///< both streams, its first ChildOptions::kept_bytes
+  std::string out;               ///< both streams, its first ChildOptions::max_output_bytes
 };
 
 /// Runs a program (found on the PATH unless it has a '/') to its end; its standard output and error

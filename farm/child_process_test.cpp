@@ -8,8 +8,8 @@
 #include <fstream>
 #include <thread>
 
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/error.h"
+#include "testing/test_folder.h"
 
 namespace raystage::farm {
 namespace {

@@ -34,7 +34,7 @@ struct StageTime {
 };
 
 /// `tasks` of `seconds` each on `slots` slots.
-StageTime stage_time(int tasks, double seconds, int slots, const SiteCosts& site) {
+StageTime stage_time(int tasks, double seconds, int slots, const SiteParameters& site) {
   StageTime time;
   if (tasks == 0) return time;
   const double task_s = seconds + site.start_latency_s;
@@ -45,7 +45,8 @@ StageTime stage_time(int tasks, double seconds, int slots, const SiteCosts& site
   return time;
 }
 
-double seconds_on(const JobCosts& job, const SiteCosts& site, int nodes, Prediction& result) {
+double seconds_on(const JobCosts& job, const SiteParameters& site, int nodes,
+                  ScalingPrediction& result) {
   const int slots = std::max(1, nodes * site.cores_per_node / job.threads);
   const StageTime prepare = stage_time(job.instants, job.solve_s, slots, site);
   StageTime render =
@@ -93,10 +94,10 @@ std::optional<double> mean_gap(const TaskAttempts& attempts) {
 }
 
 /// Stages are seconds a frame in `from`, seconds of all frames in `to`.
-void add_stages(const RenderingCosts& from, RenderingCosts& to) {
+void add_stages(const RenderStageCosts& from, RenderStageCosts& to) {
   const double frames = from.frames;
   to.frames += from.frames;
-  to.at_once = std::max(to.at_once, from.at_once);
+  to.frames_in_flight = std::max(to.frames_in_flight, from.frames_in_flight);
   to.seconds += from.seconds;
   to.light_fields_s += frames * from.light_fields_s;
   to.geometry_s += frames * from.geometry_s;
@@ -107,7 +108,7 @@ void add_stages(const RenderingCosts& from, RenderingCosts& to) {
   to.read_bytes += frames * from.read_bytes;
 }
 
-void divide_stages(int frames, RenderingCosts& stages) {
+void divide_stages(int frames, RenderStageCosts& stages) {
   for (double* sum : {&stages.light_fields_s, &stages.geometry_s, &stages.merge_s, &stages.encode_s,
                       &stages.write_s, &stages.decode_s, &stages.read_bytes}) {
     *sum /= frames;
@@ -115,14 +116,14 @@ void divide_stages(int frames, RenderingCosts& stages) {
 }
 
 std::string stages_text(const JobCosts& job) {
-  const RenderingCosts& stages = job.stages;
+  const RenderStageCosts& stages = job.stages;
   if (stages.frames == 0) return "";
   const double write_rate = stages.write_s > 0 ? job.frame_write_bytes / stages.write_s * 1e-6 : 0;
   return fmt::format(
       "stages of a frame, s, {} at once: light fields {:.4f} (decoding {:.4f} of processors), "
       "geometry {:.4f},\nmerging {:.4f}, encoding {:.4f}, writing {:.4f} ({:.0f} MB/s)\n",
-      stages.at_once, stages.light_fields_s, stages.decode_s, stages.geometry_s, stages.merge_s,
-      stages.encode_s, stages.write_s, write_rate);
+      stages.frames_in_flight, stages.light_fields_s, stages.decode_s, stages.geometry_s,
+      stages.merge_s, stages.encode_s, stages.write_s, write_rate);
 }
 
 }  // namespace
@@ -131,8 +132,8 @@ std::string_view cost_limit_name(CostLimit limit) {
   return kLimitNames[static_cast<std::size_t>(limit)];
 }
 
-Prediction predict(const JobCosts& job, const SiteCosts& site, int nodes) {
-  Prediction one, result;
+ScalingPrediction predict_scaling(const JobCosts& job, const SiteParameters& site, int nodes) {
+  ScalingPrediction one, result;
   const double on_one = seconds_on(job, site, 1, one);
   result.nodes = nodes;
   result.seconds = seconds_on(job, site, nodes, result);
@@ -202,7 +203,7 @@ std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAtt
   return costs;
 }
 
-std::string cost_text(const JobCosts& job, const SiteCosts& site, std::span<const int> nodes) {
+std::string cost_text(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes) {
   std::string text = fmt::format(
       "{} frames in {} tasks of {} threads, {} instants to prepare\n"
       "seconds: {:.3f} a frame ({:.3f} of processors), {:.3f} an instant, {:.3f} a task besides, "
@@ -213,7 +214,7 @@ std::string cost_text(const JobCosts& job, const SiteCosts& site, std::span<cons
       stages_text(job), "nodes", "prepare, s", "render, s", "serial, s", "in all, s", "efficiency",
       "limited by");
   for (const int count : nodes) {
-    const Prediction p = predict(job, site, count);
+    const ScalingPrediction p = predict_scaling(job, site, count);
     text += fmt::format("{:>6} {:>12.1f} {:>12.1f} {:>12.1f} {:>12.1f} {:>10.0f}%  {}\n", p.nodes,
                         p.prepare_s, p.render_s, p.serial_s, p.seconds, 100 * p.efficiency,
                         cost_limit_name(p.limit));

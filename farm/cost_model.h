@@ -21,7 +21,7 @@ struct JobCosts {
   double frame_s = 0;                ///< of a frame, of those under way at once
   double frame_cpu_s = 0;            ///< processor time of a frame, the task's other work included
   double task_s = 0;                 ///< of a task besides its frames: its start, and its records
-  RenderingCosts stages = {};        ///< of a frame, mean; frames 0: the records lack them
+  RenderStageCosts stages = {};      ///< of a frame, mean; frames 0: the records lack them
   std::optional<double> gap_s = {};  ///< from the end of a task to the next on the same node, mean
   double frame_read_bytes = 0;       ///< JPEG data that a frame needs
   double frame_write_bytes = 0;      ///< its files
@@ -31,7 +31,7 @@ struct JobCosts {
 
 /// The site. Latency and throughput of the scheduler are different things: how long one task waits
 /// although a slot is free, and how many tasks it can start in a second.
-struct SiteCosts {
+struct SiteParameters {
   int cores_per_node = 2;
   double storage_read_bytes_per_s = 1e9, storage_write_bytes_per_s = 1e9;  ///< shared by all nodes
   double start_latency_s = 1;
@@ -49,7 +49,7 @@ enum class CostLimit {
 };
 std::string_view cost_limit_name(CostLimit limit);
 
-struct Prediction {
+struct ScalingPrediction {
   int nodes = 1;
   double seconds = 0;
   double prepare_s = 0, render_s = 0, serial_s = 0;  ///< submission and verification are serial
@@ -59,15 +59,15 @@ struct Prediction {
 
 /// Each stage takes as long as its slowest resource: processors in whole waves of tasks, the shared
 /// storage, or the scheduler. Stages follow each other.
-Prediction predict(const JobCosts& job, const SiteCosts& site, int nodes);
+ScalingPrediction predict_scaling(const JobCosts& job, const SiteParameters& site, int nodes);
 
 /// The costs of a job that has run, from its records: needs a chunk that is done. None: there is
 /// none.
 std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAttempts& attempts);
 
 /// A table for people, and a page with the curve of efficiency over nodes.
-std::string cost_text(const JobCosts& job, const SiteCosts& site, std::span<const int> nodes);
-std::string cost_page(const JobCosts& job, const SiteCosts& site, std::span<const int> nodes,
+std::string cost_text(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes);
+std::string cost_page(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes,
                       std::string_view title);
 
 }  // namespace raystage::farm

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "farm/test_job.h"
+#include "testing/farm/test_job.h"
 
 namespace raystage::farm {
 namespace {
@@ -18,8 +18,8 @@ JobCosts costs() {
   return job;
 }
 
-SiteCosts site() {
-  SiteCosts site;
+SiteParameters site() {
+  SiteParameters site;
   site.start_latency_s = 0;
   site.starts_per_s = 1e9;
   site.storage_read_bytes_per_s = site.storage_write_bytes_per_s = 1e12;
@@ -27,45 +27,46 @@ SiteCosts site() {
 }
 
 TEST(CostModel, ScalesWithNodesUntilTasksRunOut) {
-  const Prediction one = predict(costs(), site(), 1), ten = predict(costs(), site(), 10);
+  const ScalingPrediction one = predict_scaling(costs(), site(), 1),
+                          ten = predict_scaling(costs(), site(), 10);
   EXPECT_DOUBLE_EQ(one.seconds, 2000);  // 500 tasks of two frames of 2 s
   EXPECT_DOUBLE_EQ(ten.seconds, 200);
   EXPECT_DOUBLE_EQ(ten.efficiency, 1);
   EXPECT_EQ(ten.limit, CostLimit::kProcessors);
-  const Prediction many = predict(costs(), site(), 1000);
+  const ScalingPrediction many = predict_scaling(costs(), site(), 1000);
   EXPECT_DOUBLE_EQ(many.seconds, 4);
   EXPECT_EQ(many.limit, CostLimit::kTooFewTasks);
 }
 
 TEST(CostModel, NamesWhatSaturates) {
-  SiteCosts slow = site();
+  SiteParameters slow = site();
   slow.starts_per_s = 10;
-  EXPECT_EQ(predict(costs(), slow, 1000).limit, CostLimit::kScheduler);
-  EXPECT_DOUBLE_EQ(predict(costs(), slow, 1000).render_s, 50);
+  EXPECT_EQ(predict_scaling(costs(), slow, 1000).limit, CostLimit::kScheduler);
+  EXPECT_DOUBLE_EQ(predict_scaling(costs(), slow, 1000).render_s, 50);
   JobCosts large = costs();
   large.frame_write_bytes = 1e9;
-  SiteCosts disk = site();
+  SiteParameters disk = site();
   disk.storage_write_bytes_per_s = 1e9;
-  EXPECT_EQ(predict(large, disk, 100).limit, CostLimit::kStorageWrite);
-  EXPECT_EQ(predict(large, disk, 1).limit, CostLimit::kProcessors);
+  EXPECT_EQ(predict_scaling(large, disk, 100).limit, CostLimit::kStorageWrite);
+  EXPECT_EQ(predict_scaling(large, disk, 1).limit, CostLimit::kProcessors);
   JobCosts slow_check = costs();
   slow_check.verify_s = 1;
-  EXPECT_EQ(predict(slow_check, site(), 100).limit, CostLimit::kSerial);
+  EXPECT_EQ(predict_scaling(slow_check, site(), 100).limit, CostLimit::kSerial);
 }
 
 TEST(CostModel, LatencyCountsForEveryWaveAndThroughputForTheWhole) {
-  SiteCosts late = site();
+  SiteParameters late = site();
   late.start_latency_s = 1;
-  EXPECT_DOUBLE_EQ(predict(costs(), late, 10).render_s, 50 * (4 + 1));
+  EXPECT_DOUBLE_EQ(predict_scaling(costs(), late, 10).render_s, 50 * (4 + 1));
 }
 
 TEST(CostModel, MeasuresAJobByItsRecords) {
-  FarmJobDocument job = testing::small_job();
+  FarmJobDocument job = testing::make_small_job();
   TaskAttempts attempts;
   EXPECT_FALSE(measured_costs(job, attempts)) << "nothing has run";
   Nanoseconds now = 0;
   for (int i = 0; i < 3; ++i) {
-    FarmAttempt attempt = testing::attempt_at(i, AttemptResult::kDone);
+    FarmAttempt attempt = testing::make_attempt(i, AttemptResult::kDone);
     attempt.started_utc = now;
     attempt.end->cpu_seconds = 9;
     now += 6 * kNanosecondsPerSecond;
@@ -83,11 +84,11 @@ TEST(CostModel, MeasuresAJobByItsRecords) {
 }
 
 TEST(CostModel, TellsFramesFromTheRestOfATask) {
-  FarmJobDocument job = testing::small_job();
+  FarmJobDocument job = testing::make_small_job();
   TaskAttempts attempts;
   for (int i = 0; i < 2; ++i) {
-    FarmAttempt attempt = testing::attempt_at(i, AttemptResult::kDone);  // 6 s, three frames
-    RenderingCosts& stages = attempt.end->rendering.emplace();
+    FarmAttempt attempt = testing::make_attempt(i, AttemptResult::kDone);  // 6 s, three frames
+    RenderStageCosts& stages = attempt.end->rendering.emplace();
     stages.frames = i == 0 ? 2 : 3;  // one was whole before
     stages.seconds = i == 0 ? 3.0 : 4.5;
     stages.encode_s = i == 0 ? 1.0 : 2.0;

@@ -18,7 +18,7 @@ svg .course{fill:none;stroke:#3b82c4;stroke-width:2}
 svg circle{fill:#3b82c4}
 pre{overflow-x:auto})";
 
-std::string chart(const JobCosts& job, const SiteCosts& site, std::span<const int> nodes) {
+std::string chart(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes) {
   const double most = std::max(10, *std::ranges::max_element(nodes));
   SvgChart chart("Efficiency over the number of nodes", {1, most, "nodes", true, true},
                  {0, 100, "efficiency against one node, %"});
@@ -26,11 +26,12 @@ std::string chart(const JobCosts& job, const SiteCosts& site, std::span<const in
   const int steps = static_cast<int>(std::log10(most) * kStepsPerDecade);
   for (int i = 0; i <= steps; ++i) {
     const int count = static_cast<int>(std::lround(std::pow(10, double(i) / kStepsPerDecade)));
-    points.push_back({double(count), std::min(100.0, 100 * predict(job, site, count).efficiency)});
+    points.push_back(
+        {double(count), std::min(100.0, 100 * predict_scaling(job, site, count).efficiency)});
   }
   chart.line(points, "course");
   for (const int count : nodes) {
-    const Prediction p = predict(job, site, count);
+    const ScalingPrediction p = predict_scaling(job, site, count);
     chart.dot({double(count), std::min(100.0, 100 * p.efficiency), "node",
                fmt::format("{:.0f} s: {}", p.seconds, cost_limit_name(p.limit)),
                fmt::format("{} nodes, {:.1f} s, limited by {}", count, p.seconds,
@@ -42,7 +43,7 @@ std::string chart(const JobCosts& job, const SiteCosts& site, std::span<const in
 
 }  // namespace
 
-std::string cost_page(const JobCosts& job, const SiteCosts& site, std::span<const int> nodes,
+std::string cost_page(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes,
                       std::string_view title) {
   const std::string body =
       html_section("How the job scales",

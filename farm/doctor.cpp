@@ -10,16 +10,16 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "base/atomic_file.h"
+#include "base/resources.h"
 #include "compose/sequence_name.h"
 #include "farm/child_process.h"
-#include "farm/node.h"
+#include "farm/node_checks.h"
 #include "farm/slurm_queue.h"
 #include "farm/slurm_scripts.h"
 #include "raystage_version.h"
-#include "render/view/simd_level.h"
-#include "schemas/atomic_file.h"
+#include "render/common/simd_level.h"
 #include "schemas/json_text.h"
-#include "schemas/resources.h"
 
 namespace raystage::farm {
 namespace {
@@ -27,7 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::string doctor_script(const FarmJobDocument& job, const std::string& folder) {
-  const std::string wrap = job.wrap.empty() ? "" : job.wrap + " ";
+  const std::string command_prefix = job.command_prefix.empty() ? "" : job.command_prefix + " ";
   // The answer's name is the node's; where the folder is not there, no answer says so.
   return fmt::format(
       "#!/bin/sh\n# Asks one node whether it can carry out tasks of farm job {}.\n"
@@ -38,8 +38,8 @@ std::string doctor_script(const FarmJobDocument& job, const std::string& folder)
       ">\"{}/$SLURMD_NODENAME.new\" 2>\"{}/$SLURMD_NODENAME.said\" ||\n"
       "  cat \"{}/$SLURMD_NODENAME.said\" >>\"{}/$SLURMD_NODENAME.new\"\n"
       "mv \"{}/$SLURMD_NODENAME.new\" \"{}/$SLURMD_NODENAME\"\n",
-      job.id, slurm_job_name(job, "doctor"), shell_word(job.folder), wrap, shell_word(job.program),
-      folder, folder, folder, folder, folder, folder);
+      job.id, slurm_job_name(job, "doctor"), shell_quote(job.folder), command_prefix,
+      shell_quote(job.program), folder, folder, folder, folder, folder, folder);
 }
 
 NodeReport silent(const std::string& node, const std::string& why) {
@@ -76,14 +76,14 @@ std::string fate_of(const std::string& id) {
 }
 
 std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument& job,
-                                  const std::vector<std::string>& wanted, double patience_seconds,
+                                  const std::vector<std::string>& wanted, double timeout_seconds,
                                   const std::stop_token& stop) {
   std::map<std::string, NodeReport> reports;
   std::map<std::string, std::string> asked, sizes;  // Slurm's id, and the fault, by node
   const std::string answers = fmt::format("doctor.{:x}", static_cast<std::uint64_t>(utc_now()));
   create_folder(folder.path() / answers);
   write_file_atomically(folder.path() / "doctor.sbatch", doctor_script(job, answers));
-  for (const SlurmNode& node : slurm_nodes(partition_of(job.of(FarmStage::kRender).options))) {
+  for (const SlurmNode& node : slurm_nodes(sbatch_partition(job.of(FarmStage::kRender).options))) {
     if (!wanted.empty() && std::ranges::find(wanted, node.name) == wanted.end()) continue;
     sizes[node.name] = size_fault(job, node);
     if (!can_be_asked(node.state)) {
@@ -124,17 +124,17 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
     });
     const double waited =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    if (waited > patience_seconds) break;
+    if (waited > timeout_seconds) break;
     std::this_thread::sleep_for(std::chrono::milliseconds(100));
   }
   for (const auto& [node, id] : asked) {
     if (fate_of(id).starts_with("PENDING")) {
       reports[node] = silent(node, "");
-      reports[node].is_busy = true;
+      reports[node].is_pending = true;
     } else {
       reports[node] = silent(node, fmt::format("no answer within {:.0f} s: the job folder is not "
                                                "there, or the command of a task does not start",
-                                               patience_seconds));
+                                               timeout_seconds));
     }
   }
   if (!asked.empty()) run_child({"scancel", "--quiet", "--name=" + slurm_job_name(job, "doctor")});
@@ -147,8 +147,7 @@ std::vector<NodeReport> ask_slurm(const JobFolder& folder, const FarmJobDocument
 
 }  // namespace
 
-NodeReport examine_node(const FarmJobDocument& job, const fs::path& folder,
-                        const std::string& node) {
+NodeReport check_node(const FarmJobDocument& job, const fs::path& folder, const std::string& node) {
   NodeReport report;
   report.node = node.empty() ? node_name() : node;
   report.answered = true;
@@ -159,9 +158,9 @@ NodeReport examine_node(const FarmJobDocument& job, const fs::path& folder,
   report.threads = available_threads();
   report.memory_bytes = static_cast<double>(available_memory());
   std::error_code error;
-  report.sees_shot = fs::is_directory(job.shot_folder, error);
+  report.can_read_shot = fs::is_directory(job.shot_folder, error);
   const fs::path output = SequenceName(job.output).folder();
-  report.sees_output = fs::is_directory(output, error);
+  report.can_write_output = fs::is_directory(output, error);
   const fs::space_info space = fs::space(output, error);
   if (!error) report.free_bytes = static_cast<double>(space.available);
   return report;
@@ -176,8 +175,8 @@ std::string format_node_report(const NodeReport& report) {
                                 {"threads", report.threads},
                                 {"memory_bytes", report.memory_bytes},
                                 {"free_bytes", report.free_bytes},
-                                {"sees_shot", report.sees_shot},
-                                {"sees_output", report.sees_output}}
+                                {"sees_shot", report.can_read_shot},
+                                {"sees_output", report.can_write_output}}
              .dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) +
          "\n";
 }
@@ -189,13 +188,15 @@ NodeReport parse_node_report(std::string_view text, std::string_view name) {
     try {
       return json.is_object() ? json.value(key, otherwise) : otherwise;
     } catch (const nlohmann::json::exception&) {
-      throw bad_value(name, fmt::format("/{}", key), "the node's answer is damaged", "Ask again");
+      throw json_value_error(name, fmt::format("/{}", key), "the node's answer is damaged",
+                             "Ask again");
     }
     return T{};
   };
   NodeReport report;
   report.node = value("node", std::string());
-  if (report.node.empty()) throw bad_value(name, "/node", "the answer names no node", "Ask again");
+  if (report.node.empty())
+    throw json_value_error(name, "/node", "the answer names no node", "Ask again");
   report.answered = true;
   report.fault = value("fault", std::string());
   report.version = value("version", std::string());
@@ -204,17 +205,16 @@ NodeReport parse_node_report(std::string_view text, std::string_view name) {
   report.threads = value("threads", 0);
   report.memory_bytes = value("memory_bytes", 0.0);
   report.free_bytes = value("free_bytes", 0.0);
-  report.sees_shot = value("sees_shot", false);
-  report.sees_output = value("sees_output", false);
+  report.can_read_shot = value("sees_shot", false);
+  report.can_write_output = value("sees_output", false);
   return report;
 }
 
-std::vector<NodeReport> examine_nodes(const JobFolder& folder,
-                                      const std::vector<std::string>& nodes,
-                                      double patience_seconds, const std::stop_token& stop) {
+std::vector<NodeReport> check_nodes(const JobFolder& folder, const std::vector<std::string>& nodes,
+                                    double timeout_seconds, const std::stop_token& stop) {
   const FarmJobDocument job = folder.job();
-  if (job.engine != FarmJobDocument::Engine::kSlurm) return {examine_node(job, folder.path())};
-  return ask_slurm(folder, job, nodes, patience_seconds, stop);
+  if (job.engine != FarmJobDocument::Engine::kSlurm) return {check_node(job, folder.path())};
+  return ask_slurm(folder, job, nodes, timeout_seconds, stop);
 }
 
 std::string doctor_text(const std::vector<NodeReport>& reports) {
@@ -223,7 +223,7 @@ std::string doctor_text(const std::vector<NodeReport>& reports) {
                   "simd", "threads", "memory", "output free", "verdict");
   for (const NodeReport& report : reports) {
     if (!report.answered) {
-      const std::string verdict = report.is_busy ? "not examined: busy" : report.fault;
+      const std::string verdict = report.is_pending ? "not examined: busy" : report.fault;
       text += fmt::format("{:<16} {:<9} {:<17} {:<7} {:>7} {:>10} {:>12}  {}\n", report.node, "-",
                           "-", "-", "-", "-", "-", verdict);
       continue;

@@ -16,10 +16,10 @@
 #include <system_error>
 #include <thread>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "compose/sequence_name.h"
 #include "farm/path_map.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 
 namespace raystage::farm {
 namespace {
@@ -92,9 +92,9 @@ FarmJobDocument JobFolder::job() const {
   return parse_farm_job(*text, job_file().string());
 }
 
-FarmJobDocument JobFolder::job_here() const {
+FarmJobDocument JobFolder::local_job() const {
   FarmJobDocument here = job();
-  map_paths(here, rules_of_this_host(here, path_));
+  map_paths(here, local_path_rules(here, path_));
   return here;
 }
 
@@ -159,7 +159,7 @@ void JobFolder::exclude(std::string_view node, std::string_view reason) const {
   close(descriptor);
 }
 
-NodeTurn::NodeTurn(const JobFolder& folder, std::string_view node) {
+NodeLock::NodeLock(const JobFolder& folder, std::string_view node) {
   constexpr int kMostTries = 200;
   constexpr std::chrono::milliseconds kBetweenTries{50};
   const fs::path file = folder.excluded() / ("." + as_file_name(node) + ".lock");
@@ -170,7 +170,7 @@ NodeTurn::NodeTurn(const JobFolder& folder, std::string_view node) {
   }
 }
 
-NodeTurn::~NodeTurn() {
+NodeLock::~NodeLock() {
   if (descriptor_ >= 0) close(descriptor_);
 }
 
@@ -189,7 +189,7 @@ fs::path farm_folder(const std::string& output) {
   return name.folder() / ((stem.empty() ? "frames" : stem) + ".farm");
 }
 
-std::vector<JobFolder> jobs_in(const fs::path& farm_folder) {
+std::vector<JobFolder> list_jobs(const fs::path& farm_folder) {
   std::vector<std::pair<int, fs::path>> found;
   std::error_code error;
   for (fs::directory_iterator entry(farm_folder, error), end; entry != end;
@@ -203,9 +203,9 @@ std::vector<JobFolder> jobs_in(const fs::path& farm_folder) {
   return jobs;
 }
 
-std::optional<JobFolder> live_job(const std::string& output, const fs::path& before) {
+std::optional<JobFolder> find_live_job(const std::string& output, const fs::path& before) {
   std::optional<JobFolder> live;
-  for (const JobFolder& folder : jobs_in(farm_folder(output))) {
+  for (const JobFolder& folder : list_jobs(farm_folder(output))) {
     std::error_code ignored;
     if (!before.empty() && folder.path().filename() == before.filename()) break;
     if (fs::exists(folder.end_file(), ignored)) continue;
@@ -222,7 +222,7 @@ JobFolder create_job_folder(const std::string& output) {
   const fs::path parent = farm_folder(output);
   create_folder(parent);
   int number = 1;
-  if (const auto jobs = jobs_in(parent); !jobs.empty()) {
+  if (const auto jobs = list_jobs(parent); !jobs.empty()) {
     number = *number_after(kJobPrefix, jobs.back().path().filename().string()) + 1;
   }
   for (;; ++number) {
@@ -244,10 +244,10 @@ JobFolder find_job(const fs::path& named) {
   const fs::path path = absolute.has_filename() ? absolute : absolute.parent_path();
   if (path.filename() == "job.json") return JobFolder(path.parent_path());
   if (fs::exists(path / "job.json", ignored)) return JobFolder(path);
-  std::vector<JobFolder> jobs = jobs_in(path);
+  std::vector<JobFolder> jobs = list_jobs(path);
   if (jobs.empty() && !fs::is_directory(path, ignored)) {
     try {
-      jobs = jobs_in(farm_folder(path.string()));
+      jobs = list_jobs(farm_folder(path.string()));
       std::erase_if(jobs, [&](const JobFolder& folder) {
         return read_record(folder.job_file()) &&
                !is_same_sequence(folder.job().output, path.string());

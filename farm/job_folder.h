@@ -38,7 +38,7 @@ class JobFolder {
   /// its document is damaged.
   FarmJobDocument job() const;
   /// The same with paths as this host sees them, which may be the submitting host or a node.
-  FarmJobDocument job_here() const;
+  FarmJobDocument local_job() const;
   /// The rounds that were written, by number.
   std::vector<FarmRound> rounds() const;
   /// None: the job is not over.
@@ -59,12 +59,12 @@ class JobFolder {
 /// While it lives no other task of the job that runs on this node has one: a lock in JOB/excluded,
 /// which goes with the process. Where the file system has no locks, or one is held for too long
 /// (10 s), it is none.
-class NodeTurn {
+class NodeLock {
  public:
-  NodeTurn(const JobFolder& folder, std::string_view node);
-  ~NodeTurn();
-  NodeTurn(const NodeTurn&) = delete;
-  NodeTurn& operator=(const NodeTurn&) = delete;
+  NodeLock(const JobFolder& folder, std::string_view node);
+  ~NodeLock();
+  NodeLock(const NodeLock&) = delete;
+  NodeLock& operator=(const NodeLock&) = delete;
 
  private:
   int descriptor_ = -1;
@@ -74,12 +74,12 @@ class NodeTurn {
 std::filesystem::path farm_folder(const std::string& output);
 
 /// The jobs in it by number; also one that is just being created.
-std::vector<JobFolder> jobs_in(const std::filesystem::path& farm_folder);
+std::vector<JobFolder> list_jobs(const std::filesystem::path& farm_folder);
 
 /// The newest job of this output that is not over; none where every one is.
 /// `before`: only jobs with a lower number than this folder's.
-std::optional<JobFolder> live_job(const std::string& output,
-                                  const std::filesystem::path& before = {});
+std::optional<JobFolder> find_live_job(const std::string& output,
+                                       const std::filesystem::path& before = {});
 
 /// Creates the next folder OUT/NAME.farm/job-NNNN with its subfolders. Two processes never get the
 /// same one. Throws Error (failed) for the disk.

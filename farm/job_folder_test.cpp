@@ -7,9 +7,9 @@
 #include <set>
 #include <thread>
 
-#include "farm/test_job.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/error.h"
+#include "testing/farm/test_job.h"
+#include "testing/test_folder.h"
 
 namespace raystage::farm {
 namespace {
@@ -36,26 +36,26 @@ TEST(JobFolder, IsGivenToOneSubmissionOnly) {
 TEST(JobFolder, ALiveJobIsFoundByItsOutput) {
   const TestFolder parent;
   const std::string output = (parent.path() / "f.####.exr").string();
-  EXPECT_FALSE(live_job(output));
-  const JobFolder folder = testing::written_job(parent.path());
-  ASSERT_TRUE(live_job(output));
-  EXPECT_EQ(live_job(output)->path(), folder.path());
-  EXPECT_FALSE(live_job((parent.path() / "f_####.exr").string())) << "another sequence";
-  EXPECT_TRUE(live_job((parent.path() / "f.%04d.exr").string())) << "the same files";
-  EXPECT_FALSE(live_job(output, folder.path())) << "no job before it";
+  EXPECT_FALSE(find_live_job(output));
+  const JobFolder folder = testing::write_small_job(parent.path());
+  ASSERT_TRUE(find_live_job(output));
+  EXPECT_EQ(find_live_job(output)->path(), folder.path());
+  EXPECT_FALSE(find_live_job((parent.path() / "f_####.exr").string())) << "another sequence";
+  EXPECT_TRUE(find_live_job((parent.path() / "f.%04d.exr").string())) << "the same files";
+  EXPECT_FALSE(find_live_job(output, folder.path())) << "no job before it";
   FarmEnd end;
   end.ended_utc = utc_now();
   folder.write_end(end);
-  EXPECT_FALSE(live_job(output));
+  EXPECT_FALSE(find_live_job(output));
   folder.reopen();
-  EXPECT_TRUE(live_job(output));
+  EXPECT_TRUE(find_live_job(output));
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "ended.1.json"));
 }
 
 TEST(JobFolder, IsFoundByAnyOfItsNames) {
   const TestFolder parent;
-  testing::written_job(parent.path());
-  const JobFolder second = testing::written_job(parent.path());
+  testing::write_small_job(parent.path());
+  const JobFolder second = testing::write_small_job(parent.path());
   EXPECT_EQ(second.path().filename(), "job-0002");
   for (const std::filesystem::path& name :
        {second.path(), second.job_file(), parent.path() / "f.farm", parent.path() / "f.####.exr",
@@ -67,7 +67,7 @@ TEST(JobFolder, IsFoundByAnyOfItsNames) {
 
 TEST(JobFolder, ExcludedNodesStayWithTheirReasons) {
   const TestFolder parent;
-  const JobFolder folder = testing::written_job(parent.path());
+  const JobFolder folder = testing::write_small_job(parent.path());
   folder.exclude("n3", "the disk is full");
   folder.exclude("n3", "another reason");
   folder.exclude("../../evil", "x");

@@ -45,8 +45,8 @@ std::vector<ChunkGroup> merged(std::vector<ChunkGroup> groups) {
 
 }  // namespace
 
-std::vector<std::vector<int>> cut_into_chunks(std::span<const int> frames,
-                                              const ChunkSettings& settings) {
+std::vector<std::vector<int>> split_into_chunks(std::span<const int> frames,
+                                                const ChunkSettings& settings) {
   std::vector<std::vector<int>> chunks;
   if (!settings.preview_first) {
     append_chunks(frames, settings.frames_per_chunk, chunks);
@@ -61,7 +61,7 @@ std::vector<std::vector<int>> cut_into_chunks(std::span<const int> frames,
   return chunks;
 }
 
-int automatic_chunk(std::size_t frames, std::optional<double> seconds_per_frame) {
+int automatic_chunk_size(std::size_t frames, std::optional<double> seconds_per_frame) {
   const auto count = static_cast<double>(std::max<std::size_t>(frames, 1));
   if (!seconds_per_frame) return static_cast<int>(std::min(count, 10.0));
   const double seconds = std::max(*seconds_per_frame, 1e-3);
@@ -90,10 +90,10 @@ std::vector<ChunkGroup> group_chunks(const FarmJobDocument& job, std::span<const
   return merged(std::move(result));
 }
 
-std::vector<ArrayPart> split_array(std::span<const int> indices, int max_array) {
+std::vector<ArrayPart> split_array(std::span<const int> indices, int max_array_size) {
   std::vector<ArrayPart> parts;
   for (const int index : indices) {
-    const int offset = index / max_array * max_array;
+    const int offset = index / max_array_size * max_array_size;
     if (parts.empty() || parts.back().offset != offset) parts.push_back({offset, {}});
     parts.back().indices.push_back(index - offset);
   }

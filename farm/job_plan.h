@@ -16,13 +16,13 @@ struct ChunkSettings {
 
 /// Frames of each chunk in the order of their tasks, which is the order in which a scheduler starts
 /// them. `frames` are sorted and distinct. Every frame is in exactly one chunk.
-std::vector<std::vector<int>> cut_into_chunks(std::span<const int> frames,
-                                              const ChunkSettings& settings);
+std::vector<std::vector<int>> split_into_chunks(std::span<const int> frames,
+                                                const ChunkSettings& settings);
 
 /// Frames per chunk such that a task lasts about five minutes, while a job of more than half a
 /// minute keeps at least 16 tasks to share out. `seconds_per_frame`: wall-clock, of one task; none:
 /// unknown.
-int automatic_chunk(std::size_t frames, std::optional<double> seconds_per_frame);
+int automatic_chunk_size(std::size_t frames, std::optional<double> seconds_per_frame);
 
 /// Chunks that wait for the same tasks of stage prepare.
 struct ChunkGroup {
@@ -42,7 +42,7 @@ struct ArrayPart {
   std::vector<int> indices;  ///< without the offset: 0 to the largest array index
 };
 
-/// Cuts sorted indices so that each part's indices lie in [0, max_array).
-std::vector<ArrayPart> split_array(std::span<const int> indices, int max_array);
+/// Cuts sorted indices so that each part's indices lie in [0, max_array_size).
+std::vector<ArrayPart> split_array(std::span<const int> indices, int max_array_size);
 
 }  // namespace raystage::farm

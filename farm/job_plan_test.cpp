@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "farm/test_job.h"
+#include "testing/farm/test_job.h"
 
 namespace raystage::farm {
 namespace {
@@ -20,7 +20,7 @@ TEST(JobPlan, EveryFrameIsInOneChunk) {
     const int count = *rc::gen::inRange(1, 300), per_chunk = *rc::gen::inRange(1, 60);
     std::vector<int> frames(static_cast<std::size_t>(count));
     std::iota(frames.begin(), frames.end(), *rc::gen::inRange(-50, 1000));
-    const auto chunks = cut_into_chunks(frames, {per_chunk, *rc::gen::arbitrary<bool>()});
+    const auto chunks = split_into_chunks(frames, {per_chunk, *rc::gen::arbitrary<bool>()});
     std::vector<int> all;
     for (const auto& chunk : chunks) {
       RC_ASSERT(!chunk.empty() && chunk.size() <= std::size_t(per_chunk));
@@ -35,21 +35,21 @@ TEST(JobPlan, EveryFrameIsInOneChunk) {
 TEST(JobPlan, EveryTenthFrameComesFirst) {
   std::vector<int> frames(30);
   std::iota(frames.begin(), frames.end(), 1);
-  const auto chunks = cut_into_chunks(frames, {4, true});
+  const auto chunks = split_into_chunks(frames, {4, true});
   EXPECT_THAT(chunks[0], ElementsAre(1, 11, 21));
   EXPECT_THAT(chunks[1], ElementsAre(2, 3, 4, 5));
 }
 
 TEST(JobPlan, TasksLastMinutesAndStayManyEnough) {
-  EXPECT_EQ(automatic_chunk(1000, 1.0), 62) << "16 tasks to share out";
-  EXPECT_EQ(automatic_chunk(100'000, 1.0), 300) << "five minutes";
-  EXPECT_EQ(automatic_chunk(48, 0.1), 48) << "not worth sharing";
-  EXPECT_EQ(automatic_chunk(48, 3600.0), 1);
-  EXPECT_EQ(automatic_chunk(0, 0.0), 1);
+  EXPECT_EQ(automatic_chunk_size(1000, 1.0), 62) << "16 tasks to share out";
+  EXPECT_EQ(automatic_chunk_size(100'000, 1.0), 300) << "five minutes";
+  EXPECT_EQ(automatic_chunk_size(48, 0.1), 48) << "not worth sharing";
+  EXPECT_EQ(automatic_chunk_size(48, 3600.0), 1);
+  EXPECT_EQ(automatic_chunk_size(0, 0.0), 1);
 }
 
 TEST(JobPlan, AChunkWaitsOnlyForItsInstants) {
-  const FarmJobDocument job = testing::small_job();
+  const FarmJobDocument job = testing::make_small_job();
   const FarmRound round = testing::first_round();
   const auto groups = group_chunks(job, round.prepare, round.render);
   ASSERT_EQ(groups.size(), 3U);
@@ -66,7 +66,7 @@ TEST(JobPlan, AChunkWaitsOnlyForItsInstants) {
 }
 
 TEST(JobPlan, LongMovesTakeABoundedNumberOfSubmissions) {
-  FarmJobDocument job = testing::small_job();
+  FarmJobDocument job = testing::make_small_job();
   job.chunks.clear();
   job.instants.assign(1000, job.instants[0]);
   std::vector<int> all(1000);

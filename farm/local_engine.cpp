@@ -11,10 +11,10 @@
 #include <sstream>
 #include <thread>
 
+#include "base/atomic_file.h"
 #include "farm/rounds.h"
 #include "farm/task.h"
 #include "farm/verification.h"
-#include "schemas/atomic_file.h"
 
 namespace raystage::farm {
 namespace {
@@ -91,7 +91,7 @@ class LocalRun {
   ExitCode run_task_of(
       FarmStage stage, int index, int round, std::function<void(double)> progress = [](double) {}) {
     TaskRequest request{folder_, stage, index, round};
-    request.patience_seconds = 0;  // this host has written the frames itself
+    request.timeout_seconds = 0;  // this host has written the frames itself
     request.progress = std::move(progress);
     request.say = options_.say;
     return run_task(request, stop_);
@@ -101,7 +101,7 @@ class LocalRun {
     FarmEnd end;
     end.state = FarmEnd::State::kStopped;
     end.reason = "the process that ran the job was stopped";
-    end.frames = static_cast<int>(frames_of(job_).size());
+    end.frames = static_cast<int>(job_frames(job_).size());
     end_job(folder_, job_, end);
     return ExitCode::kFailed;
   }
@@ -114,18 +114,18 @@ class LocalRun {
 
 }  // namespace
 
-ExitCode run_locally(const JobFolder& folder, const LocalOptions& options,
-                     const std::stop_token& stop) {
+ExitCode run_job_locally(const JobFolder& folder, const LocalOptions& options,
+                         const std::stop_token& stop) {
   return LocalRun(folder, options, stop).run();
 }
 
-void stop_running_here(const JobFolder& folder) {
+void stop_local_job(const JobFolder& folder) {
   constexpr int kMostLooks = 600;
   constexpr std::chrono::milliseconds kBetweenLooks{100};
   for (const FarmRound& round : folder.rounds()) {
     if (round.host.empty()) continue;
-    for (int looks = 0; is_running_here(round) != false; ++looks) {
-      if (!is_running_here(round) || looks == kMostLooks) {
+    for (int looks = 0; is_local_job_running(round) != false; ++looks) {
+      if (!is_local_job_running(round) || looks == kMostLooks) {
         throw Error::failed("the job's process runs on", round.host, "Stop it there first");
       }
       if (looks == 0) kill(static_cast<pid_t>(round.process), SIGTERM);
@@ -134,7 +134,7 @@ void stop_running_here(const JobFolder& folder) {
   }
 }
 
-std::optional<bool> is_running_here(const FarmRound& round) {
+std::optional<bool> is_local_job_running(const FarmRound& round) {
   if (round.host.empty()) return false;
   if (round.host != host_name()) return std::nullopt;
   const std::string start = start_of_process(round.process);

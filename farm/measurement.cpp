@@ -7,10 +7,10 @@
 #include <string>
 #include <string_view>
 
+#include "base/error.h"
 #include "farm/attempts.h"
 #include "farm/child_process.h"
-#include "farm/render_command.h"
-#include "schemas/error.h"
+#include "farm/task_commands.h"
 
 namespace raystage::farm {
 
@@ -22,7 +22,7 @@ std::optional<FarmAttempt::End> measure_frame(const Measurement& measurement,
   attempt.process = getpid();
   attempt.frames = std::to_string(measurement.frame);
   attempt.started_utc = utc_now();
-  record_start(measurement.folder, attempt);
+  record_attempt_start(measurement.folder, attempt);
   ChildOptions child_options;
   child_options.log = attempt_log(measurement.folder, attempt);
   child_options.stop = stop;
@@ -43,7 +43,7 @@ std::optional<FarmAttempt::End> measure_frame(const Measurement& measurement,
   end.peak_memory_bytes = child.peak_memory_bytes;
   end.ended_utc = utc_now();
   attempt.end = end;
-  record_end(measurement.folder, attempt);
+  record_attempt_end(measurement.folder, attempt);
   if (child.exit_code == 0) return rendered ? std::optional(end) : std::nullopt;
   const std::string what =
       fmt::format("the first frame (frame {}) cannot be rendered: {}", measurement.frame, last);

@@ -10,25 +10,27 @@
 namespace raystage::farm {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 constexpr std::size_t kLongestName = 64;
 
-Json host_requirements(const FarmResources& resources) {
+OrderedJson host_requirements(const FarmResources& resources) {
   // amount.worker.memory is in MiB (specification 3.3.1).
   const double mebibytes = resources.memory_gb * 1e9 * 1.1 / (1 << 20) + 400;
-  return {{"amounts",
-           Json::array({{{"name", "amount.worker.vcpu"}, {"min", resources.threads}},
-                        {{"name", "amount.worker.memory"}, {"min", static_cast<int>(mebibytes)}}})},
-          {"attributes",
-           Json::array({{{"name", "attr.worker.os.family"}, {"anyOf", Json::array({"linux"})}}})}};
+  return {
+      {"amounts", OrderedJson::array(
+                      {{{"name", "amount.worker.vcpu"}, {"min", resources.threads}},
+                       {{"name", "amount.worker.memory"}, {"min", static_cast<int>(mebibytes)}}})},
+      {"attributes", OrderedJson::array({{{"name", "attr.worker.os.family"},
+                                          {"anyOf", OrderedJson::array({"linux"})}}})}};
 }
 
-/// With `wrap`, a shell runs its words before the command: they are quoted for one.
-Json script(const std::string& wrap, FarmStage stage, const std::string& index,
-            const FarmResources& resources) {
-  Json arguments = Json::array();
-  if (!wrap.empty()) arguments = {"-c", wrap + " \"$@\"", "sh", "{{Param.Raystage}}"};
+/// With `command_prefix`, a shell runs its words before the command: they are quoted for one.
+OrderedJson script(const std::string& command_prefix, FarmStage stage, const std::string& index,
+                   const FarmResources& resources) {
+  OrderedJson arguments = OrderedJson::array();
+  if (!command_prefix.empty())
+    arguments = {"-c", command_prefix + " \"$@\"", "sh", "{{Param.Raystage}}"};
   for (const std::string_view word : {"farm", "task", "{{Param.JobFolder}}"}) {
     arguments.push_back(word);
   }
@@ -38,10 +40,11 @@ Json script(const std::string& wrap, FarmStage stage, const std::string& index,
        {"--progress", "openjd", "--path-mapping", "{{Session.PathMappingRulesFile}}"}) {
     arguments.push_back(word);
   }
-  Json on_run{{"command", wrap.empty() ? "{{Param.Raystage}}" : "sh"},
-              {"args", std::move(arguments)},
-              // The command gets SIGTERM, and its time to drop the frames in flight.
-              {"cancelation", {{"mode", "NOTIFY_THEN_TERMINATE"}, {"notifyPeriodInSeconds", 90}}}};
+  OrderedJson on_run{
+      {"command", command_prefix.empty() ? "{{Param.Raystage}}" : "sh"},
+      {"args", std::move(arguments)},
+      // The command gets SIGTERM, and its time to drop the frames in flight.
+      {"cancelation", {{"mode", "NOTIFY_THEN_TERMINATE"}, {"notifyPeriodInSeconds", 90}}}};
   if (resources.minutes) on_run["timeout"] = *resources.minutes * 60;
   return {{"actions", {{"onRun", std::move(on_run)}}}};
 }
@@ -52,49 +55,49 @@ std::string step_name(FarmStage stage) {
   return name;
 }
 
-Json step(const FarmJobDocument& job, FarmStage stage, std::size_t tasks) {
-  Json result{{"name", step_name(stage)}};
+OrderedJson step(const FarmJobDocument& job, FarmStage stage, std::size_t tasks) {
+  OrderedJson result{{"name", step_name(stage)}};
   const bool has_space = stage == FarmStage::kPrepare || stage == FarmStage::kRender;
   result["hostRequirements"] = host_requirements(job.of(stage));
   if (has_space) {
     result["parameterSpace"] = {
         {"taskParameterDefinitions",
-         Json::array({{{"name", "Task"},
-                       {"type", "INT"},
-                       {"range", tasks == 1 ? "0" : fmt::format("0-{}", tasks - 1)}}})}};
+         OrderedJson::array({{{"name", "Task"},
+                              {"type", "INT"},
+                              {"range", tasks == 1 ? "0" : fmt::format("0-{}", tasks - 1)}}})}};
   }
   result["script"] =
-      script(job.wrap, stage, has_space ? "{{Task.Param.Task}}" : "0", job.of(stage));
+      script(job.command_prefix, stage, has_space ? "{{Task.Param.Task}}" : "0", job.of(stage));
   return result;
 }
 
 }  // namespace
 
 std::string openjd_template(const FarmJobDocument& job) {
-  Json json{{"specificationVersion", "jobtemplate-2023-09"},
-            {"name", job.id.substr(0, kLongestName)}};
+  OrderedJson json{{"specificationVersion", "jobtemplate-2023-09"},
+                   {"name", job.id.substr(0, kLongestName)}};
   json["description"] =
       fmt::format("Raystage {} renders {} to {}", job.program_version, job.shot, job.output)
           .substr(0, 2048);
-  json["parameterDefinitions"] =
-      Json::array({{{"name", "JobFolder"},
-                    {"type", "PATH"},
-                    {"objectType", "DIRECTORY"},
-                    {"dataFlow", "INOUT"},
-                    {"default", job.folder},
-                    {"description", "The farm job's folder, as the submitting host sees it."}},
-                   {{"name", "Raystage"},
-                    {"type", "STRING"},
-                    {"default", job.program},
-                    {"description", "Command that runs Raystage on a worker."}}});
-  Json& steps = json["steps"] = Json::array();
-  const auto depends = [&](Json made, FarmStage on) {
-    made["dependencies"] = Json::array({{{"dependsOn", step_name(on)}}});
+  json["parameterDefinitions"] = OrderedJson::array(
+      {{{"name", "JobFolder"},
+        {"type", "PATH"},
+        {"objectType", "DIRECTORY"},
+        {"dataFlow", "INOUT"},
+        {"default", job.folder},
+        {"description", "The farm job's folder, as the submitting host sees it."}},
+       {{"name", "Raystage"},
+        {"type", "STRING"},
+        {"default", job.program},
+        {"description", "Command that runs Raystage on a worker."}}});
+  OrderedJson& steps = json["steps"] = OrderedJson::array();
+  const auto depends = [&](OrderedJson made, FarmStage on) {
+    made["dependencies"] = OrderedJson::array({{{"dependsOn", step_name(on)}}});
     steps.push_back(std::move(made));
   };
   const bool prepares = !job.instants.empty();
   if (prepares) steps.push_back(step(job, FarmStage::kPrepare, job.instants.size()));
-  Json render = step(job, FarmStage::kRender, job.chunks.size());
+  OrderedJson render = step(job, FarmStage::kRender, job.chunks.size());
   if (prepares) {
     depends(std::move(render), FarmStage::kPrepare);
   } else {

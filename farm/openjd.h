@@ -18,6 +18,6 @@ std::string openjd_template(const FarmJobDocument& job);
 /// What in a template the published rules forbid, by JSON pointer; empty: nothing. Checks what
 /// openjd_template() uses: document structure, names, lengths, references in format strings,
 /// dependencies, ranges.
-std::vector<std::string> openjd_faults(std::string_view template_text);
+std::vector<std::string> validate_openjd_template(std::string_view template_text);
 
 }  // namespace raystage::farm

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "farm/test_job.h"
+#include "testing/farm/test_job.h"
 
 namespace raystage::farm {
 namespace {
@@ -17,9 +17,9 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
 TEST(OpenJd, TheTemplateKeepsThePublishedRules) {
-  const FarmJobDocument job = testing::small_job();
+  const FarmJobDocument job = testing::make_small_job();
   const std::string text = openjd_template(job);
-  EXPECT_THAT(openjd_faults(text), IsEmpty()) << text;
+  EXPECT_THAT(validate_openjd_template(text), IsEmpty()) << text;
   const json document = json::parse(text);
   EXPECT_EQ(document["specificationVersion"], "jobtemplate-2023-09");
   ASSERT_EQ(document["steps"].size(), 4U);
@@ -31,20 +31,20 @@ TEST(OpenJd, TheTemplateKeepsThePublishedRules) {
 }
 
 TEST(OpenJd, StagesThatAJobLacksAreNoSteps) {
-  FarmJobDocument job = testing::small_job();
+  FarmJobDocument job = testing::make_small_job();
   job.instants.clear();
   job.preview = false;
   job.chunks = {{"1", {}}};
   const std::string text = openjd_template(job);
-  EXPECT_THAT(openjd_faults(text), IsEmpty()) << text;
+  EXPECT_THAT(validate_openjd_template(text), IsEmpty()) << text;
   EXPECT_EQ(json::parse(text)["steps"].size(), 2U);
 }
 
 TEST(OpenJd, WordsBeforeTheCommandAreTheShells) {
-  FarmJobDocument job = testing::small_job();
-  job.wrap = "apptainer exec -B '/a b' /net/x.sif";
+  FarmJobDocument job = testing::make_small_job();
+  job.command_prefix = "apptainer exec -B '/a b' /net/x.sif";
   const std::string text = openjd_template(job);
-  EXPECT_THAT(openjd_faults(text), IsEmpty()) << text;
+  EXPECT_THAT(validate_openjd_template(text), IsEmpty()) << text;
   const json run = json::parse(text)["steps"][1]["script"]["actions"]["onRun"];
   EXPECT_EQ(run["command"], "sh");
   EXPECT_THAT(json(run["args"]).dump(),
@@ -53,11 +53,11 @@ TEST(OpenJd, WordsBeforeTheCommandAreTheShells) {
 }
 
 TEST(OpenJd, EveryRuleIsChecked) {
-  const json good = json::parse(openjd_template(testing::small_job()));
+  const json good = json::parse(openjd_template(testing::make_small_job()));
   const auto faults_with = [&](const char* pointer, const json& value) {
     json wrong = good;
     wrong[json::json_pointer(pointer)] = value;
-    return openjd_faults(wrong.dump());
+    return validate_openjd_template(wrong.dump());
   };
   const std::string run = "/steps/1/script/actions/onRun";
   const std::vector<std::pair<std::string, json>> wrong{
@@ -86,8 +86,8 @@ TEST(OpenJd, EveryRuleIsChecked) {
   for (const auto& [pointer, value] : wrong) {
     EXPECT_FALSE(faults_with(pointer.c_str(), value).empty()) << pointer << " = " << value;
   }
-  EXPECT_FALSE(openjd_faults("{").empty());
-  EXPECT_FALSE(openjd_faults("[]").empty());
+  EXPECT_FALSE(validate_openjd_template("{").empty());
+  EXPECT_FALSE(validate_openjd_template("[]").empty());
 }
 
 }  // namespace

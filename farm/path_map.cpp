@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "farm/path_map.h"
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "schemas/json_text.h"
 
 namespace raystage::farm {
@@ -13,7 +13,7 @@ std::string without_slash(std::string folder) {
   return folder;
 }
 
-void map_strings(nlohmann::ordered_json& value, std::span<const PathRule> rules) {
+void map_strings(nlohmann::ordered_json& value, std::span<const PathMappingRule> rules) {
   if (value.is_string()) {
     value = mapped(value.get<std::string>(), rules);
   } else if (value.is_structured()) {
@@ -23,7 +23,7 @@ void map_strings(nlohmann::ordered_json& value, std::span<const PathRule> rules)
 
 }  // namespace
 
-PathRule parse_path_rule(std::string_view text) {
+PathMappingRule parse_path_rule(std::string_view text) {
   const std::size_t equals = text.find('=');
   const std::string from(text.substr(0, equals));
   const std::string to(equals == std::string_view::npos ? "" : text.substr(equals + 1));
@@ -35,16 +35,17 @@ PathRule parse_path_rule(std::string_view text) {
   return {without_slash(from), without_slash(to)};
 }
 
-std::vector<PathRule> read_path_mapping(const std::filesystem::path& file) {
+std::vector<PathMappingRule> read_path_mapping(const std::filesystem::path& file) {
   const nlohmann::json json = parse_json(read_file(file), file.string());
   const auto refuse = [&](const std::string& pointer) {
-    return bad_value(file.string(), pointer, "this is no path mapping of version pathmapping-1.0",
-                     "Give the file that the session names");
+    return json_value_error(file.string(), pointer,
+                            "this is no path mapping of version pathmapping-1.0",
+                            "Give the file that the session names");
   };
   if (!json.is_object() || json.value("version", nlohmann::json()) != "pathmapping-1.0") {
     throw refuse("/version");
   }
-  std::vector<PathRule> rules;
+  std::vector<PathMappingRule> rules;
   if (!json.contains("path_mapping_rules")) return rules;  // a session without rules
   if (!json["path_mapping_rules"].is_array()) throw refuse("/path_mapping_rules");
   for (const nlohmann::json& rule : json["path_mapping_rules"]) {
@@ -59,43 +60,44 @@ std::vector<PathRule> read_path_mapping(const std::filesystem::path& file) {
   return rules;
 }
 
-bool holds(const PathRule& rule, std::string_view path) {
+bool holds(const PathMappingRule& rule, std::string_view path) {
   if (!path.starts_with(rule.from)) return false;
   const std::string_view rest = path.substr(rule.from.size());
   return rest.empty() || rest.front() == '/' || rule.from.back() == '/';
 }
 
-std::string mapped(const std::string& path, std::span<const PathRule> rules) {
-  for (const PathRule& rule : rules) {
+std::string mapped(const std::string& path, std::span<const PathMappingRule> rules) {
+  for (const PathMappingRule& rule : rules) {
     if (holds(rule, path)) return rule.to + path.substr(rule.from.size());
   }
   return path;
 }
 
-void map_paths(FarmJobDocument& job, std::span<const PathRule> rules) {
+void map_paths(FarmJobDocument& job, std::span<const PathMappingRule> rules) {
   for (std::string* path :
        {&job.folder, &job.shot_folder, &job.output, &job.cache, &job.color_config}) {
     *path = mapped(*path, rules);
   }
-  for (FarmJobDocument::Instant& instant : job.instants) instant.file = mapped(instant.file, rules);
+  for (FarmJobDocument::PrepareTask& instant : job.instants)
+    instant.file = mapped(instant.file, rules);
   for (std::string& file : job.inputs) file = mapped(file, rules);
   for (std::string& file : job.pinned) file = mapped(file, rules);
 }
 
-std::string map_paths_of_shot(std::string_view shot_text, std::string_view name,
-                              std::span<const PathRule> rules) {
+std::string map_shot_paths(std::string_view shot_text, std::string_view name,
+                           std::span<const PathMappingRule> rules) {
   if (rules.empty()) return std::string(shot_text);
   nlohmann::ordered_json json = parse_json(shot_text, name);
   map_strings(json, rules);
   return format_json(json);
 }
 
-std::vector<PathRule> rules_of_this_host(const FarmJobDocument& job,
-                                         const std::filesystem::path& folder) {
+std::vector<PathMappingRule> local_path_rules(const FarmJobDocument& job,
+                                              const std::filesystem::path& folder) {
   std::error_code ignored;
-  std::vector<PathRule> reversed;
+  std::vector<PathMappingRule> reversed;
   if (std::filesystem::equivalent(job.folder, folder, ignored)) return reversed;
-  for (const PathRule& rule : job.paths) reversed.push_back({rule.to, rule.from});
+  for (const PathMappingRule& rule : job.paths) reversed.push_back({rule.to, rule.from});
   return reversed;
 }
 

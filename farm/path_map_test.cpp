@@ -4,17 +4,17 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "farm/test_job.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "testing/farm/test_job.h"
+#include "testing/test_folder.h"
 
 namespace raystage::farm {
 namespace {
 
 TEST(PathMap, MapsWholeNamesByTheFirstRule) {
-  const std::vector<PathRule> rules{parse_path_rule("/mnt/show/=/net/show"),
-                                    parse_path_rule("/mnt=/m")};
+  const std::vector<PathMappingRule> rules{parse_path_rule("/mnt/show/=/net/show"),
+                                           parse_path_rule("/mnt=/m")};
   EXPECT_EQ(mapped("/mnt/show/a b/x", rules), "/net/show/a b/x");
   EXPECT_EQ(mapped("/mnt/show", rules), "/net/show");
   EXPECT_EQ(mapped("/mnt/showreel/x", rules), "/m/showreel/x");
@@ -26,25 +26,25 @@ TEST(PathMap, MapsWholeNamesByTheFirstRule) {
 }
 
 TEST(PathMap, ReachesEveryPathOfAJobAndAShot) {
-  FarmJobDocument job = testing::small_job();
-  const std::vector<PathRule> rules{{"/take", "/net/take"}, {"/show", "/net/show"}};
+  FarmJobDocument job = testing::make_small_job();
+  const std::vector<PathMappingRule> rules{{"/take", "/net/take"}, {"/show", "/net/show"}};
   job.pinned = {"/take/depth/a/b.zst"};
   map_paths(job, rules);
   EXPECT_EQ(job.instants[0].file, "/net/take/depth/a/b.zst");
   EXPECT_EQ(job.pinned[0], "/net/take/depth/a/b.zst");
   EXPECT_EQ(job.shot_folder, "/net/show");
-  EXPECT_EQ(map_paths_of_shot(R"({"a": ["/take/1", "take"], "b": 1.5})", "x", rules),
+  EXPECT_EQ(map_shot_paths(R"({"a": ["/take/1", "take"], "b": 1.5})", "x", rules),
             "{\n  \"a\": [\"/net/take/1\", \"take\"],\n  \"b\": 1.5\n}\n");
 }
 
 TEST(PathMap, KnowsWhichHostsNamesApply) {
   const TestFolder folder;
-  FarmJobDocument job = testing::small_job();
+  FarmJobDocument job = testing::make_small_job();
   job.paths = {{"/mnt/show", "/net/show"}};
   job.folder = folder.path().string();
-  EXPECT_TRUE(rules_of_this_host(job, folder.path() / ".").empty()) << "the nodes' names";
+  EXPECT_TRUE(local_path_rules(job, folder.path() / ".").empty()) << "the nodes' names";
   job.folder = "/net/show/s.farm/job-0001";
-  const auto rules = rules_of_this_host(job, folder.path());
+  const auto rules = local_path_rules(job, folder.path());
   ASSERT_EQ(rules.size(), 1U);
   EXPECT_EQ(mapped("/net/show/x", rules), "/mnt/show/x");
 }

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "compose/memory_plan.h"
+#include "compose/sequence_memory_plan.h"
 
 namespace raystage::farm {
 namespace {
@@ -34,10 +34,10 @@ double camera_pixels(const ShotPlan& plan) {
 
 /// Twice what the frames take: methods that keep results get half of what is left.
 double render_gb(const ResourceRequest& request) {
-  const auto in_flight =
+  const auto frames_in_flight =
       static_cast<std::size_t>(std::clamp(request.threads, 1, kMostFramesInFlight));
-  const double planned = 2e-9 * static_cast<double>(memory_needed(request.plan, request.frames,
-                                                                  in_flight, request.deep));
+  const double planned = 2e-9 * static_cast<double>(required_memory(
+                                    request.plan, request.frames, frames_in_flight, request.deep));
   const double measured =
       request.measured ? 1e-9 * kMoreThanMeasured * request.measured->peak_memory_bytes : 0;
   return rounded_up(std::max(planned, measured));
@@ -51,11 +51,11 @@ std::optional<int> minutes_for(double seconds, const ResourceRequest& request) {
 
 }  // namespace
 
-double frame_room(const ShotPlan& plan, bool deep) {
-  return static_cast<double>(raw_file_bytes(plan, deep)) / 4;
+double estimate_frame_bytes(const ShotPlan& plan, bool deep) {
+  return static_cast<double>(uncompressed_file_bytes(plan, deep)) / 4;
 }
 
-FarmResources resources_for(FarmStage stage, const ResourceRequest& request) {
+FarmResources estimate_resources(FarmStage stage, const ResourceRequest& request) {
   FarmResources resources;
   const double frame_seconds = request.measured ? request.measured->wall_seconds : 0;
   switch (stage) {
@@ -77,8 +77,8 @@ FarmResources resources_for(FarmStage stage, const ResourceRequest& request) {
     case FarmStage::kVerify:
     case FarmStage::kPreview:
       resources.threads = 1;
-      resources.memory_gb =
-          rounded_up(4e-9 * static_cast<double>(raw_file_bytes(request.plan, request.deep)));
+      resources.memory_gb = rounded_up(
+          4e-9 * static_cast<double>(uncompressed_file_bytes(request.plan, request.deep)));
       break;
   }
   return resources;

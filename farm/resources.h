@@ -24,9 +24,9 @@ struct ResourceRequest {
 
 /// Memory from the memory plan, raised where the measured frame took more; the time limit four
 /// times what the longest task should take, at least ten minutes, where a frame was measured.
-FarmResources resources_for(FarmStage stage, const ResourceRequest& request);
+FarmResources estimate_resources(FarmStage stage, const ResourceRequest& request);
 
 /// Room for one frame on the output disk, bytes: a quarter of what it takes uncompressed.
-double frame_room(const ShotPlan& plan, bool deep);
+double estimate_frame_bytes(const ShotPlan& plan, bool deep);
 
 }  // namespace raystage::farm

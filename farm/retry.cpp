@@ -9,15 +9,15 @@
 #include <set>
 #include <system_error>
 
+#include "base/error.h"
+#include "compose/derived_data.h"
 #include "compose/frame_range.h"
-#include "compose/preparation.h"
 #include "farm/rounds.h"
 #include "farm/slurm_queue.h"
 #include "farm/slurm_scripts.h"
 #include "farm/status.h"
 #include "farm/task.h"
 #include "farm/verification.h"
-#include "schemas/error.h"
 
 namespace raystage::farm {
 namespace {
@@ -43,9 +43,9 @@ void check_not_live(const JobFolder& folder) {
 
 /// Two jobs would take each other's frames for wrong ones.
 void check_no_other(const JobFolder& folder) {
-  const std::string output = folder.job_here().output;
-  const auto newest = live_job(output);
-  const auto before = live_job(output, folder.path());
+  const std::string output = folder.local_job().output;
+  const auto newest = find_live_job(output);
+  const auto before = find_live_job(output, folder.path());
   for (const auto& other : {newest, before}) {
     if (!other || other->path().filename() == folder.path().filename()) continue;
     throw Error::bad_input("another job of this output is not over", other->path().string(),
@@ -73,41 +73,41 @@ void queue_round(const JobFolder& folder, const FarmRound& round) {
   try {
     run_queue_script(folder, waits ? "start.sh" : fmt::format("round-{}.sh", round.round));
   } catch (const Error& error) {
-    const FarmJobDocument job = folder.job_here();
+    const FarmJobDocument job = folder.local_job();
     try {
-      slurm_cancel(job);      // what was accepted before
+      cancel_slurm_job(job);  // what was accepted before
     } catch (const Error&) {  // the first error says enough
     }
     FarmEnd end;
     end.state = FarmEnd::State::kFailed;
     end.reason = error.what();
-    end.frames = static_cast<int>(frames_of(job).size());
+    end.frames = static_cast<int>(job_frames(job).size());
     end.missing_frames = format_frame_range(frames_in_chunks(job, round.render));
     end_job(folder, job, end);
     throw;
   }
 }
 
-FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<int>>& frames,
-                      const std::stop_token& stop) {
+FarmRound write_retry_round(const JobFolder& folder, const std::optional<std::vector<int>>& frames,
+                            const std::stop_token& stop) {
   check_not_live(folder);
   check_no_other(folder);
-  const MappedJob here = read_job_here(folder);
+  const MappedJob here = read_local_job(folder);
   const FarmJobDocument& job = here.job;
   FarmRound round;
   round.round = static_cast<int>(folder.rounds().size()) + 1;
   round.fresh = true;
   std::vector<int> wanted;
   if (frames) {
-    std::ranges::set_intersection(*frames, frames_of(job), std::back_inserter(wanted));
+    std::ranges::set_intersection(*frames, job_frames(job), std::back_inserter(wanted));
     round.frames = format_frame_range(wanted);
   } else {
-    wanted = frames_not_whole({folder, job, here.shot, round.round, 0, [](double) {}}, stop);
+    wanted = find_incomplete_frames({folder, job, here.shot, round.round, 0, [](double) {}}, stop);
   }
-  round.render = chunks_with(job, wanted);
+  round.render = chunks_with_frames(job, wanted);
   if (round.render.empty()) {
     throw frames ? Error::bad_input("the job has none of these frames, but " +
-                                        format_frame_range(frames_of(job)),
+                                        format_frame_range(job_frames(job)),
                                     folder.path().string(), "Name frames of the job")
                  : Error::bad_input("nothing is to be tried again: every frame is whole",
                                     folder.path().string(),
@@ -115,7 +115,7 @@ FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<i
                                     "is made by raystage preview");
   }
   round.prepare = missing_instants(job, round.render);
-  pin_derived(std::vector<fs::path>(job.pinned.begin(), job.pinned.end()), job.id);
+  pin_derived_data(std::vector<fs::path>(job.pinned.begin(), job.pinned.end()), job.id);
   // A node that was at fault may have been mended since.
   std::error_code ignored;
   for (const auto& [node, reason] : folder.excluded_nodes()) {

@@ -16,7 +16,7 @@ void queue_round(const JobFolder& folder, const FarmRound& round);
 /// Writes and returns a round that continues a job. Without `frames`: the tasks of all frames that
 /// are not whole on the disk; with them: these frames anew, whole or not. Pins the job's derived
 /// data again. Throws Error (bad input) where the job is live, or nothing is to be done.
-FarmRound write_retry(const JobFolder& folder, const std::optional<std::vector<int>>& frames,
-                      const std::stop_token& stop);
+FarmRound write_retry_round(const JobFolder& folder, const std::optional<std::vector<int>>& frames,
+                            const std::stop_token& stop);
 
 }  // namespace raystage::farm

@@ -60,7 +60,7 @@ bool may_try_again(const FarmJobDocument& job, const TaskHistory& history) {
 void add_instants(const RoundOutcome& state, int chunk, FarmRound& next) {
   for (const int instant : state.job.chunks[static_cast<std::size_t>(chunk)].instants) {
     const auto found = state.attempts.find({"prepare", instant});
-    if (found == state.attempts.end() || is_prepared_or_given_up(found->second)) continue;
+    if (found == state.attempts.end() || needs_no_preparation(found->second)) continue;
     if (std::ranges::find(next.prepare, instant) != next.prepare.end()) continue;
     next.prepare.push_back(instant);
     if (history_of(found->second, state.first_round).out_of_memory > 0) {
@@ -86,7 +86,7 @@ bool is_every_node_at_fault(const RoundOutcome& state) {
 
 }  // namespace
 
-bool is_prepared_or_given_up(const std::vector<FarmAttempt>& attempts) {
+bool needs_no_preparation(const std::vector<FarmAttempt>& attempts) {
   int failed = 0;
   for (const FarmAttempt& attempt : attempts) {
     if (!attempt.end || attempt.end->node_fault) continue;
@@ -97,7 +97,7 @@ bool is_prepared_or_given_up(const std::vector<FarmAttempt>& attempts) {
   return failed >= 2;
 }
 
-std::vector<int> chunks_with(const FarmJobDocument& job, std::span<const int> frames) {
+std::vector<int> chunks_with_frames(const FarmJobDocument& job, std::span<const int> frames) {
   std::vector<int> chunks;
   for (std::size_t i = 0; i < job.chunks.size(); ++i) {
     const std::vector<int> own = parse_frame_range(job.chunks[i].frames);
@@ -108,7 +108,7 @@ std::vector<int> chunks_with(const FarmJobDocument& job, std::span<const int> fr
   return chunks;
 }
 
-std::vector<int> frames_of(const FarmJobDocument& job) {
+std::vector<int> job_frames(const FarmJobDocument& job) {
   std::set<int> frames;
   for (const FarmJobDocument::Chunk& chunk : job.chunks) {
     for (const int frame : parse_frame_range(chunk.frames)) frames.insert(frame);
@@ -116,15 +116,15 @@ std::vector<int> frames_of(const FarmJobDocument& job) {
   return {frames.begin(), frames.end()};
 }
 
-Verdict decide(const RoundOutcome& state) {
-  Verdict verdict;
-  verdict.end.frames = static_cast<int>(frames_of(state.job).size());
+RoundDecision decide_next_round(const RoundOutcome& state) {
+  RoundDecision verdict;
+  verdict.end.frames = static_cast<int>(job_frames(state.job).size());
   if (state.missing_frames.empty()) return verdict;
   FarmRound next;
   next.round = state.round + 1;
   next.exclude = state.excluded;
   std::map<std::string, std::vector<int>> given_up;  // by reason
-  for (const int chunk : chunks_with(state.job, state.missing_frames)) {
+  for (const int chunk : chunks_with_frames(state.job, state.missing_frames)) {
     const auto found = state.attempts.find({"render", chunk});
     const TaskHistory history = found == state.attempts.end()
                                     ? TaskHistory{}

@@ -13,7 +13,7 @@
 namespace raystage::farm {
 
 /// What follows a verification.
-struct Verdict {
+struct RoundDecision {
   std::optional<FarmRound> next;  ///< none: the job is over
   FarmEnd end = {};               ///< where it is
   bool no_node_left = false;      ///< why it is: no node is worth trying
@@ -35,16 +35,16 @@ struct RoundOutcome {
 /// ran out of memory, or were stopped, bring 1.5 times the memory, or twice the time, to their
 /// round. Where every node that was tried is at fault, or more than three and a quarter of them
 /// are, it is not the nodes: the job fails.
-Verdict decide(const RoundOutcome& state);
+RoundDecision decide_next_round(const RoundOutcome& state);
 
 /// Whether a chunk need not wait for an instant any longer: it was prepared, or its preparation
 /// failed twice, and the chunk derives it itself.
-bool is_prepared_or_given_up(const std::vector<FarmAttempt>& attempts);
+bool needs_no_preparation(const std::vector<FarmAttempt>& attempts);
 
 /// The chunks that hold any of the frames, sorted.
-std::vector<int> chunks_with(const FarmJobDocument& job, std::span<const int> frames);
+std::vector<int> chunks_with_frames(const FarmJobDocument& job, std::span<const int> frames);
 
 /// All frames of the job, sorted.
-std::vector<int> frames_of(const FarmJobDocument& job);
+std::vector<int> job_frames(const FarmJobDocument& job);
 
 }  // namespace raystage::farm

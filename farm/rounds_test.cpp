@@ -4,43 +4,43 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "farm/test_job.h"
+#include "testing/farm/test_job.h"
 
 namespace raystage::farm {
 namespace {
 
-using testing::attempt_at;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using testing::make_attempt;
 
 class Rounds : public ::testing::Test {
  protected:
   void happened(const FarmAttempt& attempt) {
     attempts_[{attempt.stage, attempt.index}].push_back(attempt);
   }
-  Verdict verdict(std::vector<int> missing, int round = 1, int first_round = 1) {
+  RoundDecision verdict(std::vector<int> missing, int round = 1, int first_round = 1) {
     missing_ = std::move(missing);
-    return decide({job_, attempts_, missing_, excluded_, round, first_round});
+    return decide_next_round({job_, attempts_, missing_, excluded_, round, first_round});
   }
 
-  const FarmJobDocument job_ = testing::small_job();
+  const FarmJobDocument job_ = testing::make_small_job();
   TaskAttempts attempts_;
   std::vector<int> missing_;
   std::vector<std::string> excluded_;
 };
 
 TEST_F(Rounds, EndWhereNothingIsMissing) {
-  const Verdict end = verdict({});
+  const RoundDecision end = verdict({});
   EXPECT_FALSE(end.next);
   EXPECT_EQ(end.end.state, FarmEnd::State::kDone);
   EXPECT_EQ(end.end.frames, 12);
 }
 
 TEST_F(Rounds, TryAgainOnlyChunksWithMissingFrames) {
-  happened(attempt_at(1, AttemptResult::kFailed));
+  happened(make_attempt(1, AttemptResult::kFailed));
   excluded_ = {"n3"};
-  happened(attempt_at(0, AttemptResult::kDone, "n2"));
-  const Verdict next = verdict({5, 8});
+  happened(make_attempt(0, AttemptResult::kDone, "n2"));
+  const RoundDecision next = verdict({5, 8});
   ASSERT_TRUE(next.next);
   EXPECT_EQ(next.next->round, 2);
   EXPECT_THAT(next.next->render, ElementsAre(1, 2));
@@ -49,8 +49,8 @@ TEST_F(Rounds, TryAgainOnlyChunksWithMissingFrames) {
 }
 
 TEST_F(Rounds, GiveUpAfterTheAttemptsOfTheJob) {
-  for (int i = 0; i < job_.attempts; ++i) happened(attempt_at(1, AttemptResult::kFailed));
-  const Verdict over = verdict({4, 5});
+  for (int i = 0; i < job_.attempts; ++i) happened(make_attempt(1, AttemptResult::kFailed));
+  const RoundDecision over = verdict({4, 5});
   EXPECT_FALSE(over.next);
   EXPECT_EQ(over.end.state, FarmEnd::State::kFailed);
   EXPECT_EQ(over.end.missing_frames, "4-5");
@@ -59,25 +59,25 @@ TEST_F(Rounds, GiveUpAfterTheAttemptsOfTheJob) {
 }
 
 TEST_F(Rounds, NeverTryBadInputAgain) {
-  happened(attempt_at(3, AttemptResult::kBadInput));
+  happened(make_attempt(3, AttemptResult::kBadInput));
   EXPECT_FALSE(verdict({10}).next);
 }
 
 TEST_F(Rounds, RaiseMemoryOnce) {
-  happened(attempt_at(0, AttemptResult::kOutOfMemory));
+  happened(make_attempt(0, AttemptResult::kOutOfMemory));
   ASSERT_TRUE(verdict({1}).next);
   EXPECT_EQ(verdict({1}).next->memory_factor, 1.5);
-  happened(attempt_at(0, AttemptResult::kOutOfMemory));
+  happened(make_attempt(0, AttemptResult::kOutOfMemory));
   EXPECT_FALSE(verdict({1}, 2).next);
 }
 
 TEST_F(Rounds, PrepareAgainOnceWhatRanOutOfMemory) {
-  FarmAttempt prepare = attempt_at(0, AttemptResult::kOutOfMemory);
+  FarmAttempt prepare = make_attempt(0, AttemptResult::kOutOfMemory);
   prepare.stage = "prepare";
   happened(prepare);
-  happened(attempt_at(0, AttemptResult::kDeclined));
-  happened(attempt_at(1, AttemptResult::kDeclined));
-  const Verdict next = verdict({1, 2, 3, 4});
+  happened(make_attempt(0, AttemptResult::kDeclined));
+  happened(make_attempt(1, AttemptResult::kDeclined));
+  const RoundDecision next = verdict({1, 2, 3, 4});
   ASSERT_TRUE(next.next);
   EXPECT_THAT(next.next->prepare, ElementsAre(0)) << "one task for both chunks";
   EXPECT_EQ(next.next->memory_factor, 1.5);
@@ -86,17 +86,17 @@ TEST_F(Rounds, PrepareAgainOnceWhatRanOutOfMemory) {
 }
 
 TEST_F(Rounds, DoubleTheTimeOfWhatWasStopped) {
-  happened(attempt_at(0, AttemptResult::kStopped));
+  happened(make_attempt(0, AttemptResult::kStopped));
   ASSERT_TRUE(verdict({1}).next);
   EXPECT_EQ(verdict({1}).next->time_factor, 2);
 }
 
 TEST_F(Rounds, LostNodesCostATaskNoAttempt) {
   for (int i = 0; i < 5; ++i) {
-    FarmAttempt lost = attempt_at(0, AttemptResult::kDone, "n" + std::to_string(i));
+    FarmAttempt lost = make_attempt(0, AttemptResult::kDone, "n" + std::to_string(i));
     lost.end.reset();
     happened(lost);
-    FarmAttempt fault = attempt_at(0, AttemptResult::kFailed, "n9");
+    FarmAttempt fault = make_attempt(0, AttemptResult::kFailed, "n9");
     fault.end->node_fault = i % 2 == 0;
     fault.end->result = i % 2 == 0 ? AttemptResult::kFailed : AttemptResult::kDeclined;
     if (i < 4) happened(fault);
@@ -105,17 +105,17 @@ TEST_F(Rounds, LostNodesCostATaskNoAttempt) {
 }
 
 TEST_F(Rounds, BlameNoNodesWhereAllAreAtFault) {
-  happened(attempt_at(0, AttemptResult::kFailed, "n1"));
-  happened(attempt_at(1, AttemptResult::kFailed, "n2"));
+  happened(make_attempt(0, AttemptResult::kFailed, "n1"));
+  happened(make_attempt(1, AttemptResult::kFailed, "n2"));
   excluded_ = {"n1", "n2"};
-  const Verdict over = verdict({1, 4});
+  const RoundDecision over = verdict({1, 4});
   EXPECT_FALSE(over.next) << "it would wait for ever for a node";
   EXPECT_THAT(over.end.reason, HasSubstr("2 nodes failed"));
 }
 
 TEST_F(Rounds, LargeFarmsMayLoseMoreNodes) {
   for (int i = 0; i < 40; ++i) {
-    happened(attempt_at(1 + i % 3, AttemptResult::kDone, "n" + std::to_string(i)));
+    happened(make_attempt(1 + i % 3, AttemptResult::kDone, "n" + std::to_string(i)));
   }
   excluded_ = {"n1", "n2", "n3", "n4", "n5", "n6"};
   EXPECT_TRUE(verdict({1}).next) << "6 of 40";

@@ -11,8 +11,8 @@
 #include <system_error>
 #include <thread>
 
-#include "compose/exr/file.h"
-#include "schemas/parallel.h"
+#include "base/parallel.h"
+#include "compose/exr/exr_file.h"
 
 namespace raystage::farm {
 namespace {
@@ -41,12 +41,13 @@ void look_again(const std::filesystem::path& folder) {
 }  // namespace
 
 std::vector<int> missing_frames(const SequenceName& name, std::span<const ExpectedFrame> frames,
-                                const CheckSettings& settings, const std::stop_token& stop) {
+                                const SequenceCheckSettings& settings,
+                                const std::stop_token& stop) {
   const SequenceName deep = name.with("deep");
   std::vector<char> is_missing(frames.size(), 0);
   const auto is_whole = [&](const ExpectedFrame& frame) {
-    return exr_is_whole(name.path(frame.frame), frame.fingerprint) &&
-           (!settings.deep || exr_is_whole(deep.path(frame.frame), frame.fingerprint));
+    return is_complete_exr(name.path(frame.frame), frame.fingerprint) &&
+           (!settings.deep || is_complete_exr(deep.path(frame.frame), frame.fingerprint));
   };
   const auto may_come = [&](const ExpectedFrame& frame) {
     return may_appear(name.path(frame.frame)) ||
@@ -60,14 +61,14 @@ std::vector<int> missing_frames(const SequenceName& name, std::span<const Expect
   // The time counts from the end of the first look, however long that took.
   const Clock::time_point start = Clock::now();
   const auto time_left = [&] {
-    return std::chrono::duration<double>(Clock::now() - start).count() < settings.patience_seconds;
+    return std::chrono::duration<double>(Clock::now() - start).count() < settings.timeout_seconds;
   };
-  const auto is_awaited = [&](std::size_t i) {
-    return is_missing[i] != 0 && frames[i].is_awaited && may_come(frames[i]);
+  const auto is_expected_on_disk = [&](std::size_t i) {
+    return is_missing[i] != 0 && frames[i].is_expected_on_disk && may_come(frames[i]);
   };
   while (time_left() && !stop.stop_requested()) {
     bool any = false;
-    for (std::size_t i = 0; i < frames.size(); ++i) any = any || is_awaited(i);
+    for (std::size_t i = 0; i < frames.size(); ++i) any = any || is_expected_on_disk(i);
     if (!any) break;
     std::this_thread::sleep_for(kBetweenLooks);
     look_again(name.folder());

@@ -16,21 +16,22 @@ namespace raystage::farm {
 struct ExpectedFrame {
   int frame = 0;
   std::string fingerprint;
-  bool is_awaited = true;  ///< somebody says that it was written: it may take time to appear
+  bool is_expected_on_disk =
+      true;  ///< somebody says that it was written: it may take time to appear
 };
 
-struct CheckSettings {
+struct SequenceCheckSettings {
   bool deep = false;  ///< the deep files count, too
   /// How long an awaited frame that is missing, or whose handle is stale, is looked for: another
   /// host's file may take so long to appear on a network file system. By this process' own steady
   /// clock, never by times of files.
-  double patience_seconds = 60;
+  double timeout_seconds = 60;
   std::function<void(double)> progress = [](double) {};
 };
 
 /// The frames that are not whole (every pixel of every part present) or not true (another
 /// fingerprint), sorted. Files are read, never written.
 std::vector<int> missing_frames(const SequenceName& name, std::span<const ExpectedFrame> frames,
-                                const CheckSettings& settings, const std::stop_token& stop);
+                                const SequenceCheckSettings& settings, const std::stop_token& stop);
 
 }  // namespace raystage::farm

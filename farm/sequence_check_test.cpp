@@ -8,8 +8,8 @@
 #include <fstream>
 #include <thread>
 
-#include "compose/exr/file.h"
-#include "schemas/test_folder.h"
+#include "compose/exr/exr_file.h"
+#include "testing/test_folder.h"
 
 namespace raystage::farm {
 namespace {
@@ -32,8 +32,8 @@ class SequenceCheck : public ::testing::Test {
     write_exr({&view, 1}, {&camera, 1}, metadata, file);
   }
   std::vector<int> missing(double patience = 0, bool deep = false) const {
-    CheckSettings settings;
-    settings.patience_seconds = patience;
+    SequenceCheckSettings settings;
+    settings.timeout_seconds = patience;
     settings.deep = deep;
     return missing_frames(name_, frames_, settings, {});
   }

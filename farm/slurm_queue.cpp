@@ -9,9 +9,9 @@
 #include <set>
 #include <sstream>
 
+#include "base/error.h"
 #include "farm/child_process.h"
 #include "farm/slurm_scripts.h"
-#include "schemas/error.h"
 
 namespace raystage::farm {
 namespace {
@@ -23,7 +23,7 @@ constexpr std::array<std::string_view, 5> kStages{"prepare", "render", "verify",
 ChildResult ask(const std::vector<std::string>& command) {
   ChildOptions options;
   options.timeout_seconds = kPatience;
-  options.kept_bytes = std::size_t{1} << 28;  // of the largest arrays, half a kilobyte a task
+  options.max_output_bytes = std::size_t{1} << 28;  // of the largest arrays, half a kilobyte a task
   return run_child(command, options);
 }
 
@@ -124,7 +124,7 @@ std::vector<SlurmNode> slurm_nodes(const std::string& partition) {
   return nodes;
 }
 
-std::vector<std::string> nodes_of_list(const std::string& list) {
+std::vector<std::string> expand_node_list(const std::string& list) {
   const ChildResult result = ask({"scontrol", "show", "hostnames", list});
   if (result.exit_code != 0) throw unavailable(result, "scontrol show hostnames");
   std::vector<std::string> nodes;
@@ -151,12 +151,12 @@ std::optional<int> slurm_max_minutes(const std::string& partition) {
     const std::vector<std::string> words = words_of(line, '|');
     // The default partition is marked with a star.
     if (words.size() != 2 || (partition.empty() && !words[0].ends_with('*'))) continue;
-    return minutes_of_slurm_time(words[1]);
+    return parse_slurm_minutes(words[1]);
   }
   return std::nullopt;
 }
 
-std::optional<int> minutes_of_slurm_time(std::string_view text) {
+std::optional<int> parse_slurm_minutes(std::string_view text) {
   // [DAYS-]HOURS:MINUTES:SECONDS or MINUTES:SECONDS; "infinite" and the like are no number.
   int days = 0;
   if (const std::size_t dash = text.find('-'); dash != std::string_view::npos) {
@@ -174,8 +174,8 @@ std::optional<int> minutes_of_slurm_time(std::string_view text) {
   return (days * 24 + hours) * 60 + parts[parts.size() - 2];
 }
 
-std::string sbatch_value(std::span<const std::string> options, std::string_view name,
-                         std::string_view short_name) {
+std::string sbatch_option_value(std::span<const std::string> options, std::string_view name,
+                                std::string_view short_name) {
   std::string value;
   for (const std::string& option : options) {
     if (option.starts_with(name)) value = option.substr(name.size());
@@ -184,11 +184,11 @@ std::string sbatch_value(std::span<const std::string> options, std::string_view 
   return value;
 }
 
-std::string partition_of(std::span<const std::string> sbatch_options) {
-  return sbatch_value(sbatch_options, "--partition=", "-p");
+std::string sbatch_partition(std::span<const std::string> sbatch_options) {
+  return sbatch_option_value(sbatch_options, "--partition=", "-p");
 }
 
-void check_scripts(const JobFolder& folder, const FarmJobDocument& job) {
+void test_batch_scripts(const JobFolder& folder, const FarmJobDocument& job) {
   for (const FarmStage stage : kFarmStages) {
     if (stage == FarmStage::kPrepare && job.instants.empty()) continue;
     if (stage == FarmStage::kPreview && !job.preview) continue;
@@ -213,7 +213,7 @@ void run_queue_script(const JobFolder& folder, const std::string& script) {
                       "Correct the option that it names and submit again");
 }
 
-void slurm_cancel(const FarmJobDocument& job) {
+void cancel_slurm_job(const FarmJobDocument& job) {
   for (const std::string_view stage : kStages) {
     const ChildResult result = ask({"scancel", "--quiet", "--name=" + slurm_job_name(job, stage)});
     if (result.exit_code != 0) throw unavailable(result, "scancel");

@@ -39,29 +39,29 @@ std::vector<SlurmNode> slurm_nodes(const std::string& partition);
 
 /// The nodes of a list as Slurm writes it, e.g. "n[1-4]". Throws Error (bad input) where it is
 /// none, Error (failed) where Slurm does not answer.
-std::vector<std::string> nodes_of_list(const std::string& list);
+std::vector<std::string> expand_node_list(const std::string& list);
 
 /// "1-00:30:00" is 1470; none: "infinite".
-std::optional<int> minutes_of_slurm_time(std::string_view text);
+std::optional<int> parse_slurm_minutes(std::string_view text);
 /// The time limit of this partition, or the default one, minutes; none: there is none.
 std::optional<int> slurm_max_minutes(const std::string& partition);
 
 /// "fast" of "--partition=fast" or "-pfast", the last one given; empty: none.
-std::string sbatch_value(std::span<const std::string> options, std::string_view name,
-                         std::string_view short_name);
+std::string sbatch_option_value(std::span<const std::string> options, std::string_view name,
+                                std::string_view short_name);
 
 /// "fast" of "--partition=fast"; empty: the default partition.
-std::string partition_of(std::span<const std::string> sbatch_options);
+std::string sbatch_partition(std::span<const std::string> sbatch_options);
 
 /// Asks Slurm whether it would accept the job's scripts, without queueing them (sbatch
 /// --test-only). Throws Error (bad input) with its answer where it would not; nodes that are down
 /// at present are no reason.
-void check_scripts(const JobFolder& folder, const FarmJobDocument& job);
+void test_batch_scripts(const JobFolder& folder, const FarmJobDocument& job);
 
 /// Runs a script of the job folder (round-N.sh). Throws Error (failed) with what it printed.
 void run_queue_script(const JobFolder& folder, const std::string& script);
 
 /// Cancels everything of the job that is queued or runs.
-void slurm_cancel(const FarmJobDocument& job);
+void cancel_slurm_job(const FarmJobDocument& job);
 
 }  // namespace raystage::farm

@@ -7,11 +7,11 @@
 #include <cmath>
 #include <filesystem>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "farm/job_plan.h"
 #include "farm/slurm_queue.h"
 #include "farm/slurm_shell.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 
 namespace raystage::farm {
 namespace {
@@ -21,12 +21,12 @@ constexpr double kMemoryFactor = 1.1, kMemoryBesideBytes = 400e6;
 
 /// Nodes that the submission itself leaves out, e.g. "n[1-5]"; empty: none.
 std::string given_exclusion(const std::vector<std::string>& options) {
-  return sbatch_value(options, "--exclude=", "-x");
+  return sbatch_option_value(options, "--exclude=", "-x");
 }
 
 std::string folder_lines(const FarmJobDocument& job, FarmStage stage) {
-  return fmt::format("JOB={}\nJOB_ID={}\nEXCLUDED={}\n", shell_word(job.folder), shell_word(job.id),
-                     shell_word(given_exclusion(job.of(stage).options)));
+  return fmt::format("JOB={}\nJOB_ID={}\nEXCLUDED={}\n", shell_quote(job.folder),
+                     shell_quote(job.id), shell_quote(given_exclusion(job.of(stage).options)));
 }
 
 bool is_on_all_nodes(const FarmJobDocument& job, FarmStage stage) {
@@ -42,11 +42,11 @@ std::string node_options(const FarmJobDocument& job, FarmStage stage) {
 }
 
 std::string task_command(const FarmJobDocument& job, FarmStage stage) {
-  const std::string wrap = job.wrap.empty() ? "" : job.wrap + " ";
+  const std::string command_prefix = job.command_prefix.empty() ? "" : job.command_prefix + " ";
   return fmt::format(
       "{}{} farm task \"$JOB\" {} \"$INDEX\" --round \"$ROUND\" "
       "--node \"$SLURMD_NODENAME\"",
-      wrap, shell_word(job.program), farm_stage_name(stage));
+      command_prefix, shell_quote(job.program), farm_stage_name(stage));
 }
 
 std::string array_text(const std::vector<int>& indices) {
@@ -98,22 +98,22 @@ std::string exclude_lines(const FarmJobDocument& job, const FarmRound& round) {
   std::string nodes = fmt::format("{}", fmt::join(round.exclude, ","));
   const std::string given = given_exclusion(options);
   if (!given.empty()) nodes += "," + given;
-  const std::string partition = partition_of(options);
+  const std::string partition = sbatch_partition(options);
   return fmt::format(
       "exclude={}\n"
       "partition={}\n"
       "[ \"$(sinfo -h -N -p \"$partition\" -t idle,mix,alloc,comp -o %N | sort -u | wc -l)\" -gt "
       "{} ] "
       "|| exclude=\n",
-      shell_word("--exclude=" + nodes),
+      shell_quote("--exclude=" + nodes),
       partition.empty() ? "$(sinfo -h -o %P | sed -n 's/[*]$//p' | head -n 1)"
-                        : shell_word(partition),
+                        : shell_quote(partition),
       round.exclude.size());
 }
 
 std::vector<QueuedArray> prepare_arrays(const FarmJobDocument& job, const FarmRound& round) {
   std::vector<QueuedArray> arrays;
-  for (ArrayPart& part : split_array(round.prepare, job.max_array)) {
+  for (ArrayPart& part : split_array(round.prepare, job.max_array_size)) {
     arrays.push_back(
         {fmt::format("prepare.{}.{}", round.round, arrays.size() + 1), std::move(part)});
   }
@@ -138,7 +138,7 @@ std::string dependency_on(const std::vector<int>& instants,
 
 }  // namespace
 
-std::string shell_word(std::string_view text) {
+std::string shell_quote(std::string_view text) {
   constexpr std::string_view kPlain =
       "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./,:=+@%#";
   if (!text.empty() && text.front() != '#' && text.find_first_not_of(kPlain) == std::string::npos) {
@@ -186,7 +186,7 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   for (const std::string& option : resources.options) text += "#SBATCH " + option + "\n";
   text += folder_lines(job, stage);
   text += "ROUND=${1:-1}\nINDEX=$((${SLURM_ARRAY_TASK_ID:-0} + ${2:-0}))\n";
-  text += kLeaveNode;
+  text += kExcludeNode;
   text += fmt::format("exec >>\"logs/slurm.{}.$INDEX.log\" 2>&1\n", farm_stage_name(stage));
   if (stage == FarmStage::kVerify) {
     text += kNoteExcluded.substr(1);
@@ -204,8 +204,8 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   if (stage == FarmStage::kPreview) return text;
   text += "code=$?\n";
   text += kStartFailure.substr(1);
-  text += kForgetOwnTask.substr(1);
-  text += kKeepVerification.substr(1);
+  text += kUnsetSlurmVariables.substr(1);
+  text += kRequeueVerification.substr(1);
   text +=
       "keep_verification\n"
       "[ \"$code\" -eq 0 ] || [ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\n"
@@ -227,7 +227,7 @@ std::string start_script(const FarmJobDocument& job, const std::string& job_befo
       "#SBATCH --export=NONE\n#SBATCH --requeue\n#SBATCH --output=/dev/null\n"
       "{}{}BEFORE={}\n{}{}{}",
       job.id, job_before, slurm_job_name(job, "start"), options,
-      folder_lines(job, FarmStage::kVerify), shell_word(job_before), kLeaveNode.substr(1),
+      folder_lines(job, FarmStage::kVerify), shell_quote(job_before), kExcludeNode.substr(1),
       kFailJob.substr(1), kStart.substr(1));
 }
 
@@ -238,7 +238,7 @@ std::string queue_start_script(const FarmJobDocument& job) {
       "names.\n"
       "# Usage: sh start.sh [SECONDS to wait at least [LOOKS that found that job idle]]\n"
       "set -eu\ncd \"$(dirname \"$0\")\"\n{}{}",
-      job.id, kForgetOwnTask.substr(1), kQueueStart.substr(1));
+      job.id, kUnsetSlurmVariables.substr(1), kQueueStart.substr(1));
 }
 
 std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
@@ -251,7 +251,7 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
       "set -eu\ncd \"$(dirname \"$0\")\"\n",
       round.round, job.id, round.prepare.size(), round.render.size(), round.round);
   text += "[ ! -e cancelled ] || { echo 'the job was cancelled' >&2; exit 1; }\n";
-  text += kForgetOwnTask;
+  text += kUnsetSlurmVariables;
   text += "forget_own_task\n";
   text += kQueue.substr(1);
   text += exclude_lines(job, round);
@@ -266,7 +266,7 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
   std::string all;
   int arrays = 0;
   for (const ChunkGroup& group : groups) {
-    for (const ArrayPart& part : split_array(group.chunks, job.max_array)) {
+    for (const ArrayPart& part : split_array(group.chunks, job.max_array_size)) {
       const std::string name = fmt::format("render.{}.{}", round.round, ++arrays);
       const std::string dependency =
           group.instants.empty()
@@ -292,7 +292,7 @@ std::string preview_script(const FarmJobDocument& job, int round) {
       "#!/bin/sh\n# Queues the preview of farm job {}.\nset -eu\ncd \"$(dirname "
       "\"$0\")\"\n{}forget_own_task\n{}"
       "queue preview.{} preview.sbatch {} 0\n",
-      job.id, kForgetOwnTask, kQueue.substr(1), round, round);
+      job.id, kUnsetSlurmVariables, kQueue.substr(1), round, round);
 }
 
 void write_batch_scripts(const JobFolder& folder, const FarmJobDocument& job) {

@@ -12,7 +12,7 @@ namespace raystage::farm {
 /// folder once and everything else relative to it, so that any of them can be submitted by hand.
 
 /// One word of a shell command, quoted where it must be.
-std::string shell_word(std::string_view text);
+std::string shell_quote(std::string_view text);
 
 /// Name of the job's scheduler jobs of a stage, e.g. "s-1a2b3c4d.render"; of "start" as well.
 std::string slurm_job_name(const FarmJobDocument& job, std::string_view stage);

@@ -8,8 +8,8 @@
 
 #include "farm/child_process.h"
 #include "farm/slurm_queue.h"
-#include "farm/test_job.h"
-#include "schemas/test_folder.h"
+#include "testing/farm/test_job.h"
+#include "testing/test_folder.h"
 
 namespace raystage::farm {
 namespace {
@@ -26,9 +26,9 @@ std::string shell_complaint(const std::string& script) {
 }
 
 TEST(SlurmScripts, AreShellWhateverThePathsAre) {
-  FarmJobDocument job = testing::small_job("/a b/it's $HOME \"x\"/`id`");
+  FarmJobDocument job = testing::make_small_job("/a b/it's $HOME \"x\"/`id`");
   job.program = "/opt/my programs/raystage";
-  job.wrap = "apptainer exec /net/x.sif";
+  job.command_prefix = "apptainer exec /net/x.sif";
   for (const FarmStage stage : kFarmStages) {
     EXPECT_EQ(shell_complaint(batch_script(job, stage)), "");
   }
@@ -37,16 +37,16 @@ TEST(SlurmScripts, AreShellWhateverThePathsAre) {
   EXPECT_EQ(shell_complaint(queue_start_script(job)), "");
   EXPECT_EQ(shell_complaint(preview_script(job, 1)), "");
   ChildOptions options;
-  options.input = "printf %s " + shell_word(job.folder);
+  options.input = "printf %s " + shell_quote(job.folder);
   EXPECT_EQ(run_child({"sh"}, options).out, job.folder);
 }
 
 TEST(SlurmScripts, AskForNoMoreTimeThanThePartitionAllows) {
-  EXPECT_EQ(minutes_of_slurm_time("1-00:30:00"), 1470);
-  EXPECT_EQ(minutes_of_slurm_time("2:00:00"), 120);
-  EXPECT_EQ(minutes_of_slurm_time("30:00"), 30);
-  EXPECT_FALSE(minutes_of_slurm_time("infinite"));
-  FarmJobDocument job = testing::small_job();
+  EXPECT_EQ(parse_slurm_minutes("1-00:30:00"), 1470);
+  EXPECT_EQ(parse_slurm_minutes("2:00:00"), 120);
+  EXPECT_EQ(parse_slurm_minutes("30:00"), 30);
+  EXPECT_FALSE(parse_slurm_minutes("infinite"));
+  FarmJobDocument job = testing::make_small_job();
   job.max_minutes = 30;
   FarmRound round = testing::first_round();
   round.time_factor = 2;
@@ -54,7 +54,7 @@ TEST(SlurmScripts, AskForNoMoreTimeThanThePartitionAllows) {
 }
 
 TEST(SlurmScripts, AskForWhatAStageMayUse) {
-  FarmJobDocument job = testing::small_job();
+  FarmJobDocument job = testing::make_small_job();
   job.of(FarmStage::kRender).options = {"--partition=fast", "--licenses=store:1"};
   const std::string script = batch_script(job, FarmStage::kRender);
   EXPECT_THAT(script, HasSubstr("#SBATCH --partition=fast\n"));
@@ -100,7 +100,7 @@ class RoundScript : public ::testing::Test {
 };
 
 TEST_F(RoundScript, QueuesEachChunkBehindItsInstants) {
-  EXPECT_EQ(run(testing::small_job(), testing::first_round()),
+  EXPECT_EQ(run(testing::make_small_job(), testing::first_round()),
             "--parsable --hold --array=0-1 prepare.sbatch 1 0\n"
             "--parsable --array=0-1 --dependency=afterany:101_0 render.sbatch 1 0\n"
             "--parsable --array=2 --dependency=afterany:101_1 render.sbatch 1 0\n"
@@ -110,13 +110,14 @@ TEST_F(RoundScript, QueuesEachChunkBehindItsInstants) {
 }
 
 TEST_F(RoundScript, QueuesNothingTwice) {
-  const std::string once = run(testing::small_job(), testing::first_round());
-  EXPECT_EQ(run(testing::small_job(), testing::first_round()), once + "scontrol release 101\n");
+  const std::string once = run(testing::make_small_job(), testing::first_round());
+  EXPECT_EQ(run(testing::make_small_job(), testing::first_round()),
+            once + "scontrol release 101\n");
 }
 
 TEST_F(RoundScript, SplitsArraysAndLeavesNodesOut) {
-  FarmJobDocument job = testing::small_job();
-  job.max_array = 3;
+  FarmJobDocument job = testing::make_small_job();
+  job.max_array_size = 3;
   job.instants.clear();
   for (auto& chunk : job.chunks) chunk.instants.clear();
   FarmRound round;
@@ -148,7 +149,7 @@ class WaitingJob : public RoundScript {
   std::string look(const std::string& idle_looks, const std::string& squeue) {
     return run_script(start_script(job_, "before-1"), idle_looks, squeue);
   }
-  FarmJobDocument job_ = testing::small_job();
+  FarmJobDocument job_ = testing::make_small_job();
 };
 
 TEST_F(WaitingJob, LooksAgainBehindTheNewestVerification) {

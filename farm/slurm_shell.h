@@ -15,7 +15,7 @@ inline constexpr std::string_view kTrap = "trap : TERM\n";
 /// the exclusion outlives Slurm's memory of the tasks), and moves this task elsewhere: requeued, it
 /// is pending, and only pending tasks can be given nodes to avoid. Not where every node would be
 /// left, nor where more than three and a quarter of all would be.
-inline constexpr std::string_view kLeaveNode = R"sh(
+inline constexpr std::string_view kExcludeNode = R"sh(
 usable_nodes() {  # PARTITION: prints how many
   sinfo -h -N ${1:+-p "$1"} -t idle,mix,alloc,comp -o %N | sort -u | wc -l
 }
@@ -56,7 +56,7 @@ cd "$JOB" 2>/dev/null && [ -f job.json ] || {
 
 /// sbatch passes SLURM_* variables on, whatever --export says: a task that was queued from within a
 /// task would take itself for that one.
-inline constexpr std::string_view kForgetOwnTask = R"sh(
+inline constexpr std::string_view kUnsetSlurmVariables = R"sh(
 forget_own_task() {
   for variable in $(env | sed -n 's/^\(SLURM_[A-Za-z0-9_]*\)=.*/\1/p'); do
     [ "$variable" = SLURM_CONF ] || unset "$variable"
@@ -66,7 +66,7 @@ forget_own_task() {
 
 /// A controller that is killed forgets what it accepted in its last seconds. Where that was the
 /// verification, nothing would end the job: whichever task notices queues it anew, once a round.
-inline constexpr std::string_view kKeepVerification = R"sh(
+inline constexpr std::string_view kRequeueVerification = R"sh(
 keep_verification() {
   [ -s "slurm/verify.$ROUND" ] && [ ! -e ended.json ] && [ ! -e cancelled ] || return 0
   known=$(squeue -h --me --name="$JOB_ID.verify" -o %i) && [ -z "$known" ] || return 0

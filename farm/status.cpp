@@ -99,11 +99,11 @@ void ask_scheduler(const SchedulerAnswer& answer, const SlurmTask* slurm, bool h
     return;
   }
   if (engine == FarmJobDocument::Engine::kLocal) {
-    task.state = !answer.is_running_here                  ? TaskState::kUnknown
-                 : has_started && *answer.is_running_here ? TaskState::kRunning
-                 : *answer.is_running_here                ? TaskState::kWaiting
-                 : has_started                            ? TaskState::kLost
-                                                          : TaskState::kNotQueued;
+    task.state = !answer.is_local_job_running                  ? TaskState::kUnknown
+                 : has_started && *answer.is_local_job_running ? TaskState::kRunning
+                 : *answer.is_local_job_running                ? TaskState::kWaiting
+                 : has_started                                 ? TaskState::kLost
+                                                               : TaskState::kNotQueued;
     return;
   }
   if (!answer.tasks) {
@@ -166,7 +166,7 @@ void count_frames(JobStatus& status) {
     for (const FarmAttempt& attempt : task.attempts) {
       if (!attempt.end) continue;
       status.cpu_seconds += attempt.end->cpu_seconds;
-      status.instants_solved += attempt.end->instants_solved;
+      status.light_field_frames_estimated += attempt.end->light_field_frames_estimated;
     }
     if (task.stage != "render") continue;
     const auto own = static_cast<int>(parse_frame_range(task.frames).size());
@@ -219,11 +219,11 @@ bool has_begun(const JobStatus& status) {
 }
 
 JobState state_of_local_job(const SchedulerAnswer& answer, JobStatus& status) {
-  if (!answer.is_running_here) {
+  if (!answer.is_local_job_running) {
     status.reason = "it runs on another host: ask there";
     return JobState::kUnknown;
   }
-  if (*answer.is_running_here) return JobState::kRunning;
+  if (*answer.is_local_job_running) return JobState::kRunning;
   if (!has_begun(status)) {
     status.reason = "raystage farm retry starts it";
     return JobState::kNotQueued;
@@ -294,11 +294,11 @@ JobState state_of(const JobFolder& folder, const SchedulerAnswer& answer, JobSta
 /// Frames that were done and are no longer there: deleted, or moved to be looked at.
 void look_for_frames(const JobFolder& folder, JobStatus& status) {
   if (status.state != JobState::kDone) return;
-  const FarmJobDocument here = folder.job_here();
+  const FarmJobDocument here = folder.local_job();
   const SequenceName name(here.output);
   std::vector<int> gone;
   std::error_code ignored;
-  for (const int frame : frames_of(here)) {
+  for (const int frame : job_frames(here)) {
     if (!std::filesystem::exists(name.path(frame), ignored)) gone.push_back(frame);
   }
   if (gone.empty()) return;
@@ -319,7 +319,7 @@ bool JobStatus::is_live() const {
   return state == JobState::kWaiting || state == JobState::kRunning || state == JobState::kUnknown;
 }
 
-bool JobStatus::is_preview_under_way() const {
+bool JobStatus::is_preview_running() const {
   return state == JobState::kDone && std::ranges::any_of(tasks, [](const TaskStatus& task) {
            return task.stage == "preview" &&
                   (task.state == TaskState::kWaiting || task.state == TaskState::kRunning);
@@ -368,9 +368,9 @@ JobStatus job_status(const JobFolder& folder) {
   }
   if (job.engine == FarmJobDocument::Engine::kSlurm) answer.tasks = slurm_tasks(job);
   if (job.engine == FarmJobDocument::Engine::kLocal) {
-    answer.is_running_here = false;  // where it was never started
+    answer.is_local_job_running = false;  // where it was never started
     for (const FarmRound& round : folder.rounds()) {
-      if (!round.host.empty()) answer.is_running_here = is_running_here(round);
+      if (!round.host.empty()) answer.is_local_job_running = is_local_job_running(round);
     }
   }
   return job_status(folder, answer);

@@ -58,12 +58,12 @@ struct JobStatus {
   std::string missing_frames;  ///< of a job that is over
   std::optional<double> seconds_left = {};
   double cpu_seconds = 0;
-  int instants_solved = 0;
+  int light_field_frames_estimated = 0;
 
   /// Whether something may still be queued or running that frames depend on.
   bool is_live() const;
   /// Whether a job that is done still makes its movie and contact sheet.
-  bool is_preview_under_way() const;
+  bool is_preview_running() const;
 };
 
 /// A job's status from its records; where it is not over, also from the scheduler.
@@ -73,7 +73,7 @@ JobStatus job_status(const JobFolder& folder);
 struct SchedulerAnswer {
   /// By Slurm's name of the task; none: the scheduler does not answer.
   std::optional<std::map<std::string, SlurmTask>> tasks;
-  std::optional<bool> is_running_here;  ///< engine local; none: on another host
+  std::optional<bool> is_local_job_running;  ///< engine local; none: on another host
 };
 JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer);
 

@@ -15,7 +15,7 @@
 namespace raystage::farm {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 std::string time_text(double seconds) {
   constexpr double kMinute = 60;
@@ -61,9 +61,9 @@ bool deserves_a_line(const TaskStatus& task) {
          task.state == TaskState::kLost;
 }
 
-Json json_from(const FarmAttempt& attempt) {
+OrderedJson json_from(const FarmAttempt& attempt) {
   // As its record is documented.
-  return Json::parse(format_farm_attempt(attempt));
+  return OrderedJson::parse(format_farm_attempt(attempt));
 }
 
 constexpr std::string_view kStyle = R"(
@@ -143,31 +143,31 @@ std::string status_text(const JobStatus& status, bool all_tasks) {
 }
 
 std::string status_json(const JobStatus& status) {
-  Json json{{"job", status.job.id},
-            {"folder", status.job.folder},
-            {"engine", farm_engine_name(status.job.engine)},
-            {"state", job_state_name(status.state)},
-            {"reason", status.reason},
-            {"frames", status.frames},
-            {"frames_done", status.frames_done},
-            {"frames_failed", status.frames_failed},
-            {"missing_frames", status.missing_frames},
-            {"rounds", status.rounds},
-            {"cpu_seconds", status.cpu_seconds},
-            {"instants_solved", status.instants_solved}};
+  OrderedJson json{{"job", status.job.id},
+                   {"folder", status.job.folder},
+                   {"engine", farm_engine_name(status.job.engine)},
+                   {"state", job_state_name(status.state)},
+                   {"reason", status.reason},
+                   {"frames", status.frames},
+                   {"frames_done", status.frames_done},
+                   {"frames_failed", status.frames_failed},
+                   {"missing_frames", status.missing_frames},
+                   {"rounds", status.rounds},
+                   {"cpu_seconds", status.cpu_seconds},
+                   {"instants_solved", status.light_field_frames_estimated}};
   if (status.seconds_left) json["seconds_left"] = *status.seconds_left;
-  Json& excluded = json["excluded_nodes"] = Json::object();
+  OrderedJson& excluded = json["excluded_nodes"] = OrderedJson::object();
   for (const auto& [node, reason] : status.excluded_nodes) excluded[node] = reason;
-  Json& tasks = json["tasks"] = Json::array();
+  OrderedJson& tasks = json["tasks"] = OrderedJson::array();
   for (const TaskStatus& task : status.tasks) {
-    Json object{{"stage", task.stage},
-                {"index", task.index},
-                {"state", task_state_name(task.state)},
-                {"frames", task.frames},
-                {"node", task.node},
-                {"percent", task.state == TaskState::kDone ? 100 : task.percent},
-                {"reason", task.reason},
-                {"attempts", Json::array()}};
+    OrderedJson object{{"stage", task.stage},
+                       {"index", task.index},
+                       {"state", task_state_name(task.state)},
+                       {"frames", task.frames},
+                       {"node", task.node},
+                       {"percent", task.state == TaskState::kDone ? 100 : task.percent},
+                       {"reason", task.reason},
+                       {"attempts", OrderedJson::array()}};
     for (const FarmAttempt& attempt : task.attempts) {
       object["attempts"].push_back(json_from(attempt));
     }

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "farm/test_job.h"
-#include "schemas/test_folder.h"
+#include "testing/farm/test_job.h"
+#include "testing/test_folder.h"
 
 namespace raystage::farm {
 namespace {
@@ -20,14 +20,14 @@ class Status : public ::testing::Test {
   void happened(FarmAttempt attempt) {
     const auto end = attempt.end;
     attempt.end.reset();
-    record_start(folder_, attempt);
+    record_attempt_start(folder_, attempt);
     if (end) {
       attempt.end = end;
-      record_end(folder_, attempt);
+      record_attempt_end(folder_, attempt);
     }
   }
   void started(int chunk, const std::string& node) {
-    FarmAttempt attempt = testing::attempt_at(chunk, AttemptResult::kDone, node);
+    FarmAttempt attempt = testing::make_attempt(chunk, AttemptResult::kDone, node);
     attempt.end.reset();
     happened(attempt);
   }
@@ -42,11 +42,11 @@ class Status : public ::testing::Test {
   }
 
   TestFolder parent_;
-  const JobFolder folder_ = testing::written_job(parent_.path());
+  const JobFolder folder_ = testing::write_small_job(parent_.path());
 };
 
 TEST_F(Status, IsKnownFromRecordsWhileTheControllerIsDown) {
-  happened(testing::attempt_at(0, AttemptResult::kDone));
+  happened(testing::make_attempt(0, AttemptResult::kDone));
   started(1, "n2");
   const JobStatus status = job_status(folder_, SchedulerAnswer{});
   EXPECT_EQ(status.state, JobState::kUnknown);
@@ -59,7 +59,7 @@ TEST_F(Status, IsKnownFromRecordsWhileTheControllerIsDown) {
 }
 
 TEST_F(Status, AsksSlurmForWhatIsNotOver) {
-  happened(testing::attempt_at(0, AttemptResult::kDone));
+  happened(testing::make_attempt(0, AttemptResult::kDone));
   started(1, "n2");
   started(2, "n3");
   std::ofstream(folder_.progress() / "render.0001") << "40\n";
@@ -101,7 +101,7 @@ TEST_F(Status, ATaskThatSlurmCouldNotStartHasFailedWithoutARecord) {
 }
 
 TEST_F(Status, AFrameThatIsMissingIsNotDoneWhateverItsTaskSaid) {
-  for (int i = 0; i < 4; ++i) happened(testing::attempt_at(i, AttemptResult::kDone));
+  for (int i = 0; i < 4; ++i) happened(testing::make_attempt(i, AttemptResult::kDone));
   FarmEnd end;
   end.state = FarmEnd::State::kFailed;
   end.missing_frames = "3";
@@ -141,7 +141,7 @@ TEST_F(Status, WhatSlurmNeverStartsIsStalled) {
 }
 
 TEST_F(Status, ADoneJobGoesOnWithItsPreviewAndMissesFramesThatWereRemoved) {
-  for (int i = 0; i < 4; ++i) happened(testing::attempt_at(i, AttemptResult::kDone));
+  for (int i = 0; i < 4; ++i) happened(testing::make_attempt(i, AttemptResult::kDone));
   FarmEnd end;
   end.ended_utc = utc_now();
   folder_.write_end(end);
@@ -152,7 +152,7 @@ TEST_F(Status, ADoneJobGoesOnWithItsPreviewAndMissesFramesThatWereRemoved) {
   (*answer.tasks)["9"] = slurm("preview", "9", "RUNNING", "n1");
   JobStatus status = job_status(folder_, answer);
   EXPECT_EQ(status.state, JobState::kDone);
-  EXPECT_TRUE(status.is_preview_under_way());
+  EXPECT_TRUE(status.is_preview_running());
   EXPECT_EQ(status.tasks.back().state, TaskState::kRunning);
   EXPECT_EQ(status.missing_frames, "");
   std::filesystem::remove(name.path(5));
@@ -160,12 +160,12 @@ TEST_F(Status, ADoneJobGoesOnWithItsPreviewAndMissesFramesThatWereRemoved) {
   status = job_status(folder_, answer);
   EXPECT_EQ(status.missing_frames, "5");
   EXPECT_EQ(status.frames_done, 11);
-  EXPECT_FALSE(status.is_preview_under_way());
+  EXPECT_FALSE(status.is_preview_running());
 }
 
 TEST_F(Status, TheEndIsTheRecordsWhateverSlurmSays) {
   for (int i = 0; i < 4; ++i) {
-    happened(testing::attempt_at(i, i == 2 ? AttemptResult::kFailed : AttemptResult::kDone));
+    happened(testing::make_attempt(i, i == 2 ? AttemptResult::kFailed : AttemptResult::kDone));
   }
   FarmEnd end;
   end.state = FarmEnd::State::kFailed;
@@ -178,18 +178,18 @@ TEST_F(Status, TheEndIsTheRecordsWhateverSlurmSays) {
   EXPECT_EQ(status.state, JobState::kFailed);
   EXPECT_EQ(status.frames_done, 9);
   EXPECT_EQ(status.frames_failed, 3);
-  const auto json = nlohmann::json::parse(status_json(status));
-  EXPECT_EQ(json["missing_frames"], "7-9");
-  EXPECT_EQ(json["tasks"][4]["attempts"][0]["end"]["result"], "failed");
+  const auto document = nlohmann::json::parse(status_json(status));
+  EXPECT_EQ(document["missing_frames"], "7-9");
+  EXPECT_EQ(document["tasks"][4]["attempts"][0]["end"]["result"], "failed");
   EXPECT_THAT(status_html(status, folder_), HasSubstr("it broke"));
 }
 
 TEST_F(Status, OfALocalJobIsThatOfItsProcess) {
   const TestFolder parent;
-  const JobFolder folder = testing::written_job(parent.path(), FarmJobDocument::Engine::kLocal);
+  const JobFolder folder = testing::write_small_job(parent.path(), FarmJobDocument::Engine::kLocal);
   EXPECT_EQ(job_status(folder).state, JobState::kNotQueued);
   SchedulerAnswer answer;
-  answer.is_running_here = true;
+  answer.is_local_job_running = true;
   EXPECT_EQ(job_status(folder, answer).state, JobState::kRunning);
   EXPECT_EQ(job_status(folder, SchedulerAnswer{}).state, JobState::kUnknown);
 }

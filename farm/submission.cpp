@@ -11,21 +11,21 @@
 #include <set>
 #include <system_error>
 
+#include "base/atomic_file.h"
+#include "base/resources.h"
+#include "compose/derived_data.h"
 #include "compose/frame_range.h"
-#include "compose/preparation.h"
 #include "farm/child_process.h"
 #include "farm/job_plan.h"
 #include "farm/measurement.h"
-#include "farm/node.h"
+#include "farm/node_checks.h"
 #include "farm/resources.h"
 #include "farm/rounds.h"
 #include "farm/slurm_queue.h"
 #include "farm/slurm_scripts.h"
 #include "farm/submission_checks.h"
 #include "raystage_version.h"
-#include "render/view/simd_level.h"
-#include "schemas/atomic_file.h"
-#include "schemas/resources.h"
+#include "render/common/simd_level.h"
 
 namespace raystage::farm {
 namespace {
@@ -57,7 +57,7 @@ void check_not_live(const SubmissionOptions& options) {
     throw Error::bad_input("only Slurm's jobs can wait for others", "",
                            "Leave --after out, or submit once the other job is over");
   }
-  const auto live = live_job(options.output);
+  const auto live = find_live_job(options.output);
   if (!live) return;
   std::error_code ignored;
   if (!fs::exists(live->job_file(), ignored)) {
@@ -83,7 +83,7 @@ std::vector<int> numbers_of(const std::vector<PlannedFrame>& frames) {
 
 /// The indices of instants that each frame waits for.
 std::vector<int> instants_for(const std::vector<int>& frames,
-                              const std::vector<const DerivedInstant*>& missing) {
+                              const std::vector<const DerivedFrameData*>& missing) {
   std::vector<int> indices;
   for (std::size_t i = 0; i < missing.size(); ++i) {
     const bool needed = std::ranges::any_of(
@@ -108,7 +108,7 @@ std::vector<std::string> inputs_of(const ShotPlan& plan) {
   return {inputs.begin(), inputs.end()};
 }
 
-FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked) {
+FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckResult& checked) {
   FarmJobDocument job;
   job.id = new_job_id(options.output);
   job.engine = options.engine;
@@ -117,14 +117,14 @@ FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked
   job.submitted_on = node_name();
   job.program_version = RAYSTAGE_VERSION;
   // In a container other libraries may be installed: the first task says which.
-  if (options.wrap.empty()) job.build = build_id();
+  if (options.command_prefix.empty()) job.build = build_id();
   const SimdLevel best = best_simd_level();
   job.simd =
       options.simd.empty() ? simd_level_name(std::min(best, SimdLevel::kAvx2)) : options.simd;
   const mode_t mask = umask(0);
   umask(mask);
   job.umask = static_cast<int>(mask);
-  job.wrap = options.wrap;
+  job.command_prefix = options.command_prefix;
   job.program = options.program.empty()
                     ? mapped(sibling_program("raystage").string(), options.paths)
                     : options.program;
@@ -144,11 +144,11 @@ FarmJobDocument new_job(const SubmissionOptions& options, const Checked& checked
   job.preview = options.preview;
   job.paths = options.paths;
   job.distributed = options.distributed;
-  job.frame_bytes = frame_room(*checked.sequence.plan, options.picture.deep);
+  job.frame_bytes = estimate_frame_bytes(*checked.sequence.plan, options.picture.deep);
   if (job.engine == Engine::kSlurm) {
-    job.max_array = slurm_max_array();
+    job.max_array_size = slurm_max_array();
     const auto& of_render = options.sbatch[static_cast<std::size_t>(FarmStage::kRender)];
-    job.max_minutes = slurm_max_minutes(partition_of(of_render));
+    job.max_minutes = slurm_max_minutes(sbatch_partition(of_render));
     if (job.max_minutes && options.minutes.value_or(0) > *job.max_minutes) {
       throw Error::bad_input(fmt::format("found {} minutes for a task, the partition allows {}",
                                          *options.minutes, *job.max_minutes),
@@ -165,20 +165,20 @@ int threads_of(const SubmissionOptions& options) {
   if (options.engine != Engine::kSlurm) return threads;
   int most = 0;
   const auto& of_render = options.sbatch[static_cast<std::size_t>(FarmStage::kRender)];
-  for (const SlurmNode& node : slurm_nodes(partition_of(of_render))) {
+  for (const SlurmNode& node : slurm_nodes(sbatch_partition(of_render))) {
     most = std::max(most, node.processors);
   }
   return most > 0 ? std::min(threads, most) : threads;
 }
 
 /// Tasks, and what each may use, once the frame is measured (or not).
-void add_tasks(const SubmissionOptions& options, const Checked& checked,
+void add_tasks(const SubmissionOptions& options, const SubmissionCheckResult& checked,
                const std::optional<FarmAttempt::End>& measured, FarmJobDocument& job) {
   const std::vector<int> frames = numbers_of(checked.sequence.frames);
   if (measured) job.seconds_per_frame = measured->wall_seconds;
-  std::vector<const DerivedInstant*> missing;
+  std::vector<const DerivedFrameData*> missing;
   std::error_code ignored;
-  for (const DerivedInstant& instant : checked.instants) {
+  for (const DerivedFrameData& instant : checked.instants) {
     job.pinned.push_back(path_text(instant.file));
     if (fs::exists(instant.file, ignored)) continue;
     missing.push_back(&instant);
@@ -188,9 +188,9 @@ void add_tasks(const SubmissionOptions& options, const Checked& checked,
   // Each task of a distributed job occupies all nodes: one for all frames.
   const int per_chunk = options.chunk.value_or(
       options.distributed ? static_cast<int>(frames.size())
-                          : automatic_chunk(frames.size(), job.seconds_per_frame));
+                          : automatic_chunk_size(frames.size(), job.seconds_per_frame));
   std::size_t longest = 1;
-  for (const auto& chunk : cut_into_chunks(frames, {per_chunk, options.preview_first})) {
+  for (const auto& chunk : split_into_chunks(frames, {per_chunk, options.preview_first})) {
     job.chunks.push_back({format_frame_range(chunk), instants_for(chunk, missing)});
     longest = std::max(longest, chunk.size());
   }
@@ -199,7 +199,7 @@ void add_tasks(const SubmissionOptions& options, const Checked& checked,
                                 options.memory_gb,         options.minutes,
                                 static_cast<int>(longest), measured};
   for (const FarmStage stage : kFarmStages) {
-    job.of(stage) = resources_for(stage, request);
+    job.of(stage) = estimate_resources(stage, request);
     std::optional<int>& minutes = job.of(stage).minutes;
     if (minutes && job.max_minutes) minutes = std::min(*minutes, *job.max_minutes);
     job.of(stage).options = options.sbatch[static_cast<std::size_t>(stage)];
@@ -221,8 +221,8 @@ bool wants_measure(const SubmissionOptions& options) {
 
 /// The first frame of the job, rendered here and left in its place; the job's tasks keep it.
 std::optional<FarmAttempt::End> measure_first_frame(const SubmissionOptions& options,
-                                                    const Checked& checked, FarmJobDocument job,
-                                                    const JobFolder& folder,
+                                                    const SubmissionCheckResult& checked,
+                                                    FarmJobDocument job, const JobFolder& folder,
                                                     const std::stop_token& stop) {
   add_tasks(options, checked, std::nullopt, job);
   const int first = checked.sequence.frames.front().frame;
@@ -257,27 +257,26 @@ class NewFolder {
 
 PlannedJob plan_submission(const SubmissionOptions& options) {
   check_not_live(options);
-  const Checked checked = check_submission(options);
+  const SubmissionCheckResult checked = check_submission(options);
   PlannedJob planned;
   planned.job = new_job(options, checked);
   add_tasks(options, checked, std::nullopt, planned.job);
   planned.job.folder = path_text(farm_folder(options.output) / "job-NNNN");
   planned.round = first_round(planned.job);
-  planned.shot_text =
-      map_paths_of_shot(read_file(options.shot), options.shot.string(), options.paths);
+  planned.shot_text = map_shot_paths(read_file(options.shot), options.shot.string(), options.paths);
   map_paths(planned.job, options.paths);
   return planned;
 }
 
 JobFolder write_submission(const SubmissionOptions& options, const std::stop_token& stop) {
   check_not_live(options);
-  const Checked checked = check_submission(options);
+  const SubmissionCheckResult checked = check_submission(options);
   FarmJobDocument job = new_job(options, checked);
-  const auto live = live_job(options.output);
+  const auto live = find_live_job(options.output);
   NewFolder folder(options.output);
   job.folder = path_text(folder->path());
   // Of two submissions at a time the one with the lower number stays.
-  if (const auto other = live_job(options.output, folder->path()); other && !options.after) {
+  if (const auto other = find_live_job(options.output, folder->path()); other && !options.after) {
     throw Error::bad_input("another job of this output is being submitted", other->path().string(),
                            "Wait for it, or queue this one behind it with --after");
   }
@@ -286,21 +285,20 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
     FarmJobDocument draft = job;
     add_tasks(options, checked, std::nullopt, draft);
     write_batch_scripts(*folder, draft);
-    check_scripts(*folder, draft);
+    test_batch_scripts(*folder, draft);
   }
   std::optional<FarmAttempt::End> measured;
   if (wants_measure(options)) measured = measure_first_frame(options, checked, job, *folder, stop);
   add_tasks(options, checked, measured, job);
   std::vector<fs::path> derived;
-  for (const DerivedInstant& instant : checked.instants) derived.push_back(instant.file);
-  pin_derived(derived, job.id);
+  for (const DerivedFrameData& instant : checked.instants) derived.push_back(instant.file);
+  pin_derived_data(derived, job.id);
   if (live && options.after) {
     // By its place next to this folder, which is the same on every host.
     write_file_atomically(folder->after_file(), "../" + live->path().filename().string() + "\n");
   }
-  write_file_atomically(
-      folder->shot_file(),
-      map_paths_of_shot(read_file(options.shot), options.shot.string(), options.paths));
+  write_file_atomically(folder->shot_file(), map_shot_paths(read_file(options.shot),
+                                                            options.shot.string(), options.paths));
   map_paths(job, options.paths);
   if (job.engine == Engine::kSlurm) {
     write_batch_scripts(*folder, job);

@@ -23,11 +23,11 @@ struct SubmissionOptions {
   FarmJobDocument::Engine engine = FarmJobDocument::Engine::kSlurm;
   ExistingFiles existing = ExistingFiles::kError;
   MissingFrames missing = MissingFrames::kError;
-  FarmJobDocument::Picture picture = {};
+  FarmJobDocument::OutputOverrides picture = {};
   std::filesystem::path color_config = {};
   std::filesystem::path cache =
       {};  ///< empty: the takes, or next to the output where they are read-only
-  std::optional<int> chunk = {};  ///< frames per task; none: automatic_chunk()
+  std::optional<int> chunk = {};  ///< frames per task; none: automatic_chunk_size()
   bool preview_first = false;     ///< every tenth frame first
   bool preview = true;
   int threads = 0;                  ///< of a task; 0: those of this process, at most 8
@@ -35,10 +35,10 @@ struct SubmissionOptions {
   std::optional<int> minutes = {};  ///< of a task; none: from the measured frame
   bool measure = true;              ///< render the first frame here, to measure it
   int attempts = 3;
-  std::string wrap = {};
+  std::string command_prefix = {};
   std::string program = {};  ///< on the nodes; empty: as this one, with its path mapped
   std::string simd = {};     ///< empty: avx2, or the best of this machine where it lacks that
-  std::vector<PathRule> paths = {};
+  std::vector<PathMappingRule> paths = {};
   std::array<std::vector<std::string>, kFarmStages.size()> sbatch = {};  ///< options by stage
   bool after = false;  ///< wait for a live job of the same output
   /// Archives are on these nodes; Slurm alone. The submitting host needs the takes' documents only.

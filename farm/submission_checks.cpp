@@ -7,12 +7,12 @@
 #include <algorithm>
 #include <system_error>
 
-#include "compose/memory_plan.h"
-#include "farm/documents_only.h"
+#include "base/error.h"
+#include "compose/sequence_memory_plan.h"
+#include "farm/document_only_takes.h"
 #include "farm/job_folder.h"
-#include "farm/render_command.h"
+#include "farm/task_commands.h"
 #include "render/methods.h"
-#include "schemas/error.h"
 
 namespace raystage::farm {
 namespace {
@@ -50,8 +50,8 @@ void check_methods(const ShotPlan& plan, const fs::path& shot) {
 }
 
 /// Whether data can be stored in the folders of all takes that derive some.
-bool are_takes_writable(const std::vector<DerivedInstant>& instants) {
-  return std::ranges::all_of(instants, [](const DerivedInstant& instant) {
+bool are_takes_writable(const std::vector<DerivedFrameData>& instants) {
+  return std::ranges::all_of(instants, [](const DerivedFrameData& instant) {
     fs::path folder = instant.file.parent_path();
     std::error_code ignored;
     while (!fs::exists(folder, ignored) && folder.has_relative_path())
@@ -61,13 +61,13 @@ bool are_takes_writable(const std::vector<DerivedInstant>& instants) {
 }
 
 SequenceOptions sequence_options(const SubmissionOptions& options, const fs::path& cache,
-                                 TakeHosts* hosts) {
+                                 DistributedTakes* hosts) {
   SequenceOptions sequence;
   sequence.output = options.output;
   sequence.frames = options.frames;
   sequence.existing = options.existing;
   sequence.missing = options.missing;
-  set_picture(options.picture, sequence);
+  apply_picture_settings(options.picture, sequence);
   sequence.color_config = options.color_config;
   sequence.deep = options.picture.deep;
   sequence.cache_folder = cache;
@@ -82,7 +82,7 @@ void check_distributed(const SubmissionOptions& options) {
     throw Error::bad_input("archives on several nodes need Slurm", "distributed",
                            "Use engine slurm, or gather the archives in one take");
   }
-  if (!options.wrap.empty()) {
+  if (!options.command_prefix.empty()) {
     throw Error::bad_input("the ranks of a distributed job cannot run in a container",
                            "distributed", "Install Raystage on the nodes, and leave --wrap out");
   }
@@ -96,8 +96,8 @@ void check_distributed(const SubmissionOptions& options) {
 
 void check_memory(const SubmissionOptions& options, const CheckedSequence& sequence) {
   if (options.memory_gb <= 0) return;
-  const double needed = 1e-9 * static_cast<double>(memory_needed(*sequence.plan, sequence.frames, 1,
-                                                                 options.picture.deep));
+  const double needed = 1e-9 * static_cast<double>(required_memory(*sequence.plan, sequence.frames,
+                                                                   1, options.picture.deep));
   if (needed <= options.memory_gb) return;
   throw Error::bad_input(
       fmt::format("one frame needs {:.2f} GB, a task gets {:.2f} GB", needed, options.memory_gb),
@@ -106,24 +106,25 @@ void check_memory(const SubmissionOptions& options, const CheckedSequence& seque
 
 }  // namespace
 
-Checked check_submission(const SubmissionOptions& options) {
+SubmissionCheckResult check_submission(const SubmissionOptions& options) {
   check_sbatch_options(options);
   check_distributed(options);
-  DocumentsOnly documents;
-  TakeHosts* hosts = options.distributed ? &documents : nullptr;
-  Checked checked{check_sequence(options.shot, sequence_options(options, options.cache, hosts)),
-                  {},
-                  options.cache};
+  DocumentOnlyTakes documents;
+  DistributedTakes* hosts = options.distributed ? &documents : nullptr;
+  SubmissionCheckResult checked{
+      check_sequence(options.shot, sequence_options(options, options.cache, hosts)),
+      {},
+      options.cache};
   check_methods(*checked.sequence.plan, options.shot);
   check_memory(options, checked.sequence);
   if (options.distributed) return checked;  // ranks keep the depths of their cameras to themselves
-  checked.instants = derived_instants(*checked.sequence.plan, checked.sequence.frames);
+  checked.instants = list_derived_data(*checked.sequence.plan, checked.sequence.frames);
   if (checked.cache.empty() && !are_takes_writable(checked.instants)) {
     checked.cache = fs::absolute(farm_folder(options.output) / "cache");
     options.say("a take is read-only: derived data goes to " + checked.cache.string());
     checked.sequence =
         check_sequence(options.shot, sequence_options(options, checked.cache, nullptr));
-    checked.instants = derived_instants(*checked.sequence.plan, checked.sequence.frames);
+    checked.instants = list_derived_data(*checked.sequence.plan, checked.sequence.frames);
   }
   return checked;
 }

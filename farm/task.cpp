@@ -14,15 +14,15 @@
 #include <iterator>
 #include <set>
 
+#include "base/atomic_file.h"
 #include "compose/frame_range.h"
 #include "farm/attempts.h"
 #include "farm/child_process.h"
-#include "farm/log_reader.h"
-#include "farm/node.h"
-#include "farm/render_command.h"
+#include "farm/node_checks.h"
+#include "farm/render_log_parser.h"
 #include "farm/rounds.h"
+#include "farm/task_commands.h"
 #include "farm/verification.h"
-#include "schemas/atomic_file.h"
 
 namespace raystage::farm {
 namespace {
@@ -95,7 +95,7 @@ class ProgressFile {
       : request_(request),
         file_(request.folder.progress() / fmt::format("{}.{:04}", attempt.stage, attempt.index)) {}
 
-  void look_at(std::string_view line) {
+  void parse_line(std::string_view line) {
     constexpr std::string_view kBegin = "Progress: ";
     if (line.starts_with(kBegin)) report(number_in(line.substr(kBegin.size())));
   }
@@ -124,7 +124,7 @@ AttemptResult result_of(const ChildResult& child, bool stopped) {
                                                                      : AttemptResult::kFailed;
 }
 
-std::string reason_of(AttemptResult result, const LogReader& log, bool stopped) {
+std::string reason_of(AttemptResult result, const RenderLogParser& log, bool stopped) {
   switch (result) {
     case AttemptResult::kDone:
       return "";
@@ -178,7 +178,7 @@ class Attempt {
         mapped_(mapped),
         round_(round_of(request)),
         attempt_(new_attempt(request, mapped.job, round_)) {
-    record_start(request.folder, attempt_);
+    record_attempt_start(request.folder, attempt_);
     request.say(fmt::format("{} on {}", attempt_name(attempt_), attempt_.node));
   }
 
@@ -188,7 +188,7 @@ class Attempt {
     attempt_.end = end;
     // The node first: whoever reads the record may rely on it.
     if (end.node_fault) request_.folder.exclude(attempt_.node, end.reason);
-    record_end(request_.folder, attempt_);
+    record_attempt_end(request_.folder, attempt_);
     if (end.result == AttemptResult::kFailed && !end.node_fault &&
         request_.stage != FarmStage::kVerify &&
         mapped_.job.engine != FarmJobDocument::Engine::kLocal &&  // which has no other node
@@ -217,7 +217,7 @@ class Attempt {
         // Whoever cancelled may not have reached the scheduler.
         FarmEnd cancelled;
         cancelled.state = FarmEnd::State::kCancelled;
-        cancelled.frames = static_cast<int>(frames_of(mapped_.job).size());
+        cancelled.frames = static_cast<int>(job_frames(mapped_.job).size());
         end_job(request_.folder, mapped_.job, cancelled);
       }
       return ended(AttemptResult::kDeclined, "the job was cancelled");
@@ -237,7 +237,7 @@ class Attempt {
   /// Tasks that a node starts at once look one after the other: the first to find a fault excludes
   /// the node, and is the only one that it costs an attempt.
   std::optional<FarmAttempt::End> declined_by_node() const {
-    const NodeTurn turn(request_.folder, attempt_.node);
+    const NodeLock turn(request_.folder, attempt_.node);
     if (request_.folder.is_excluded(attempt_.node)) {
       return ended(AttemptResult::kDeclined, "this node is excluded from the job");
     }
@@ -259,7 +259,7 @@ class Attempt {
     std::error_code ignored;
     return std::ranges::any_of(instants, [&](int instant) {
       const auto found = attempts.find({"prepare", instant});
-      return found != attempts.end() && !is_prepared_or_given_up(found->second) &&
+      return found != attempts.end() && !needs_no_preparation(found->second) &&
              !std::filesystem::exists(mapped_.job.instants[static_cast<std::size_t>(instant)].file,
                                       ignored);
     });
@@ -272,20 +272,20 @@ class Attempt {
         mapped_.job,
         mapped_.shot,
         request_.round,
-        request_.patience_seconds,
+        request_.timeout_seconds,
         [&](double done) { progress.report(static_cast<int>(100 * done)); }};
     return verify_job(request, stop);
   }
 
   FarmAttempt::End run_command(const std::stop_token& stop) {
     ProgressFile progress(request_, attempt_);
-    LogReader log;
+    RenderLogParser log;
     ChildOptions options;
     options.log = attempt_log(request_.folder, attempt_);
     options.stop = stop;
     options.line = [&](std::string_view line) {
-      progress.look_at(line);
-      log.look_at(line);
+      progress.parse_line(line);
+      log.parse_line(line);
     };
     // Whoever sends the signal may not wait for the frames in progress to end.
     const std::stop_callback record_stop(stop, [&] {
@@ -293,7 +293,7 @@ class Attempt {
       stopped.end = ended(AttemptResult::kStopped, reason_of(AttemptResult::kStopped, {}, true));
       stopped.end->ended_utc = utc_now();
       try {
-        record_end(request_.folder, stopped);
+        record_attempt_end(request_.folder, stopped);
       } catch (const Error&) {  // the end of the command is recorded, too
       }
     });
@@ -307,8 +307,8 @@ class Attempt {
     end.peak_memory_bytes = child.peak_memory_bytes;
     end.failed_frames =
         format_frame_range(std::vector<int>(log.failed_frames.begin(), log.failed_frames.end()));
-    end.instants_solved = log.solved;
-    end.instants_read = log.read;
+    end.light_field_frames_estimated = log.solved;
+    end.light_field_frames_loaded = log.read;
     end.rendering = log.rendering;
     const bool may_be_the_node =
         end.result == AttemptResult::kFailed || end.result == AttemptResult::kBadInput;
@@ -332,12 +332,12 @@ class Attempt {
 
 }  // namespace
 
-MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathRule> rules) {
+MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathMappingRule> rules) {
   MappedJob mapped{folder.job(), folder.shot_file()};
   if (rules.empty()) return mapped;
   map_paths(mapped.job, rules);
   const std::string before = read_file(folder.shot_file());
-  const std::string after = map_paths_of_shot(before, folder.shot_file().string(), rules);
+  const std::string after = map_shot_paths(before, folder.shot_file().string(), rules);
   // Under a name that its content gives: tasks with other rules do not meet.
   mapped.shot =
       folder.path() / fmt::format("shot.{:016x}.json", XXH3_64bits(after.data(), after.size()));
@@ -346,8 +346,8 @@ MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathRule> rul
   return mapped;
 }
 
-MappedJob read_job_here(const JobFolder& folder) {
-  return read_mapped_job(folder, rules_of_this_host(folder.job(), folder.path()));
+MappedJob read_local_job(const JobFolder& folder) {
+  return read_mapped_job(folder, local_path_rules(folder.job(), folder.path()));
 }
 
 ExitCode run_task(const TaskRequest& request, const std::stop_token& stop) {

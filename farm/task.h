@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
+#include "base/error.h"
 #include "farm/job_folder.h"
 #include "farm/path_map.h"
-#include "schemas/error.h"
 
 namespace raystage::farm {
 
@@ -18,10 +18,10 @@ struct TaskRequest {
   FarmStage stage = FarmStage::kRender;
   int index = 0;  ///< within the stage
   int round = 1;
-  std::string node = {};             ///< the scheduler's name of this node; empty: node_name()
-  std::vector<PathRule> paths = {};  ///< on top of those that the job was written with
+  std::string node = {};  ///< the scheduler's name of this node; empty: node_name()
+  std::vector<PathMappingRule> paths = {};  ///< on top of those that the job was written with
   /// Seconds that the verification looks for frames that another host has written.
-  double patience_seconds = 60;
+  double timeout_seconds = 60;
   std::function<void(double)> progress = [](double) {};
   std::function<void(std::string_view)> say = [](std::string_view) {};
 };
@@ -38,8 +38,8 @@ struct MappedJob {
   FarmJobDocument job;
   std::filesystem::path shot;
 };
-MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathRule> rules);
+MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathMappingRule> rules);
 /// The same as this host sees it, which may be the submitting host.
-MappedJob read_job_here(const JobFolder& folder);
+MappedJob read_local_job(const JobFolder& folder);
 
 }  // namespace raystage::farm

@@ -9,17 +9,17 @@
 #include <optional>
 #include <set>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/resources.h"
+#include "compose/derived_data.h"
 #include "compose/frame_range.h"
-#include "compose/preparation.h"
 #include "farm/attempts.h"
 #include "farm/fingerprints.h"
-#include "farm/render_command.h"
 #include "farm/rounds.h"
 #include "farm/sequence_check.h"
 #include "farm/slurm_scripts.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/resources.h"
+#include "farm/task_commands.h"
 
 namespace raystage::farm {
 namespace {
@@ -45,7 +45,7 @@ std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
     // A frame that no task has named is not whole: no file has an empty fingerprint.
     const std::map<int, std::string> known = read_fingerprints(request.folder.path());
     std::vector<ExpectedFrame> frames;
-    for (const int frame : frames_of(request.job)) {
+    for (const int frame : job_frames(request.job)) {
       const auto found = known.find(frame);
       const bool is_known = found != known.end();
       frames.push_back({frame, is_known ? found->second : "", is_known && !failed.contains(frame)});
@@ -53,7 +53,7 @@ std::vector<ExpectedFrame> expected_frames(const VerificationRequest& request) {
     return frames;
   }
   const ShotPlan plan(request.shot, plan_options(request.job));
-  const std::vector<int> numbers = frames_of(request.job);
+  const std::vector<int> numbers = job_frames(request.job);
   std::vector<ExpectedFrame> frames;
   for (const PlannedFrame& frame : plan.plan(numbers, missing_frames_policy(request.job))) {
     frames.push_back({frame.frame, plan.fingerprint(frame, request.job.picture.chromaticities),
@@ -127,7 +127,8 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
   const bool replaces = !all_missing.empty();
   all_missing.insert(not_whole.begin(), not_whole.end());
   const std::vector<int> missing(all_missing.begin(), all_missing.end());
-  Verdict verdict = decide({request.job, attempts, missing, excluded, request.round, first_round});
+  RoundDecision verdict =
+      decide_next_round({request.job, attempts, missing, excluded, request.round, first_round});
   FarmAttempt::End end;
   end.result = missing.empty() ? AttemptResult::kDone : AttemptResult::kFailed;
   end.exit_code =
@@ -160,15 +161,16 @@ FarmAttempt::End conclude(const VerificationRequest& request, const std::vector<
 void end_job(const JobFolder& folder, const FarmJobDocument& job, FarmEnd end) {
   // The end comes last: who reads it may rely on the rest.
   const std::vector<std::filesystem::path> pinned(job.pinned.begin(), job.pinned.end());
-  unpin_derived(pinned, job.id);
+  unpin_derived_data(pinned, job.id);
   end.ended_utc = utc_now();
   folder.write_end(end);
 }
 
-std::vector<int> frames_not_whole(const VerificationRequest& request, const std::stop_token& stop) {
-  CheckSettings settings;
+std::vector<int> find_incomplete_frames(const VerificationRequest& request,
+                                        const std::stop_token& stop) {
+  SequenceCheckSettings settings;
   settings.deep = request.job.picture.deep;
-  settings.patience_seconds = request.patience_seconds;
+  settings.timeout_seconds = request.timeout_seconds;
   settings.progress = request.progress;
   return missing_frames(SequenceName(request.job.output), expected_frames(request), settings, stop);
 }
@@ -178,7 +180,7 @@ FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_
   const double cpu_before = cpu_seconds();
   FarmAttempt::End end;
   try {
-    const std::vector<int> missing = frames_not_whole(request, stop);
+    const std::vector<int> missing = find_incomplete_frames(request, stop);
     if (stop.stop_requested()) {
       end.result = AttemptResult::kStopped;
       end.reason = "stopped by a signal";
@@ -193,7 +195,7 @@ FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_
     FarmEnd failed;
     failed.state = FarmEnd::State::kFailed;
     failed.reason = fmt::format("the frames cannot be verified: {}", error.what());
-    failed.frames = static_cast<int>(frames_of(request.job).size());
+    failed.frames = static_cast<int>(job_frames(request.job).size());
     end_job(request.folder, request.job, failed);
   }
   end.wall_seconds =

@@ -15,13 +15,14 @@ struct VerificationRequest {
   const FarmJobDocument& job;
   std::filesystem::path shot;
   int round = 1;
-  double patience_seconds = 60;  ///< as CheckSettings
+  double timeout_seconds = 60;  ///< as SequenceCheckSettings
   std::function<void(double)> progress;
 };
 
 /// The frames of the job that are not whole and true on the disk, sorted. Throws Error (bad input)
 /// where the shot cannot be planned any more.
-std::vector<int> frames_not_whole(const VerificationRequest& request, const std::stop_token& stop);
+std::vector<int> find_incomplete_frames(const VerificationRequest& request,
+                                        const std::stop_token& stop);
 
 /// Checks every frame of the job against its fingerprint, then writes what follows: the next round,
 /// or the end of the job (and lets go of what it had pinned). For Slurm, after-verify-N.sh queues

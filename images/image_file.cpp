@@ -6,8 +6,8 @@
 
 #include <span>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 
 namespace raystage {
 

@@ -13,9 +13,9 @@
 #include <utility>
 #include <vector>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "rig/pose.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -205,7 +205,7 @@ std::vector<ColmapImage> read_images(const std::filesystem::path& file,
 }  // namespace
 
 ImportManifest read_colmap_model(const std::filesystem::path& folder,
-                                 const ModelSettings& settings) {
+                                 const ModelImportSettings& settings) {
   const std::filesystem::path file = folder / "images.txt";
   const auto images = read_images(file, read_cameras(folder / "cameras.txt"));
   if (images.empty()) {
@@ -219,13 +219,13 @@ ImportManifest read_colmap_model(const std::filesystem::path& folder,
     folders = {folder / ".." / "images", folder / ".." / ".." / "images", folder / "images",
                folder};
   }
-  const auto base = image_folder(folders, images.front().name, file);
+  const auto base = find_image_folder(folders, images.front().name, file);
 
   std::vector<std::string> names;
   for (const ColmapImage& image : images) names.push_back(image.name);
-  const std::vector<std::string> ids = camera_ids(names);
+  const std::vector<std::string> ids = make_camera_ids(names);
 
-  ImportManifest manifest = manifest_of_model(file, settings);
+  ImportManifest manifest = make_model_manifest(file, settings);
   for (std::size_t i = 0; i < images.size(); ++i) {
     const ColmapCamera& camera = images[i].camera;
     ImportManifest::Camera entry;

@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "ingest/model_images.h"
+#include "ingest/model_manifest.h"
 
 namespace raystage {
 
@@ -20,6 +20,6 @@ namespace raystage {
 /// relative to the current folder.
 /// Throws Error (bad input) with file and line.
 ImportManifest read_colmap_model(const std::filesystem::path& folder,
-                                 const ModelSettings& settings);
+                                 const ModelImportSettings& settings);
 
 }  // namespace raystage

@@ -4,10 +4,10 @@
 #include <string_view>
 #include <system_error>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "ingest/colmap_model.h"
 #include "ingest/nerf_transforms.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 #include "schemas/json_text.h"
 
 namespace raystage {
@@ -31,7 +31,7 @@ Error not_understood(const fs::path& path, std::string what_happened) {
       "COLMAP text model (cameras.txt and images.txt)");
 }
 
-ImportSource from_json(const fs::path& file, const ModelSettings& settings) {
+ImportSource from_json(const fs::path& file, const ModelImportSettings& settings) {
   const std::string text = read_file(file);
   const std::size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   if (first == text.npos || text[first] != '{') {
@@ -45,14 +45,15 @@ ImportSource from_json(const fs::path& file, const ModelSettings& settings) {
     }
     if (settings.images) {
       throw Error::bad_input("an import manifest says itself where its images are", file.string(),
-                             "Leave --images out; it is for COLMAP and NeRF models");
+                             "Do not give a folder of images; that is for COLMAP and NeRF models")
+          .concerning({"images"});
     }
     return {parse_import_manifest(text, file.string()), base};
   }
   return {read_nerf_transforms(file, text, settings), {}};
 }
 
-ImportSource from_folder(const fs::path& folder, const ModelSettings& settings) {
+ImportSource from_folder(const fs::path& folder, const ModelImportSettings& settings) {
   if (is_file(folder / "import.json")) return from_json(folder / "import.json", settings);
   for (const char* place : {"", "sparse/0", "sparse"}) {
     const fs::path model = *place == '\0' ? folder : folder / place;
@@ -69,7 +70,7 @@ ImportSource from_folder(const fs::path& folder, const ModelSettings& settings) 
 
 }  // namespace
 
-ImportSource open_import_source(const fs::path& path, const ModelSettings& settings) {
+ImportSource open_import_source(const fs::path& path, const ModelImportSettings& settings) {
   std::error_code ignored;
   if (fs::is_directory(path, ignored)) return from_folder(path, settings);
   const fs::path name = path.filename();

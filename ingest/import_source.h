@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "ingest/model_images.h"
+#include "ingest/model_manifest.h"
 
 namespace raystage {
 
@@ -17,6 +17,7 @@ struct ImportSource {
 /// Tells by the contents what `path` is: an import manifest, a NeRF transforms.json, a file of a
 /// COLMAP text model, or a folder that holds one of these (import.json first, then cameras.txt with
 /// images.txt, there or in sparse/0 or sparse, then transforms.json). Throws Error (bad input).
-ImportSource open_import_source(const std::filesystem::path& path, const ModelSettings& settings);
+ImportSource open_import_source(const std::filesystem::path& path,
+                                const ModelImportSettings& settings);
 
 }  // namespace raystage

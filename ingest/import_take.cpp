@@ -9,11 +9,11 @@
 #include <utility>
 #include <vector>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/parallel.h"
 #include "ingest/movie_reader.h"
 #include "ingest/source_image.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/parallel.h"
 #include "store/jpeg/layout.h"
 #include "store/take.h"
 
@@ -48,7 +48,7 @@ class Importer {
     const CameraGeometry& geometry;
     ArchiveWriter& archive;
     const ParallelLoop& loop;  // over the cameras
-    ImageSize size() const { return {geometry.width, geometry.height}; }
+    SourceImageSize size() const { return {geometry.width, geometry.height}; }
   };
 
   bool linear() const { return manifest_.color_space == "lin_rec709_scene"; }

@@ -11,13 +11,13 @@
 #include <csignal>
 #include <limits>
 
+#include "base/error.h"
+#include "base/transfer_function.h"
 #include "images/image_file.h"
-#include "ingest/import_test_data.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "schemas/test_user.h"
-#include "schemas/transfer_function.h"
 #include "store/take.h"
+#include "testing/ingest/import_test_data.h"
+#include "testing/test_folder.h"
+#include "testing/test_permissions.h"
 
 namespace raystage {
 namespace {
@@ -91,7 +91,7 @@ TEST_F(ImportTake, StoresJpegByteForByte) {
     for (int i = 0; i < 3; ++i) {
       const auto& frame =
           manifest.cameras[static_cast<std::size_t>(c)].frames[static_cast<std::size_t>(i)];
-      EXPECT_EQ(test::text_of(read.archive(c).jpeg(i)), read_file(inputs() / frame.file));
+      EXPECT_EQ(test::bytes_to_string(read.archive(c).jpeg(i)), read_file(inputs() / frame.file));
       EXPECT_EQ(read.archive(c).frames()[static_cast<std::size_t>(i)].time_ns, frame.time_ns);
       bytes += read.archive(c).jpeg(i).size();
     }
@@ -265,11 +265,11 @@ TEST_F(ImportTake, AFullDiskLeavesNothing) {
 
 TEST_F(ImportTake, AFolderWithoutPermissionIsRefused) {
   const ImportManifest manifest = test::write_two_cameras(inputs());
-  open_to_all(inputs());
-  const std::string closed = closed_to_others(inputs());
+  make_world_writable(inputs());
+  const std::string closed = unprivileged_access_error(inputs());
   if (!closed.empty()) GTEST_SKIP() << closed;
-  const LockedFolder locked(outputs());
-  const std::string refused = without_root([&]() -> std::string {  // before TBB's first thread
+  const ReadOnlyFolder locked(outputs());
+  const std::string refused = run_unprivileged([&]() -> std::string {  // before TBB's first thread
     try {
       run(manifest);
     } catch (const Error& error) {

@@ -13,7 +13,7 @@ extern "C" {
 #include <string>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -41,7 +41,7 @@ std::string reason(int code) {
 }
 
 template <typename T>
-T* or_no_memory(T* pointer) {
+T* check_allocation(T* pointer) {
   if (pointer == nullptr) throw std::bad_alloc();
   return pointer;
 }
@@ -52,8 +52,8 @@ struct MovieReader::State {
   std::filesystem::path file;
   std::unique_ptr<AVFormatContext, FormatCloser> format;
   std::unique_ptr<AVCodecContext, CodecCloser> codec;  // null for Motion JPEG
-  std::unique_ptr<AVPacket, PacketFreer> packet{or_no_memory(av_packet_alloc())};
-  std::unique_ptr<AVFrame, FrameFreer> picture{or_no_memory(av_frame_alloc())};
+  std::unique_ptr<AVPacket, PacketFreer> packet{check_allocation(av_packet_alloc())};
+  std::unique_ptr<AVFrame, FrameFreer> picture{check_allocation(av_frame_alloc())};
   std::unique_ptr<SwsContext, ScalerFreer> scaler;
   int stream = -1;
   int frames = 0;  // handed out so far
@@ -106,7 +106,7 @@ void MovieReader::State::open_decoder(const AVCodecParameters& parameters) {
                            file.string(),
                            "Convert the movie to a codec that `ffmpeg -decoders` lists");
   }
-  codec.reset(or_no_memory(avcodec_alloc_context3(decoder)));
+  codec.reset(check_allocation(avcodec_alloc_context3(decoder)));
   codec->thread_count = 1;  // cameras are read in parallel already
   int code = avcodec_parameters_to_context(codec.get(), &parameters);
   if (code >= 0) code = avcodec_open2(codec.get(), decoder, nullptr);

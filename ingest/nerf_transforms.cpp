@@ -10,9 +10,9 @@
 #include <system_error>
 #include <utility>
 
+#include "base/error.h"
 #include "ingest/source_image.h"
 #include "rig/pose.h"
-#include "schemas/error.h"
 #include "schemas/json_text.h"
 #include "schemas/validator.h"
 
@@ -74,8 +74,8 @@ void check_schema(const json& document, std::string_view name) {
     try {
       camera_validator.validate(document["frames"][i], "");
     } catch (const Error& error) {  // its pointer begins at the frame: "#/fl_x"
-      throw bad_value(name, pointer_to("/frames", i) + error.where().substr(1),
-                      error.what_happened(), error.what_to_do());
+      throw json_value_error(name, append_json_pointer("/frames", i) + error.where().substr(1),
+                             error.what_happened(), error.what_to_do());
     }
   }
 }
@@ -107,14 +107,16 @@ std::filesystem::path find_image(const std::filesystem::path& folder, const std:
     const std::filesystem::path file = folder / (path + extension);
     if (std::filesystem::is_regular_file(file, ignored)) return file;
   }
-  throw bad_value(name, pointer,
-                  fmt::format("the image \"{}\" is not there, with or without an extension, in {}",
-                              path, folder.string()),
-                  "Say with --images in which folder the images are");
+  throw json_value_error(
+      name, pointer,
+      fmt::format("the image \"{}\" is not there, with or without an extension, in {}", path,
+                  folder.string()),
+      "Name the folder of the images")
+      .concerning({"images"});
 }
 
-Intrinsics intrinsics_of(const FrameProperties& frame, ImageSize size, const std::string& name,
-                         const std::string& pointer) {
+Intrinsics intrinsics_of(const FrameProperties& frame, SourceImageSize size,
+                         const std::string& name, const std::string& pointer) {
   const auto focal = [](double pixels, double angle) { return pixels / 2 / std::tan(angle / 2); };
   Intrinsics result;
   if (const auto fl_x = frame.number("fl_x")) {
@@ -122,9 +124,9 @@ Intrinsics intrinsics_of(const FrameProperties& frame, ImageSize size, const std
   } else if (const auto angle = frame.number("camera_angle_x")) {
     result.fx = focal(size.width, *angle);
   } else {
-    throw bad_value(name, pointer,
-                    "neither \"fl_x\" (pixels) nor \"camera_angle_x\" (radians) is given",
-                    "Add one of them to the frame or to the whole file");
+    throw json_value_error(name, pointer,
+                           "neither \"fl_x\" (pixels) nor \"camera_angle_x\" (radians) is given",
+                           "Add one of them to the frame or to the whole file");
   }
   result.fy = result.fx;
   if (const auto fl_y = frame.number("fl_y")) {
@@ -156,17 +158,18 @@ Matrix4 pose_of(const json& matrix, const std::string& name, const std::string& 
   const double scale = std::cbrt(axes.determinant());
   constexpr double kSmallest = 1e-9, kTolerance = 1e-3;
   if (!(scale > kSmallest)) {
-    throw bad_value(name, pointer, "the matrix mirrors or is flat, allowed: a rotation",
-                    "Use right-handed axes: camera x right, y up, looking down -z");
+    throw json_value_error(name, pointer, "the matrix mirrors or is flat, allowed: a rotation",
+                           "Use right-handed axes: camera x right, y up, looking down -z");
   }
   axes /= scale;
   const double off = (axes.transpose() * axes - Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff();
   if (off > kTolerance) {
-    throw bad_value(name, pointer,
-                    fmt::format("the matrix is skewed or scaled unevenly by {:.3g}, allowed: a "
-                                "rotation with one scale",
-                                off),
-                    "Export rigid cameras");
+    throw json_value_error(
+        name, pointer,
+        fmt::format("the matrix is skewed or scaled unevenly by {:.3g}, allowed: a "
+                    "rotation with one scale",
+                    off),
+        "Export rigid cameras");
   }
   pose.world_from_camera_rotation = Eigen::Quaterniond(axes).normalized().toRotationMatrix();
   return matrix_from_pose(pose);
@@ -175,37 +178,38 @@ Matrix4 pose_of(const json& matrix, const std::string& name, const std::string& 
 }  // namespace
 
 ImportManifest read_nerf_transforms(const std::filesystem::path& file, std::string_view text,
-                                    const ModelSettings& settings) {
+                                    const ModelImportSettings& settings) {
   const std::string name = file.string();
   const json document = parse_json(text, name);
   check_schema(document, name);
   const json& frames = document["frames"];
   const std::filesystem::path folder = settings.images.value_or(file.parent_path());
 
-  ImportManifest manifest = manifest_of_model(file, settings);
+  ImportManifest manifest = make_model_manifest(file, settings);
   std::vector<std::string> names;
   for (const json& frame : frames) names.push_back(frame["file_path"].get<std::string>());
-  const std::vector<std::string> ids = camera_ids(names);
+  const std::vector<std::string> ids = make_camera_ids(names);
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    const std::string pointer = pointer_to("/frames", i);
+    const std::string pointer = append_json_pointer("/frames", i);
     const std::filesystem::path image =
-        find_image(folder, names[i], name, pointer_to(pointer, "file_path"));
+        find_image(folder, names[i], name, append_json_pointer(pointer, "file_path"));
     const FrameProperties properties(document, frames[i]);
-    ImageSize size;
+    SourceImageSize size;
     if (properties.number("w") && properties.number("h")) {
       size = {static_cast<int>(*properties.number("w")), static_cast<int>(*properties.number("h"))};
     } else {
       size = image_size(image);
     }
     ImportManifest::Camera camera;
-    camera.geometry = {.id = ids[i],
-                       .width = size.width,
-                       .height = size.height,
-                       .intrinsics = intrinsics_of(properties, size, name, pointer),
-                       .world_from_camera = pose_of(frames[i]["transform_matrix"], name,
-                                                    pointer_to(pointer, "transform_matrix")),
-                       .row = std::nullopt,
-                       .column = std::nullopt};
+    camera.geometry = {
+        .id = ids[i],
+        .width = size.width,
+        .height = size.height,
+        .intrinsics = intrinsics_of(properties, size, name, pointer),
+        .world_from_camera = pose_of(frames[i]["transform_matrix"], name,
+                                     append_json_pointer(pointer, "transform_matrix")),
+        .row = std::nullopt,
+        .column = std::nullopt};
     camera.frames.push_back({image.string(), 0});
     manifest.cameras.push_back(std::move(camera));
   }

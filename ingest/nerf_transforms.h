@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <string_view>
 
-#include "ingest/model_images.h"
+#include "ingest/model_manifest.h"
 
 namespace raystage {
 
@@ -18,6 +18,6 @@ namespace raystage {
 /// file_path may lack its extension; relative to settings.images or the file's folder.
 /// Throws Error (bad input) with the JSON pointer.
 ImportManifest read_nerf_transforms(const std::filesystem::path& file, std::string_view text,
-                                    const ModelSettings& settings);
+                                    const ModelImportSettings& settings);
 
 }  // namespace raystage

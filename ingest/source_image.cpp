@@ -8,9 +8,9 @@
 #include <cmath>
 #include <vector>
 
+#include "base/error.h"
+#include "base/transfer_function.h"
 #include "images/image_file.h"
-#include "schemas/error.h"
-#include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {
@@ -51,12 +51,12 @@ RgbImage read_linear(OIIO::ImageInput& input, const std::filesystem::path& file)
 
 }  // namespace
 
-ImageSize image_size(const std::filesystem::path& file) {
+SourceImageSize image_size(const std::filesystem::path& file) {
   const auto input = open_image(file);
   return {input->spec().width, input->spec().height};
 }
 
-RgbImage read_source_image(const std::filesystem::path& file, ImageSize size, bool linear) {
+RgbImage read_source_image(const std::filesystem::path& file, SourceImageSize size, bool linear) {
   const auto input = open_image(file);
   const OIIO::ImageSpec& spec = input->spec();
   check_image_size({spec.width, spec.height}, size, file.string());
@@ -71,7 +71,7 @@ RgbImage read_source_image(const std::filesystem::path& file, ImageSize size, bo
   return read_image(file);
 }
 
-void check_image_size(ImageSize found, ImageSize expected, std::string_view name) {
+void check_image_size(SourceImageSize found, SourceImageSize expected, std::string_view name) {
   if (found == expected) return;
   throw Error::bad_input(fmt::format("the image is {}x{}, but its camera is {}x{}", found.width,
                                      found.height, expected.width, expected.height),

@@ -14,13 +14,13 @@
 #include <limits>
 #include <numbers>
 
+#include "base/error.h"
+#include "render/common/plane_projection.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
-#include "render/view/plane_projection.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -31,7 +31,7 @@ using ::testing::HasSubstr;
 constexpr int kWidth = 117, kHeight = 83;
 constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
-VirtualCamera a_view(int width = kWidth, int height = kHeight) {
+VirtualCamera default_view(int width = kWidth, int height = kHeight) {
   Pose pose;
   pose.position = {0.01, -0.02, 0.07};
   pose.world_from_camera_rotation =
@@ -120,7 +120,7 @@ std::vector<float> stepped_depths() {
 }
 
 TEST_F(ApertureDepthMap, OfAPlaneIsThePlane) {
-  const VirtualCamera view = a_view();
+  const VirtualCamera view = default_view();
   const Eigen::Vector4d plane(0.2, 0.3, 1, 3);
   const PlaneProjection projection(view, plane);
   std::vector<float> z;
@@ -145,8 +145,8 @@ TEST_F(ApertureDepthMap, OfAPlaneIsThePlane) {
 
 TEST_F(ApertureDepthMap, AgreesWithTheReferenceOnEveryInstructionSet) {
   write_map(stepped_depths());
-  testing::for_each_target(kernel_target, [&] {
-    const RenderedView image = render_both(a_view());
+  testing::for_each_simd_target(kernel_target, [&] {
+    const RenderedView image = render_both(default_view());
     for (const std::size_t i : {40U, 41U, 42U}) {
       EXPECT_EQ(image.rgba[4 * (i + 97 * 50) + 3], 0);
       EXPECT_EQ(image.z[i + 97 * 50], kInfinity);
@@ -156,7 +156,7 @@ TEST_F(ApertureDepthMap, AgreesWithTheReferenceOnEveryInstructionSet) {
 
 TEST_F(ApertureDepthMap, HasTheFinalSizeWhereAViewIsRenderedFiner) {
   write_map(std::vector<float>(40 * 30, 4.0F), 40, 30);
-  const RenderedView image = render_both(a_view(40, 30));
+  const RenderedView image = render_both(default_view(40, 30));
   EXPECT_GT(image.statistics.supersampling, 1);
   EXPECT_EQ(image.width, 40);
 }
@@ -170,7 +170,7 @@ TEST_F(ApertureDepthMap, IsFollowedByViewsInBandsAndNeverHeldAnew) {
                 0.01F * static_cast<float>(i % 7));
   }
   write_map(z, kCoarseWidth, kCoarseHeight);
-  const VirtualCamera view = a_view(kCoarseWidth, kCoarseHeight);
+  const VirtualCamera view = default_view(kCoarseWidth, kCoarseHeight);
   RendererSettings in_bands;
   for (const bool reference : {false, true}) {
     in_bands.reference = reference;
@@ -196,7 +196,7 @@ TEST_F(ApertureDepthMap, IsFollowedByViewsInBandsAndNeverHeldAnew) {
 TEST_F(ApertureDepthMap, OutsideItsDataWindowThereIsNoDepth) {
   write_channel(file(), "Z", std::vector<float>(kWidth * kHeight, 4.0F), kWidth, kHeight,
                 {{20, 10}, {kWidth - 1, kHeight - 1}});
-  const RenderedView image = render_both(a_view());
+  const RenderedView image = render_both(default_view());
   EXPECT_EQ(image.rgba[4 * (40 * kWidth + 10) + 3], 0);
   EXPECT_GT(image.rgba[4 * (40 * kWidth + 60) + 3], 0.9F);
 }
@@ -204,7 +204,7 @@ TEST_F(ApertureDepthMap, OutsideItsDataWindowThereIsNoDepth) {
 TEST_F(ApertureDepthMap, IsRefusedWhereItDoesNotFit) {
   const auto complaint = [&] {
     try {
-      render(a_view(), {});
+      render(default_view(), {});
     } catch (const Error& error) {
       return std::string(error.what());
     }
@@ -225,8 +225,8 @@ TEST_F(ApertureDepthMap, CountsAmongTheFilesThatDetermineThePixels) {
   const FrameSelection frames = select_frames(*take_, 0, kNanosecondsPerSecond);
   const MethodOptions with(method.options(), {{"depth_map", std::string("z.exr")}}, "aperture");
   const MethodOptions without(method.options(), {}, "aperture");
-  EXPECT_THAT(method.files_read(with, *take_, frames), ::testing::ElementsAre(file()));
-  EXPECT_TRUE(method.files_read(without, *take_, frames).empty());
+  EXPECT_THAT(method.input_files(with, *take_, frames), ::testing::ElementsAre(file()));
+  EXPECT_TRUE(method.input_files(without, *take_, frames).empty());
 }
 
 }  // namespace

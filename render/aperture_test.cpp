@@ -8,12 +8,12 @@
 #include <limits>
 #include <numbers>
 
+#include "base/error.h"
 #include "render/planar/aperture_lens.h"
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -48,7 +48,7 @@ SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}
   return take;
 }
 
-struct Asked {
+struct RenderCase {
   OptionValues options = {};
   Eigen::Vector4d plane{0, 0, 1, 4};
   int frame = 0;
@@ -56,7 +56,7 @@ struct Asked {
   std::string method = "aperture";
 };
 
-RenderedView render(const Take& take, const VirtualCamera& view, const Asked& asked) {
+RenderedView render(const Take& take, const VirtualCamera& view, const RenderCase& asked) {
   const FrameSelection frames =
       select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
   return LightFieldRenderer(take, asked.settings)
@@ -64,7 +64,7 @@ RenderedView render(const Take& take, const VirtualCamera& view, const Asked& as
 }
 
 /// Renders fast and slowly; they must agree.
-RenderedView render_both(const Take& take, const VirtualCamera& view, Asked asked) {
+RenderedView render_both(const Take& take, const VirtualCamera& view, RenderCase asked) {
   asked.settings.count_needed_pixels = true;
   RenderedView fast = render(take, view, asked);
   asked.settings.reference = true;
@@ -136,7 +136,7 @@ TEST_F(Aperture, AgreesWithTheReferenceForEveryShapePlaneAndScale) {
     SCOPED_TRACE(plane.transpose());
     render_both(take, view, {{{"radius", 0.1}}, plane});
   }
-  Asked linear{{{"radius", 0.1}}, {0, 0, 1, 1}};
+  RenderCase linear{{{"radius", 0.1}}, {0, 0, 1, 1}};
   const RenderedView perceptual = render_both(take, view, linear);
   linear.settings.blend_space = BlendSpace::kLinear;
   EXPECT_NE(render_both(take, view, linear).rgba, perceptual.rgba);
@@ -145,7 +145,7 @@ TEST_F(Aperture, AgreesWithTheReferenceForEveryShapePlaneAndScale) {
 TEST_F(Aperture, EveryInstructionSetAgreesWithTheReference) {
   const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
   const Take without_distortion = write(grid_take(4, 4));
-  testing::for_each_target(kernel_target, [&] {
+  testing::for_each_simd_target(kernel_target, [&] {
     render_both(take, view_from({0, 0.01, 0.1}, 2, 117, 83, 45),
                 {{{"radius", 0.09}, {"shape", "hexagon"}}, {0, 0, 1, 3.7}});
     render_both(without_distortion, view_from({0, 0.01, 0.1}, 2, 1037, 11, 30),
@@ -263,7 +263,7 @@ TEST_F(Aperture, CoverageOwnsUpToAbsentCamerasAndLeftOutOnesDoNotCount) {
   const Take take = write(settings);
   const VirtualCamera view = view_from({0, 0, 0.2}, 0, 90, 90, 20);
   const std::size_t middle = 45 * 90 + 45;
-  Asked asked{{{"radius", 0.1}}};
+  RenderCase asked{{{"radius", 0.1}}};
   EXPECT_NEAR(render_both(take, view, asked).coverage[middle], 1, 1e-5);
   asked.frame = 1;
   const RenderedView lacking = render_both(take, view, asked);
@@ -271,7 +271,7 @@ TEST_F(Aperture, CoverageOwnsUpToAbsentCamerasAndLeftOutOnesDoNotCount) {
   EXPECT_LT(lacking.coverage[middle], 0.9);
   EXPECT_GT(lacking.coverage[middle], 0.1);
   asked.frame = 0;
-  asked.settings.left_out = {4};
+  asked.settings.excluded_cameras = {4};
   const RenderedView without = render_both(take, view, asked);
   EXPECT_NEAR(without.coverage[middle], 1, 1e-5);
   EXPECT_LE(without.statistics.cameras_used, 8);
@@ -280,7 +280,7 @@ TEST_F(Aperture, CoverageOwnsUpToAbsentCamerasAndLeftOutOnesDoNotCount) {
 TEST_F(Aperture, SameBytesForAnyNumberOfThreadsAndWhateverIsInMemory) {
   const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
   const VirtualCamera view = view_from({0, 0.01, 0.1}, 2);
-  const Asked asked{{{"radius", 0.1}}};
+  const RenderCase asked{{{"radius", 0.1}}};
   const RenderedView first = render(take, view, asked);
   for (const std::size_t threads : {1, 5}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
@@ -312,7 +312,7 @@ TEST_F(Aperture, IsNamedAsPhotographersDo) {
   const VirtualCamera ours = view_from({0.01, 0, 0.1}, 5);
   const double radius = aperture_radius(ours, 0.25, 36, 3.5);
   EXPECT_EQ(render(take, ours, {{{"f_number", 0.25}, {"focus_distance", 3.5}}}).rgba,
-            render(take, ours, {{{"radius", radius}}, plane_across(ours, 3.5)}).rgba);
+            render(take, ours, {{{"radius", radius}}, view_parallel_plane(ours, 3.5)}).rgba);
   EXPECT_THROW(render(take, ours, {{{"f_number", 2.0}, {"radius", 0.1}}}), Error);
   // A lens that no array can have is not taken in silence.
   const RenderedView tiny = render(take, ours, {{{"f_number", 22.0}}});

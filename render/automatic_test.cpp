@@ -10,19 +10,19 @@
 #include <ctime>
 #include <vector>
 
-#include "render/automatic/ideal_picture.h"
-#include "render/automatic/left_out_camera.h"
-#include "render/automatic/off_array.h"
-#include "render/automatic/take_instants.h"
-#include "render/matching/large_buffer.h"
+#include "base/atomic_file.h"
+#include "base/transfer_function.h"
+#include "render/automatic/extrapolation_note.h"
+#include "render/automatic/leave_one_out.h"
+#include "render/automatic/light_field_sequence.h"
+#include "render/automatic/undistorted_image.h"
+#include "render/common/image_quality.h"
+#include "render/common/large_buffer.h"
+#include "render/common/ray_cells.h"
 #include "render/methods.h"
 #include "render/planar/focal_plane.h"
-#include "render/quality/image_quality.h"
 #include "render/renderer.h"
-#include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/atomic_file.h"
-#include "schemas/transfer_function.h"
+#include "testing/render/synthetic_take.h"
 
 namespace raystage {
 namespace {
@@ -40,7 +40,7 @@ class Automatic : public ::testing::Test {
     settings.cameras = testing::camera_grid(4, 4, spacing, 96, 64);
     settings.depth_range = range;
     settings.frames = frames;
-    settings.knows_depth_range = range.has_value();
+    settings.has_depth_range = range.has_value();
     testing::write_synthetic_take(settings, folder_.path() / "take");
     take_ = std::make_unique<Take>(folder_.path() / "take");
     cache_ = std::make_unique<FrameCache>(*take_, 1 << 28, BlendSpace::kPerceptual);
@@ -50,8 +50,8 @@ class Automatic : public ::testing::Test {
     instant_.frame_of_camera.assign(16, 0);
     std::vector<int> all;
     for (int i = 0; i < 16; ++i) all.push_back(i);
-    instant_.members = all;
-    instant_.present = std::make_shared<const Topology>(topology_of(take_->rig(), all));
+    instant_.included_cameras = all;
+    instant_.present = std::make_shared<const Topology>(make_topology(take_->rig(), all));
     instant_.complete = instant_.present;
   }
 
@@ -60,13 +60,13 @@ class Automatic : public ::testing::Test {
   }
 
   /// Alike but for what they cost: enough to see which is taken.
-  std::vector<Candidate> ladder() const {
-    Candidate quick{.label = "quick", .method = &focal_plane_method(), .pixel_ns = 10};
-    Candidate slow = quick;
+  std::vector<MethodCandidate> ladder() const {
+    MethodCandidate quick{.label = "quick", .method = &focal_plane_method(), .pixel_ns = 10};
+    MethodCandidate slow = quick;
     slow.label = "slow";
     slow.method = &nearest_method();
     slow.pixel_ns = 1000;
-    Candidate best = quick;
+    MethodCandidate best = quick;
     best.label = "best";
     best.pixel_ns = 1e6;
     best.instant_ns = 1.6e4;  // 16 cameras of 96 x 64: 0.8 s on two threads
@@ -76,8 +76,8 @@ class Automatic : public ::testing::Test {
   TestFolder folder_;
   std::unique_ptr<Take> take_;
   std::unique_ptr<FrameCache> cache_;
-  Instant instant_;
-  KeptResults kept_{1 << 28};
+  LightFieldFrame instant_;
+  ResultCache kept_{1 << 28};
   BufferPool buffers_;
   MethodOptions none_;
   VirtualCamera view_ = virtual_camera_with_fov(1000, 1000, 0.6, {});
@@ -86,7 +86,7 @@ class Automatic : public ::testing::Test {
 TEST_F(Automatic, ASinglePlaneIsUsedWhereItIsFreeOfGhosts) {
   write(0.02, DepthRange{3, 5});
   // f = 80 px: 80 * 0.02 * (1/3 - 1/5) = 0.21 px.
-  const Choice choice = choose(ladder(), {.psnr_db = 90}, request());
+  const MethodChoice choice = choose(ladder(), {.psnr_db = 90}, request());
   EXPECT_EQ(choice.candidate, 0U);
   EXPECT_THAT(choice.why, HasSubstr("20 mm apart"));
   EXPECT_THAT(choice.why, HasSubstr("eq. 2.1"));
@@ -95,7 +95,7 @@ TEST_F(Automatic, ASinglePlaneIsUsedWhereItIsFreeOfGhosts) {
 
 TEST_F(Automatic, WithoutATargetTheMostAccurateIsTaken) {
   write(0.2, DepthRange{1, 5});  // 12.8 px
-  const Choice choice = choose(ladder(), {}, request());
+  const MethodChoice choice = choose(ladder(), {}, request());
   EXPECT_EQ(choice.candidate, 2U);
   EXPECT_THAT(choice.why, StartsWith("best: the most accurate"));
 }
@@ -106,18 +106,18 @@ TEST_F(Automatic, TheMostAccurateWithinTheTimeIsTaken) {
   EXPECT_EQ(choose(ladder(), {.seconds_per_frame = 600}, request()).candidate, 2U);
   EXPECT_EQ(choose(ladder(), {.seconds_per_frame = 500}, request()).candidate, 1U);
   EXPECT_EQ(choose(ladder(), {.seconds_per_frame = 0.4}, request()).candidate, 0U);
-  const Choice none = choose(ladder(), {.seconds_per_frame = 0.001}, request());
+  const MethodChoice none = choose(ladder(), {.seconds_per_frame = 0.001}, request());
   EXPECT_EQ(none.candidate, 0U);
   EXPECT_THAT(none.why, HasSubstr("nothing takes less"));
 }
 
 TEST_F(Automatic, TheCheapestThatMeetsTheErrorIsTaken) {
   write(0.2, DepthRange{2.5, 10});  // best at 4 m
-  // The plane is where the painting is, so focal_plane is good and nearest as good.
+  // The plane is where the scene is, so focal_plane is good and nearest as good.
   const double good =
-      quality_at_left_out_cameras(focal_plane_method(), {}, request()).expected_db();
+      measure_leave_one_out_quality(focal_plane_method(), {}, request()).expected_db();
   EXPECT_GT(good, 30);
-  const Choice cheap = choose(ladder(), {.psnr_db = good - 1}, request());
+  const MethodChoice cheap = choose(ladder(), {.psnr_db = good - 1}, request());
   EXPECT_EQ(cheap.candidate, 0U);
   EXPECT_THAT(cheap.why, HasSubstr("at 9 cameras left out"));
   EXPECT_EQ(choose(ladder(), {.psnr_db = 99}, request()).candidate, 2U);
@@ -126,8 +126,8 @@ TEST_F(Automatic, TheCheapestThatMeetsTheErrorIsTaken) {
 TEST_F(Automatic, SaysOfWhatItDidNotMeasureThatItMayMissTheTarget) {
   const auto warning = HasSubstr("not measured, may miss the 20.0 dB asked for");
   write(0.2, DepthRange{2.5, 10});
-  const Candidate first = ladder().front();
-  const std::span<const Candidate> alone(&first, 1);
+  const MethodCandidate first = ladder().front();
+  const std::span<const MethodCandidate> alone(&first, 1);
   EXPECT_THAT(choose(alone, {.psnr_db = 20}, request()).why, warning);
   EXPECT_THAT(choose(alone, {.psnr_db = 20, .seconds_per_frame = 1e-3}, request()).why, warning);
   EXPECT_THAT(choose(ladder(), {.psnr_db = 20}, request()).why, Not(HasSubstr("may miss")));
@@ -137,15 +137,15 @@ TEST_F(Automatic, SaysOfWhatItDidNotMeasureThatItMayMissTheTarget) {
 TEST_F(Automatic, AWrongPlaneIsMeasuredAsSuch) {
   write(0.2, DepthRange{1, 5});
   const double right =
-      quality_at_left_out_cameras(focal_plane_method(), {}, request(4)).expected_db();
+      measure_leave_one_out_quality(focal_plane_method(), {}, request(4)).expected_db();
   const double wrong =
-      quality_at_left_out_cameras(focal_plane_method(), {}, request(2)).expected_db();
+      measure_leave_one_out_quality(focal_plane_method(), {}, request(2)).expected_db();
   EXPECT_GT(right, wrong + 10);
 }
 
 TEST_F(Automatic, WithoutADepthRangeThereIsOnlyThePlane) {
   write(0.2, std::nullopt);
-  const Choice choice = choose(ladder(), {.psnr_db = 99}, request());
+  const MethodChoice choice = choose(ladder(), {.psnr_db = 99}, request());
   EXPECT_EQ(choice.candidate, 0U);
   EXPECT_THAT(choice.why, HasSubstr("no depth range"));
   EXPECT_THAT(choice.why, HasSubstr("may miss the 99.0 dB"));
@@ -200,7 +200,7 @@ class AutomaticAmongAll : public ::testing::Test {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(4, 4, 0.1, 96, 72);
     settings.depth_range = DepthRange{2, 8};  // 80 px * 0.1 m * (1/2 - 1/8) = 3 px
-    settings.painting = two_walls;
+    settings.scene = two_walls;
     testing::write_synthetic_take(settings, folder_.path() / "take");
     take_ = std::make_unique<Take>(folder_.path() / "take");
   }
@@ -231,7 +231,7 @@ class AutomaticAmongAll : public ::testing::Test {
       if (run > 0) continue;
       if (!image.notes.empty()) rendered.why = image.notes.front().substr(6);
       rendered.psnr_db =
-          compare_images(srgb_image(image), truth(view), covered_pixels(image)).psnr_db;
+          compare_images(srgb_image(image), truth(view), coverage_mask(image)).psnr_db;
     }
     const auto least = static_cast<double>(*std::min_element(took.begin() + 1, took.end()));
     rendered.seconds = least / CLOCKS_PER_SEC / 2;
@@ -333,10 +333,10 @@ class OnlyTheTop final : public ChangedFocalPlane {
 
 TEST_F(Automatic, WhatShowsLittleDoesNotMeetATarget) {
   write(0.2, DepthRange{2.5, 10});
-  std::vector<Candidate> all = ladder();
+  std::vector<MethodCandidate> all = ladder();
   const OnlyTheTop tenth(10), nearly_all(98);
   all[0].method = &tenth;
-  const LeftOutQuality little = quality_at_left_out_cameras(tenth, {}, request());
+  const LeaveOneOutQuality little = measure_leave_one_out_quality(tenth, {}, request());
   EXPECT_GT(little.expected_db(), 30) << "what it shows is right";
   EXPECT_NEAR(little.covered, 0.07, 0.04);
   EXPECT_EQ(choose(all, {.psnr_db = 20}, request()).candidate, 1U);
@@ -373,7 +373,7 @@ class Noting final : public ChangedFocalPlane {
 TEST_F(Automatic, CountsOnThePartOfThePicturesThatFaresWorst) {
   write(0.2, DepthRange{2.5, 10});
   const WrongInTheMiddle wrong;
-  const Instant rest = instant_;
+  const LightFieldFrame rest = instant_;
   const Rig::Camera& camera = take_->rig().cameras[5];
   const VirtualCamera view{camera.model.width(), camera.model.height(), camera.model.intrinsics(),
                            camera.pose};
@@ -384,14 +384,14 @@ TEST_F(Automatic, CountsOnThePartOfThePicturesThatFaresWorst) {
   const std::vector<std::uint8_t> all(image.pixels.size() / 3, 1);
   const double whole = compare_images(image, right, all).psnr_db;
   // The same error in four ninths of the pixels.
-  EXPECT_NEAR(quality_at_left_out_cameras(wrong, {}, request()).mean_db,
+  EXPECT_NEAR(measure_leave_one_out_quality(wrong, {}, request()).mean_db,
               whole + 10 * std::log10(4.0 / 9), 1.0);
 }
 
 TEST_F(Automatic, MeasuresCamerasFromTheCentreToTheRimAndNoneAtTheCorners) {
   write(0.2, DepthRange{2.5, 10});
   const Noting noting;
-  EXPECT_EQ(quality_at_left_out_cameras(noting, {}, request()).cameras, 9);
+  EXPECT_EQ(measure_leave_one_out_quality(noting, {}, request()).cameras, 9);
   int rim = 0;
   for (const Eigen::Vector3d& position : noting.seen) {
     const Eigen::Vector2d beside = position.head<2>().cwiseAbs();
@@ -408,7 +408,7 @@ TEST_F(Automatic, PixelsThatTheCameraDidNotSeeAreNoTruth) {
   const CameraModel model(geometry);
   DecodedFrame frame{96, 64, std::make_unique<std::uint16_t[]>((96 * 65 + 1) * 4), {}, 0};
   std::fill_n(frame.rgba.get(), (96 * 65 + 1) * 4, 65535);
-  const IdealPicture picture = ideal_picture(frame, model, 1, BlendSpace::kPerceptual);
+  const UndistortedImage picture = undistort_frame(frame, model, 1, BlendSpace::kPerceptual);
   EXPECT_EQ(picture.within.front(), 0);
   EXPECT_EQ(picture.image.pixels.front(), 0);
   EXPECT_EQ(picture.within[32 * 96 + 48], 1);
@@ -417,10 +417,11 @@ TEST_F(Automatic, PixelsThatTheCameraDidNotSeeAreNoTruth) {
 
 TEST_F(Automatic, SaysThatNoCameraCanBeLeftOut) {
   write(0.2, DepthRange{2.5, 10});
-  instant_.members = {0, 1, 4};
-  instant_.present = std::make_shared<const Topology>(topology_of(take_->rig(), instant_.members));
+  instant_.included_cameras = {0, 1, 4};
+  instant_.present =
+      std::make_shared<const Topology>(make_topology(take_->rig(), instant_.included_cameras));
   instant_.complete = instant_.present;
-  const Choice choice = choose(ladder(), {.psnr_db = 20}, request());
+  const MethodChoice choice = choose(ladder(), {.psnr_db = 20}, request());
   EXPECT_EQ(choice.candidate, 2U);
   EXPECT_THAT(choice.why, HasSubstr("no camera stands between three others"));
 }
@@ -433,7 +434,7 @@ TEST_F(Automatic, MeasuresTheFramesThatTheTimelineSelects) {
     tick.difference[7] = 0;
   }
   write_timeline(timeline, folder_.path() / "take");
-  const TakeInstants instants(instant_);
+  const LightFieldSequence instants(instant_);
   ASSERT_EQ(instants.count(), 4);
   EXPECT_EQ(instants.at(0).frame_of_camera[4], 0);
   EXPECT_EQ(instants.at(3).frame_of_camera[4], 3);
@@ -450,7 +451,7 @@ TEST_F(Automatic, WithoutATimelineOrARateItTakesTheNearestFrames) {
   write_file_atomically(document, text.replace(at, rate.size(), "\"nominal_fps\": 0"));
   const Take unrated(folder_.path() / "take");
   instant_.take = &unrated;
-  const TakeInstants instants(instant_);
+  const LightFieldSequence instants(instant_);
   ASSERT_EQ(instants.count(), 4);
   EXPECT_THAT(instants.at(2).frame_of_camera, Each(2));
 }
@@ -460,7 +461,7 @@ TEST_F(Automatic, SaysWhereAViewLiesOffTheArray) {
   const auto note = [&](const Eigen::Vector3d& position) {
     VirtualCamera view = view_;
     view.pose.position = position;
-    return off_array_note(view, instant_).value_or("");
+    return extrapolation_note(view, instant_).value_or("");
   };
   EXPECT_EQ(note({0, 0, 0}), "");
   EXPECT_EQ(note({0.1, 0.05, -0.05}), "");
@@ -503,7 +504,7 @@ TEST_F(Automatic, ChoosesAlikeHoweverFinelyAViewIsSampled) {
                             true,
                             4};
   for (const double seconds : {0.4, 500.0, 600.0}) {
-    const Target target{.seconds_per_frame = seconds};
+    const QualityTarget target{.seconds_per_frame = seconds};
     EXPECT_EQ(choose(ladder(), target, sampled).candidate,
               choose(ladder(), target, coarse).candidate);
   }

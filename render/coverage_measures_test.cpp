@@ -6,10 +6,10 @@
 #include <cmath>
 #include <numbers>
 
-#include "render/hull/test_matte.h"
 #include "render/methods.h"
 #include "render/renderer.h"
-#include "render/view/synthetic_take.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_matte.h"
 
 namespace raystage {
 namespace {
@@ -144,7 +144,7 @@ std::array<double, 3> screen_scene(const Vector3d& from, const Vector3d& directi
 TEST_F(CoverageMeasures, CamerasThatSomethingHidesThePointFromDoNotCount) {
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(1, 5, 0.1, 160, 120);
-  settings.painting = screen_scene;
+  settings.scene = screen_scene;
   settings.depth_range = DepthRange{1.8, 7};
   const auto folder = folder_.path() / "screen";
   write_synthetic_take(settings, folder);

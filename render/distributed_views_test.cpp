@@ -11,15 +11,15 @@
 #include <string>
 #include <thread>
 
-#include "render/fragments/encoding.h"
-#include "render/matching/large_buffer.h"
+#include "render/common/fragment_encoding.h"
+#include "render/common/large_buffer.h"
 #include "render/methods.h"
-#include "render/view/synthetic_take.h"
-#include "render/view/thread_hosts.h"
 #include "schemas/planes_document.h"
-#include "schemas/test_folder.h"
-#include "store/frames/frame_cache.h"
+#include "store/processing/frames/frame_cache.h"
 #include "store/take.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/thread_communicators.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -50,9 +50,9 @@ class DistributedViews : public ::testing::Test {
     instant_.rig = &take_->rig();
     instant_.cache = cache_.get();
     instant_.frame_of_camera.assign(kCameras, 0);
-    for (int i = 0; i < kCameras; ++i) instant_.members.push_back(i);
+    for (int i = 0; i < kCameras; ++i) instant_.included_cameras.push_back(i);
     instant_.complete =
-        std::make_shared<const Topology>(topology_of(take_->rig(), instant_.members));
+        std::make_shared<const Topology>(make_topology(take_->rig(), instant_.included_cameras));
     instant_.present = instant_.complete;
   }
 
@@ -60,10 +60,10 @@ class DistributedViews : public ::testing::Test {
     std::vector<int> present;
     for (const int camera : cameras)
       instant_.frame_of_camera[static_cast<std::size_t>(camera)] = -1;
-    for (const int camera : instant_.members) {
+    for (const int camera : instant_.included_cameras) {
       if (instant_.is_present(camera)) present.push_back(camera);
     }
-    instant_.present = std::make_shared<const Topology>(topology_of(take_->rig(), present));
+    instant_.present = std::make_shared<const Topology>(make_topology(take_->rig(), present));
   }
 
   static int host_of(int camera, int hosts, Split split) {
@@ -73,7 +73,8 @@ class DistributedViews : public ::testing::Test {
     return (row * (hosts / columns) / kSide) * columns + column * columns / kSide;
   }
 
-  ViewRequest request(const Instant& instant, const MethodOptions& options, KeptResults& kept) {
+  ViewRequest request(const LightFieldFrame& instant, const MethodOptions& options,
+                      ResultCache& kept) {
     ViewRequest asked{view_, instant, plane_, options, kept, working_bytes_, buffers_};
     asked.use_take_folder = false;
     asked.measure_coverage = measure_coverage_;
@@ -83,22 +84,22 @@ class DistributedViews : public ::testing::Test {
   RenderedView distributed(const Method& method, const MethodOptions& options, int hosts,
                            Split split) {
     std::vector<Contribution> contributions(static_cast<std::size_t>(hosts));
-    const bool in_step = method.distribution(options) == Distribution::kInStep;
-    testing::ThreadHosts threads(hosts);
+    const bool is_lockstep = method.distribution(options) == DistributionMode::kLockstep;
+    testing::ThreadCommunicators threads(hosts);
     const auto contribute = [&](int host) {
-      Instant own = instant_;
-      own.this_host = host;
+      LightFieldFrame own = instant_;
+      own.this_rank = host;
       for (int camera = 0; camera < kCameras; ++camera) {
-        own.host_of_camera.push_back(host_of(camera, hosts, split));
+        own.rank_of_camera.push_back(host_of(camera, hosts, split));
       }
-      KeptResults kept(1 << 28);
-      const testing::ThreadHosts::Group group(threads, host);
+      ResultCache kept(1 << 28);
+      const testing::ThreadCommunicators::Group group(threads, host);
       ViewRequest asked = request(own, options, kept);
       asked.measure_coverage = false;
-      if (in_step) asked.group = &group;
+      if (is_lockstep) asked.group = &group;
       contributions[static_cast<std::size_t>(host)] = method.contribute(asked);
     };
-    if (in_step) {
+    if (is_lockstep) {
       std::vector<std::jthread> running;
       for (int host = 0; host < hosts; ++host) running.emplace_back(contribute, host);
     } else {
@@ -106,7 +107,7 @@ class DistributedViews : public ::testing::Test {
     }
     std::vector<PixelValues> planes;
     for (const Contribution& contribution : contributions) {
-      planes.resize(contribution.planes.size(), PixelValues(values_of_view(view_), 0.0F));
+      planes.resize(contribution.planes.size(), PixelValues(view_value_count(view_), 0.0F));
       for (std::size_t plane = 0; plane < planes.size(); ++plane) {
         const FragmentTag tag{1, 0, static_cast<std::uint32_t>(plane)};
         const auto message = encode_fragments(tag, contribution.planes[plane], view_.width,
@@ -142,7 +143,7 @@ class DistributedViews : public ::testing::Test {
     const Method& method = method_named(name);
     const MethodOptions options(method.options(), values, name);
     ASSERT_THAT(method.distribution(options),
-                ::testing::AnyOf(Distribution::kContributions, Distribution::kInStep));
+                ::testing::AnyOf(DistributionMode::kContributions, DistributionMode::kLockstep));
     const RenderedView local = method.render(request(instant_, options, kept_));
     EXPECT_GT(*std::ranges::max_element(local.rgba), 0.05F) << name << " shows nothing";
     for (const int hosts : {1, 2, 4, 8}) {
@@ -171,8 +172,8 @@ class DistributedViews : public ::testing::Test {
   TestFolder folder_;
   std::unique_ptr<Take> take_;
   std::unique_ptr<FrameCache> cache_;
-  Instant instant_;
-  KeptResults kept_{1 << 28};
+  LightFieldFrame instant_;
+  ResultCache kept_{1 << 28};
   BufferPool buffers_;
   VirtualCamera view_ = virtual_camera_with_fov(
       83, 61, 0.9, Pose{Eigen::Matrix3d::Identity(), Eigen::Vector3d(0.06, -0.03, 0.2)});
@@ -242,7 +243,7 @@ TEST_F(DistributedViews, CrossAsSamplesOfThePictureNotOfTheCameras) {
 TEST_F(DistributedViews, AreRefusedByMethodsThatCannot) {
   const auto is_distributed = [](std::string_view name, const OptionValues& values) {
     const Method& method = method_named(name);
-    return method.distribution({method.options(), values, name}) != Distribution::kNone;
+    return method.distribution({method.options(), values, name}) != DistributionMode::kNone;
   };
   EXPECT_FALSE(is_distributed("visual_hull", {}));
   EXPECT_FALSE(is_distributed("auto", {}));

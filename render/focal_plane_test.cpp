@@ -7,43 +7,44 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "base/error.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
-#include "render/test_poses.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_poses.h"
+#include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::focal_plane_test {
 namespace {
 
 using testing::kDegree;
-using testing::looking;
+using testing::make_pose;
 using testing::SyntheticTake;
 
 /// Renders with the fast and with the reference implementation.
-struct Pair {
+struct FastAndReference {
   RenderedView fast, reference;
 };
 
-Pair render_both(const Take& take, const VirtualCamera& view, const Eigen::Vector4d& plane,
-                 int frame = 0, std::vector<int> left_out = {},
-                 BlendSpace space = BlendSpace::kPerceptual,
-                 const std::string& method = "focal_plane") {
+FastAndReference render_both(const Take& take, const VirtualCamera& view,
+                             const Eigen::Vector4d& plane, int frame = 0,
+                             std::vector<int> excluded_cameras = {},
+                             BlendSpace space = BlendSpace::kPerceptual,
+                             const std::string& method = "focal_plane") {
   const FrameSelection frames = select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
   RendererSettings settings;
-  settings.left_out = std::move(left_out);
+  settings.excluded_cameras = std::move(excluded_cameras);
   settings.count_needed_pixels = true;
   settings.blend_space = space;
-  Pair pair;
+  FastAndReference pair;
   pair.fast = LightFieldRenderer(take, settings).render(view, frames, {method, plane});
   settings.reference = true;
   pair.reference = LightFieldRenderer(take, settings).render(view, frames, {method, plane});
   return pair;
 }
 
-void expect_equal(const Pair& pair) {
+void expect_equal(const FastAndReference& pair) {
   double worst = 0;
   for (std::size_t i = 0; i < pair.fast.rgba.size(); ++i) {
     worst =
@@ -90,8 +91,8 @@ TEST_F(FocalPlane, AgreesWithTheReferenceFromEverywhere) {
         {Eigen::Vector3d(0.25, 0, 0.5), 20.0, 0.0, 60.0},            // from the side
         {Eigen::Vector3d(0, 0, 40), 0.0, 0.0, 0.5}}) {               // from far behind
     SCOPED_TRACE(position.transpose());
-    const Pair pair = render_both(
-        take, virtual_camera_with_fov(150, 100, fov * kDegree, looking(position, yaw, pitch)),
+    const FastAndReference pair = render_both(
+        take, virtual_camera_with_fov(150, 100, fov * kDegree, make_pose(position, yaw, pitch)),
         plane);
     expect_equal(pair);
     EXPECT_GT(mean_alpha(pair.fast), 0.05);
@@ -101,7 +102,7 @@ TEST_F(FocalPlane, AgreesWithTheReferenceFromEverywhere) {
 TEST_F(FocalPlane, AgreesWithTheReferenceForAnyPlane) {
   const Take take = write(grid_take(3, 3, {-0.1, 0, 0, 0, 0}));
   const VirtualCamera view =
-      virtual_camera_with_fov(120, 90, 45 * kDegree, looking({0.01, 0.01, 0.05}, 2));
+      virtual_camera_with_fov(120, 90, 45 * kDegree, make_pose({0.01, 0.01, 0.05}, 2));
   for (const Eigen::Vector4d& plane :
        {Eigen::Vector4d(0, 0, 0, 1), Eigen::Vector4d(0, 0, 1, 1e9), Eigen::Vector4d(0, 0, 1, 0.8),
         Eigen::Vector4d(0.4, 0.2, 1, 3), Eigen::Vector4d(0, 1, 0, 0.5)}) {
@@ -121,7 +122,7 @@ TEST_F(FocalPlane, AgreesWithTheReferenceForEverySampling) {
       write_synthetic_take(settings, folder);
       const Take take(folder);
       expect_equal(render_both(
-          take, virtual_camera_with_fov(120, 90, 30 * kDegree, looking({0.01, 0.01, 0.4}, 2)),
+          take, virtual_camera_with_fov(120, 90, 30 * kDegree, make_pose({0.01, 0.01, 0.4}, 2)),
           {0, 0, 1, 4}));
     }
   }
@@ -130,8 +131,8 @@ TEST_F(FocalPlane, AgreesWithTheReferenceForEverySampling) {
 TEST_F(FocalPlane, ASceneOnThePlaneComesOutTrue) {
   const Take take = write(grid_take(4, 4, {-0.15, 0.02, 0, 0, 0}));
   const VirtualCamera view =
-      virtual_camera_with_fov(160, 120, 45 * kDegree, looking({0.013, -0.02, 0.02}, 3));
-  const Pair pair = render_both(take, view, {0, 0, 1, 4});
+      virtual_camera_with_fov(160, 120, 45 * kDegree, make_pose({0.013, -0.02, 0.02}, 3));
+  const FastAndReference pair = render_both(take, view, {0, 0, 1, 4});
   double worst = 0;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
@@ -157,19 +158,20 @@ TEST_F(FocalPlane, ASceneOnThePlaneComesOutTrue) {
 TEST_F(FocalPlane, MissingRaysAreMissing) {
   const Take take = write(grid_take(3, 3));
   const VirtualCamera beside =  // looks past the array's edge
-      virtual_camera_with_fov(60, 40, 50 * kDegree, looking({5, 0, 0.1}, 0));
-  const Pair nothing = render_both(take, beside, {0, 0, 1, 4});
+      virtual_camera_with_fov(60, 40, 50 * kDegree, make_pose({5, 0, 0.1}, 0));
+  const FastAndReference nothing = render_both(take, beside, {0, 0, 1, 4});
   expect_equal(nothing);
   EXPECT_EQ(mean_alpha(nothing.fast), 0);
   EXPECT_EQ(nothing.fast.coverage[0], 0);
   EXPECT_EQ(nothing.fast.z[0], std::numeric_limits<float>::infinity());
   EXPECT_EQ(nothing.fast.statistics.pixels_decoded, 0);
 
-  const Pair behind = render_both(  // the focal plane lies behind the view
-      take, virtual_camera_with_fov(60, 40, 50 * kDegree, looking({0, 0, 0.1}, 0)), {0, 0, 1, -2});
+  const FastAndReference behind = render_both(  // the focal plane lies behind the view
+      take, virtual_camera_with_fov(60, 40, 50 * kDegree, make_pose({0, 0, 0.1}, 0)),
+      {0, 0, 1, -2});
   EXPECT_EQ(mean_alpha(behind.fast), 0);
-  const Pair through = render_both(  // ... and through its eye
-      take, virtual_camera_with_fov(60, 40, 50 * kDegree, looking({0, 0, 0.1}, 0)),
+  const FastAndReference through = render_both(  // ... and through its eye
+      take, virtual_camera_with_fov(60, 40, 50 * kDegree, make_pose({0, 0, 0.1}, 0)),
       {0, 0, 1, -0.1});
   EXPECT_EQ(mean_alpha(through.fast), 0);
 }
@@ -180,8 +182,8 @@ TEST_F(FocalPlane, DegenerateArraysRender) {
     const auto folder = folder_.path() / (std::to_string(rows) + std::to_string(columns));
     write_synthetic_take(grid_take(rows, columns), folder);
     const Take take(folder);
-    const Pair pair = render_both(
-        take, virtual_camera_with_fov(80, 60, 40 * kDegree, looking({0.005, 0.002, 0.01}, 0)),
+    const FastAndReference pair = render_both(
+        take, virtual_camera_with_fov(80, 60, 40 * kDegree, make_pose({0.005, 0.002, 0.01}, 0)),
         {0, 0, 1, 4});
     expect_equal(pair);
     EXPECT_GT(mean_alpha(pair.fast), 0.2);
@@ -193,9 +195,10 @@ TEST_F(FocalPlane, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   settings.frames = 2;
   settings.absent = {{4, 1}};  // the middle camera, second frame
   const Take take = write(settings);
-  const VirtualCamera view = virtual_camera_with_fov(90, 90, 20 * kDegree, looking({0, 0, 0.2}, 0));
-  const Pair whole = render_both(take, view, {0, 0, 1, 4}, 0);
-  const Pair lacking = render_both(take, view, {0, 0, 1, 4}, 1);
+  const VirtualCamera view =
+      virtual_camera_with_fov(90, 90, 20 * kDegree, make_pose({0, 0, 0.2}, 0));
+  const FastAndReference whole = render_both(take, view, {0, 0, 1, 4}, 0);
+  const FastAndReference lacking = render_both(take, view, {0, 0, 1, 4}, 1);
   expect_equal(whole);
   expect_equal(lacking);
   const std::size_t middle = 45 * 90 + 45;
@@ -206,8 +209,9 @@ TEST_F(FocalPlane, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
 
 TEST_F(FocalPlane, LeftOutCamerasDoNotCount) {
   const Take take = write(grid_take(3, 3));
-  const VirtualCamera view = virtual_camera_with_fov(90, 90, 20 * kDegree, looking({0, 0, 0.2}, 0));
-  const Pair pair = render_both(take, view, {0, 0, 1, 4}, 0, {4});
+  const VirtualCamera view =
+      virtual_camera_with_fov(90, 90, 20 * kDegree, make_pose({0, 0, 0.2}, 0));
+  const FastAndReference pair = render_both(take, view, {0, 0, 1, 4}, 0, {4});
   expect_equal(pair);
   EXPECT_NEAR(pair.fast.coverage[45 * 90 + 45], 1, 1e-5);
   EXPECT_LE(pair.fast.statistics.cameras_used, 8);
@@ -220,8 +224,8 @@ TEST_F(FocalPlane, PhotometricCorrectionIsAppliedAndMayExceedFullScale) {
   settings.photometric.brightness = {-0.02, 0.01, 0};
   const Take take = write(settings);
   const VirtualCamera view =
-      virtual_camera_with_fov(80, 60, 40 * kDegree, looking({0.005, 0.002, 0.01}, 0));
-  const Pair pair = render_both(take, view, {0, 0, 1, 4});
+      virtual_camera_with_fov(80, 60, 40 * kDegree, make_pose({0.005, 0.002, 0.01}, 0));
+  const FastAndReference pair = render_both(take, view, {0, 0, 1, 4});
   expect_equal(pair);
   const auto ray = Eigen::Vector3d(0, 0, -1);
   const auto truth = testing::painted_plane(0.005 + 0 * ray.x(), 0.002);
@@ -234,7 +238,7 @@ TEST_F(FocalPlane, PhotometricCorrectionIsAppliedAndMayExceedFullScale) {
 TEST_F(FocalPlane, SameBytesForAnyNumberOfThreads) {
   const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
   const FrameSelection frames = select_frames(take, 0, 1);
-  const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, looking({0, 0.01, 0.1}, 2));
+  const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, make_pose({0, 0.01, 0.1}, 2));
   std::vector<RenderedView> images;
   for (const std::size_t threads : {1, 2, 5}) {
     const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
@@ -248,8 +252,8 @@ TEST_F(FocalPlane, SameBytesForAnyNumberOfThreads) {
 
 TEST_F(FocalPlane, EveryInstructionSetAgreesWithTheReference) {
   const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
-  const VirtualCamera view = virtual_camera_with_fov(117, 83, 0.8, looking({0, 0.01, 0.1}, 2));
-  testing::for_each_target(kernel_target, [&] {
+  const VirtualCamera view = virtual_camera_with_fov(117, 83, 0.8, make_pose({0, 0.01, 0.1}, 2));
+  testing::for_each_simd_target(kernel_target, [&] {
     expect_equal(render_both(take, view, {0, 0, 1, 3.7}));
   });
 }
@@ -257,7 +261,7 @@ TEST_F(FocalPlane, EveryInstructionSetAgreesWithTheReference) {
 TEST_F(FocalPlane, ATinyCacheOnlyCostsTime) {
   const Take take = write(grid_take(4, 4));
   const FrameSelection frames = select_frames(take, 0, 1);
-  const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, looking({0, 0.01, 0.1}, 2));
+  const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, make_pose({0, 0.01, 0.1}, 2));
   RendererSettings tiny;
   tiny.cache_bytes = 1;
   const auto large =
@@ -274,8 +278,8 @@ TEST_F(FocalPlane, DecodesLittleMoreThanItNeeds) {
   settings.jpeg = {90, JpegEncodeSettings::Chroma::k420, -1};
   const Take take = write(settings);
   const VirtualCamera view =
-      virtual_camera_with_fov(480, 360, 40 * kDegree, looking({0, 0, 0.2}, 0));
-  const Pair pair = render_both(take, view, {0, 0, 1, 4});
+      virtual_camera_with_fov(480, 360, 40 * kDegree, make_pose({0, 0, 0.2}, 0));
+  const FastAndReference pair = render_both(take, view, {0, 0, 1, 4});
   const RenderStatistics& s = pair.fast.statistics;
   ASSERT_GT(s.pixels_needed, 0);
   EXPECT_LT(static_cast<double>(s.pixels_decoded) / static_cast<double>(s.pixels_needed), 1.3);
@@ -285,10 +289,10 @@ TEST_F(FocalPlane, DecodesLittleMoreThanItNeeds) {
 TEST_F(FocalPlane, BothBlendSpacesAgreeWithTheReference) {
   const Take take = write(grid_take(3, 3));
   const VirtualCamera view =
-      virtual_camera_with_fov(90, 70, 30 * kDegree, looking({0.01, 0.02, 0.2}, 1));
+      virtual_camera_with_fov(90, 70, 30 * kDegree, make_pose({0.01, 0.02, 0.2}, 1));
   const Eigen::Vector4d ghosting(0, 0, 1, 1);  // far from the painted plane: the samples disagree
-  const Pair perceptual = render_both(take, view, ghosting);
-  const Pair linear = render_both(take, view, ghosting, 0, {}, BlendSpace::kLinear);
+  const FastAndReference perceptual = render_both(take, view, ghosting);
+  const FastAndReference linear = render_both(take, view, ghosting, 0, {}, BlendSpace::kLinear);
   expect_equal(perceptual);
   expect_equal(linear);
   EXPECT_NE(perceptual.fast.rgba, linear.fast.rgba);
@@ -301,7 +305,7 @@ TEST_F(FocalPlane, WhatIsInMemoryIsNotPlannedForAgain) {
   std::vector<RenderedView> views;
   for (int again = 0; again < 4; ++again) {  // in part, then whole, then from memory
     const VirtualCamera view =
-        virtual_camera_with_fov(90, 70, 0.5, looking({0.01 * again, 0.02, 0.2}, 1));
+        virtual_camera_with_fov(90, 70, 0.5, make_pose({0.01 * again, 0.02, 0.2}, 1));
     const RenderedView image = renderer.render(view, frames, {"focal_plane", {0, 0, 1, 4}});
     EXPECT_EQ(
         image.rgba,
@@ -319,7 +323,7 @@ TEST_F(FocalPlane, AFrameWithoutRestartMarkersIsNotTakenForWholeEither) {
   const FrameSelection frames = select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
   for (const double yaw : {-12.0, 12.0}) {  // elsewhere in the frames
-    const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.2, looking({0, 0.01, 0.2}, yaw));
+    const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.2, make_pose({0, 0.01, 0.2}, yaw));
     EXPECT_EQ(
         renderer.render(view, frames, {"focal_plane", {0, 0, 1, 4}}).rgba,
         LightFieldRenderer(take, {}).render(view, frames, {"focal_plane", {0, 0, 1, 4}}).rgba);
@@ -337,19 +341,20 @@ TEST_F(FocalPlane, NearestAgreesWithTheReferenceButWhereItCuts) {
   for (const auto& [position, fov] :
        {std::pair{Eigen::Vector3d(0.01, 0.02, 0), 50.0}, {Eigen::Vector3d(0, 0, 0.25), 40.0}}) {
     const VirtualCamera view =
-        virtual_camera_with_fov(150, 100, fov * kDegree, looking(position, 3, -2));
-    const Pair pair = render_both(take, view, ghosting, 0, {}, BlendSpace::kPerceptual, "nearest");
+        virtual_camera_with_fov(150, 100, fov * kDegree, make_pose(position, 3, -2));
+    const FastAndReference pair =
+        render_both(take, view, ghosting, 0, {}, BlendSpace::kPerceptual, "nearest");
     std::size_t differ = 0;
     for (std::size_t i = 0; i < pair.fast.rgba.size(); i += 4) {
       const float by = std::abs(pair.fast.rgba[i] - pair.reference.rgba[i]);
       differ += by > 1e-3F ? 1 : 0;
     }
     EXPECT_LT(differ, pair.fast.coverage.size() / 500);  // float and double cut at other pixels
-    const Pair blended = render_both(take, view, ghosting);
+    const FastAndReference blended = render_both(take, view, ghosting);
     EXPECT_NE(pair.fast.rgba, blended.fast.rgba);
     EXPECT_LE(pair.fast.statistics.pixels_needed, blended.fast.statistics.pixels_needed);
   }
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::focal_plane_test

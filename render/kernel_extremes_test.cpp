@@ -3,14 +3,14 @@
 
 #include <string>
 
-#include "render/sampling/kernel_accuracy.h"
 #include "render/sampling/source_view.h"
-#include "schemas/test_targets.h"
+#include "testing/render/kernel_accuracy.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
 
-using testing::Extreme;
+using testing::ExtremeView;
 using testing::GeometryErrors;
 using testing::ViewAccuracy;
 
@@ -27,8 +27,8 @@ void expect_accurate(const ViewAccuracy& accuracy) {
 }
 
 TEST(KernelExtremes, EveryInstructionSetIsNearTo50Digits) {
-  testing::for_each_target(kernel_target, [&] {
-    for (const Extreme& extreme : testing::extremes()) {
+  testing::for_each_simd_target(kernel_target, [&] {
+    for (const ExtremeView& extreme : testing::extremes()) {
       SCOPED_TRACE(std::string(kernel_target()) + ": " + extreme.name);
       const ViewAccuracy accuracy = testing::measure_accuracy(extreme);
       expect_accurate(accuracy);

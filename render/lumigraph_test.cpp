@@ -9,41 +9,42 @@
 #include <limits>
 #include <set>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "render/common/ray_cells.h"
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
-#include "render/test_poses.h"
-#include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_poses.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
 
 using Eigen::Vector3d;
 using testing::kDegree;
-using testing::looking;
+using testing::make_pose;
 using testing::SyntheticTake;
 
-struct Pair {
+struct FastAndReference {
   RenderedView fast, reference;
 };
 
-Pair render_both(const Take& take, const VirtualCamera& view, const Eigen::Vector4d& plane,
-                 const OptionValues& options = {}, int frame = 0) {
+FastAndReference render_both(const Take& take, const VirtualCamera& view,
+                             const Eigen::Vector4d& plane, const OptionValues& options = {},
+                             int frame = 0) {
   const FrameSelection frames = select_frames(take, frame * kNanosecondsPerSecond / 15, 30'000'000);
   RendererSettings settings;
   settings.count_needed_pixels = true;
-  const Reconstruction reconstruction{"lumigraph", plane, options};
-  Pair pair;
+  const ReconstructionSettings reconstruction{"lumigraph", plane, options};
+  FastAndReference pair;
   pair.fast = LightFieldRenderer(take, settings).render(view, frames, reconstruction);
   settings.reference = true;
   pair.reference = LightFieldRenderer(take, settings).render(view, frames, reconstruction);
   return pair;
 }
 
-void expect_equal(const Pair& pair) {
+void expect_equal(const FastAndReference& pair) {
   double worst = 0;
   for (std::size_t i = 0; i < pair.fast.rgba.size(); ++i) {
     worst =
@@ -92,8 +93,8 @@ TEST_F(Lumigraph, AgreesWithTheReferenceFromEverywhere) {
         {Vector3d(0.25, 0, 0.5), 20.0, 0.0, 60.0},            // from the side
         {Vector3d(0, 0, 40), 0.0, 0.0, 0.5}}) {               // from far behind
     SCOPED_TRACE(position.transpose());
-    const Pair pair = render_both(
-        take, virtual_camera_with_fov(150, 100, fov * kDegree, looking(position, yaw, pitch)),
+    const FastAndReference pair = render_both(
+        take, virtual_camera_with_fov(150, 100, fov * kDegree, make_pose(position, yaw, pitch)),
         {0, 0, 1, 4});
     expect_equal(pair);
     EXPECT_GT(mean_alpha(pair.fast), 0.05);
@@ -102,25 +103,25 @@ TEST_F(Lumigraph, AgreesWithTheReferenceFromEverywhere) {
 
 TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryInstructionSet) {
   const Take take = write(grid_take(4, 4, {-0.2, 0.05, 0.001, -0.002, 0.003}));
-  testing::for_each_target(kernel_target, [&] {
+  testing::for_each_simd_target(kernel_target, [&] {
     expect_equal(render_both(
-        take, virtual_camera_with_fov(117, 83, 45 * kDegree, looking({0, 0.01, 0.1}, 2, 40)),
+        take, virtual_camera_with_fov(117, 83, 45 * kDegree, make_pose({0, 0.01, 0.1}, 2, 40)),
         {0.1, 0, 1, 3.7}));
     // Neighbours in the view that are far apart in the frames.
     expect_equal(render_both(
-        take, virtual_camera_with_fov(40, 30, 1, looking({0, 0.01, 0.1}, 2, 1)), {0, 0, 1, 4}));
+        take, virtual_camera_with_fov(40, 30, 1, make_pose({0, 0.01, 0.1}, 2, 1)), {0, 0, 1, 4}));
   });
 }
 
 TEST_F(Lumigraph, AgreesWithTheReferenceOnEveryPlane) {
   const Take take = write(grid_take(3, 3));
   const VirtualCamera view =
-      virtual_camera_with_fov(90, 70, 40 * kDegree, looking({0.01, 0.02, 0.1}, 3, 2));
+      virtual_camera_with_fov(90, 70, 40 * kDegree, make_pose({0.01, 0.02, 0.1}, 3, 2));
   for (const Eigen::Vector4d& plane :
        {Eigen::Vector4d(0, 0, 0, 1), Eigen::Vector4d(0, 0, 1, 1e9), Eigen::Vector4d(0, 0, 1, 0.8),
         Eigen::Vector4d(0.4, 0.2, 1, 3), Eigen::Vector4d(0, 1, 0, 0.5)}) {
     SCOPED_TRACE(plane.transpose());
-    const Pair pair = render_both(take, view, plane);
+    const FastAndReference pair = render_both(take, view, plane);
     expect_equal(pair);
     EXPECT_GT(mean_alpha(pair.fast), 0.05);
   }
@@ -131,12 +132,12 @@ TEST_F(Lumigraph, ASceneOnThePlaneComesOutTrueOnAMeshToo) {
   write_file_atomically(take.folder() / "wall.obj",
                         "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
   const VirtualCamera view =
-      virtual_camera_with_fov(160, 120, 45 * kDegree, looking({0.013, -0.02, 0.02}, 3));
+      virtual_camera_with_fov(160, 120, 45 * kDegree, make_pose({0.013, -0.02, 0.02}, 3));
   const Eigen::Vector4d wrong(0, 0, 1, 1);  // the mesh stands before what the plane says
   for (const auto& [plane, options] :
        {std::pair{Eigen::Vector4d(0, 0, 1, 4), OptionValues{}},
         {wrong, {{"proxy", std::string("mesh")}, {"mesh", std::string("wall.obj")}}}}) {
-    const Pair pair = render_both(take, view, plane, options);
+    const FastAndReference pair = render_both(take, view, plane, options);
     expect_equal(pair);
     double worst = 0;
     for (int y = 0; y < view.height; ++y) {
@@ -163,8 +164,8 @@ TEST_F(Lumigraph, BeyondAMeshThePlaneIsLookedAt) {
   const Take take = write(grid_take(3, 3));
   write_file_atomically(take.folder() / "patch.obj",
                         "v -0.3 -0.3 -3\nv 0.3 -0.3 -3\nv 0.3 0.3 -3\nf 1 2 3\n");
-  const Pair pair = render_both(
-      take, virtual_camera_with_fov(90, 90, 40 * kDegree, looking({0, 0, 0}, 0)), {0, 0, 1, 4},
+  const FastAndReference pair = render_both(
+      take, virtual_camera_with_fov(90, 90, 40 * kDegree, make_pose({0, 0, 0}, 0)), {0, 0, 1, 4},
       {{"proxy", std::string("mesh")}, {"mesh", std::string("patch.obj")}});
   std::set<int> depths;
   for (const float z : pair.fast.z) {
@@ -189,7 +190,7 @@ TEST_F(Lumigraph, AMeshThatIsNotThereIsRefused) {
 TEST_F(Lumigraph, TheBlendingFieldComesClose) {
   const Take take = write(grid_take(5, 5));
   const VirtualCamera view =
-      virtual_camera_with_fov(320, 240, 40 * kDegree, looking({0.01, 0.02, 0.3}, 1));
+      virtual_camera_with_fov(320, 240, 40 * kDegree, make_pose({0.01, 0.02, 0.3}, 1));
   const Eigen::Vector4d ghosting(0, 0, 1, 3.5);
   const FrameSelection frames = select_frames(take, 0, 1);
   const LightFieldRenderer renderer(take, {});
@@ -211,10 +212,10 @@ TEST_F(Lumigraph, DegenerateArraysRender) {
     SCOPED_TRACE(std::to_string(rows) + "x" + std::to_string(columns));
     const auto folder = folder_.path() / (std::to_string(rows) + std::to_string(columns));
     write_synthetic_take(grid_take(rows, columns), folder);
-    const Pair pair =
-        render_both(Take(folder),
-                    virtual_camera_with_fov(80, 60, 40 * kDegree, looking({0.005, 0.002, 0.01}, 0)),
-                    {0, 0, 1, 4});
+    const FastAndReference pair = render_both(
+        Take(folder),
+        virtual_camera_with_fov(80, 60, 40 * kDegree, make_pose({0.005, 0.002, 0.01}, 0)),
+        {0, 0, 1, 4});
     expect_equal(pair);
     EXPECT_GT(mean_alpha(pair.fast), 0.9);
   }
@@ -225,9 +226,10 @@ TEST_F(Lumigraph, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   settings.frames = 2;
   settings.absent = {{4, 1}};  // the middle camera, second frame
   const Take take = write(settings);
-  const VirtualCamera view = virtual_camera_with_fov(90, 90, 20 * kDegree, looking({0, 0, 0.2}, 0));
-  const Pair whole = render_both(take, view, {0, 0, 1, 4}, {}, 0);
-  const Pair lacking = render_both(take, view, {0, 0, 1, 4}, {}, 1);
+  const VirtualCamera view =
+      virtual_camera_with_fov(90, 90, 20 * kDegree, make_pose({0, 0, 0.2}, 0));
+  const FastAndReference whole = render_both(take, view, {0, 0, 1, 4}, {}, 0);
+  const FastAndReference lacking = render_both(take, view, {0, 0, 1, 4}, {}, 1);
   expect_equal(whole);
   expect_equal(lacking);
   const std::size_t middle = 45 * 90 + 45;
@@ -239,7 +241,7 @@ TEST_F(Lumigraph, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
 TEST_F(Lumigraph, SameBytesForAnyNumberOfThreads) {
   const Take take = write(grid_take(4, 4, {-0.2, 0, 0, 0, 0}));
   const FrameSelection frames = select_frames(take, 0, 1);
-  const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, looking({0, 0.01, 0.1}, 2));
+  const VirtualCamera view = virtual_camera_with_fov(160, 120, 0.8, make_pose({0, 0.01, 0.1}, 2));
   for (const std::string weights : {"per_pixel", "blending_field"}) {
     std::vector<RenderedView> images;
     for (const std::size_t threads : {1, 2, 5}) {
@@ -260,9 +262,9 @@ TEST_F(Lumigraph, DecodesLittleMoreThanItNeeds) {
   const Take take = write(settings);
   const FrameSelection frames = select_frames(take, 0, 1);
   const VirtualCamera view =
-      virtual_camera_with_fov(720, 540, 40 * kDegree, looking({0, 0, 0.2}, 0));
+      virtual_camera_with_fov(720, 540, 40 * kDegree, make_pose({0, 0, 0.2}, 0));
   RendererSettings settings_of_renderer;
-  const Reconstruction reconstruction{"lumigraph", {0, 0, 1, 4}};
+  const ReconstructionSettings reconstruction{"lumigraph", {0, 0, 1, 4}};
   const RenderedView image =
       LightFieldRenderer(take, settings_of_renderer).render(view, frames, reconstruction);
   settings_of_renderer.count_needed_pixels = true;

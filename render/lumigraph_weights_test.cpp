@@ -6,24 +6,24 @@
 #include <limits>
 #include <random>
 
-#include "render/lumigraph/camera_choice.h"
+#include "render/common/plane_projection.h"
+#include "render/common/ray_cells.h"
+#include "render/lumigraph/camera_selection.h"
 #include "render/lumigraph/ray_chunk.h"
+#include "render/lumigraph/ray_directions.h"
 #include "render/lumigraph/ray_weights.h"
-#include "render/lumigraph/view_rays.h"
 #include "render/sampling/source_view.h"
-#include "render/test_poses.h"
-#include "render/view/extremes.h"
-#include "render/view/plane_projection.h"
-#include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/test_targets.h"
+#include "testing/render/extremes.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_poses.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
 
 using Eigen::Vector3d;
 using testing::kDegree;
-using testing::looking;
+using testing::make_pose;
 using testing::SyntheticTake;
 
 Rig grid_rig(int rows, int columns, const Distortion& distortion = {}) {
@@ -44,7 +44,7 @@ std::vector<int> all_cameras(const Rig& rig) {
 /// Calls on_ray(weights of all cameras, index in them) with what the kernels make of each ray.
 template <class OnRay>
 void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
-                const std::vector<double>& inverse_distance, const RayWeighing& weighing,
+                const std::vector<double>& inverse_distance, const RayWeightSettings& weighing,
                 const OnRay& on_ray) {
   const std::vector<ChunkCamera> cameras = chunk_cameras(rig);
   std::vector<const ChunkCamera*> pointers;
@@ -55,7 +55,8 @@ void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
     const std::size_t n = std::min<std::size_t>(RayChunk::kSize, rays.size() - begin);
     fill_chunk(std::span(rays).subspan(begin, n), std::span(inverse_distance).subspan(begin, n),
                rig.centre(), chunk);
-    weigh_cameras(chunk, pointers, ChunkWeighing(weighing, camera_spacing(rig)), weights);
+    compute_camera_weights(chunk, pointers,
+                           ChunkWeightSettings(weighing, max_neighbour_baseline(rig)), weights);
     for (std::size_t i = 0; i < n; ++i) on_ray(weights, i);
   }
 }
@@ -63,7 +64,7 @@ void weigh_rays(const Rig& rig, const std::vector<WorldRay>& rays,
 /// The same, as the reference returns it.
 std::vector<std::vector<double>> weights_of(const Rig& rig, const std::vector<WorldRay>& rays,
                                             const std::vector<double>& inverse_distance,
-                                            const RayWeighing& weighing) {
+                                            const RayWeightSettings& weighing) {
   std::vector<std::vector<double>> result;
   weigh_rays(rig, rays, inverse_distance, weighing,
              [&](const std::vector<ChunkWeights>& weights, std::size_t i) {
@@ -76,11 +77,11 @@ std::vector<std::vector<double>> weights_of(const Rig& rig, const std::vector<Wo
 }
 
 std::vector<double> reference_weights(const Rig& rig, const WorldRay& ray, double inverse_distance,
-                                      const RayWeighing& weighing) {
+                                      const RayWeightSettings& weighing) {
   std::vector<double> weights(rig.cameras.size());
   double seen = 0;
-  const auto found = weigh_cameras_reference(rig, all_cameras(rig), ray, inverse_distance, weighing,
-                                             camera_spacing(rig));
+  const auto found = compute_camera_weights_reference(rig, all_cameras(rig), ray, inverse_distance,
+                                                      weighing, max_neighbour_baseline(rig));
   for (const WeightedCamera& camera : found) seen = std::max(seen, camera.seen);
   for (const WeightedCamera& camera : found) {
     weights[static_cast<std::size_t>(camera.camera)] = camera.weight * seen;
@@ -90,7 +91,7 @@ std::vector<double> reference_weights(const Rig& rig, const WorldRay& ray, doubl
 
 void expect_weights_agree(const Rig& rig, const std::vector<WorldRay>& rays,
                           const std::vector<double>& inverse_distance,
-                          const RayWeighing& weighing) {
+                          const RayWeightSettings& weighing) {
   const auto fast = weights_of(rig, rays, inverse_distance, weighing);
   int seen = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
@@ -125,9 +126,9 @@ SomeRays rays_from(const Vector3d& eye, double spread, std::pair<double, double>
 
 TEST(LumigraphWeights, AgreeWithTheReferenceOnEveryInstructionSet) {
   const Rig rig = grid_rig(5, 6, {-0.2, 0.05, 0.001, -0.002, 0.003});
-  testing::for_each_target(kernel_target, [&] {
+  testing::for_each_simd_target(kernel_target, [&] {
     for (const int k : {1, 4, 16}) {
-      RayWeighing weighing;
+      RayWeightSettings weighing;
       weighing.cameras = k;
       for (const auto& [eye, spread, near, far] :
            {std::tuple{Vector3d(0.01, 0.02, 0), 2.0, 3.0, 9.0},
@@ -149,10 +150,10 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
   view.pose.world_from_camera_rotation =
       Eigen::AngleAxisd(0.7, Vector3d(1, 2, 3).normalized()).toRotationMatrix();
   const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
-  testing::for_each_target(kernel_target, [&] {
+  testing::for_each_simd_target(kernel_target, [&] {
     for (const int count : {1, 7, 61, RayChunk::kSize}) {
-      RayRow row;
-      find_directions(ray_from_pixel, 200, 17, count, row);
+      RayDirections row;
+      compute_ray_directions(ray_from_pixel, 200, 17, count, row);
       std::vector<WorldRay> rays;
       std::vector<double> inverse;
       for (int i = 0; i < count; ++i) {
@@ -184,8 +185,8 @@ TEST(LumigraphRays, OfAViewAreThoseOfItsPixelsOnEveryInstructionSet) {
 /// for a pixel's width at the images' borders, or 0. Adds to `whole` how many rays' weights sum
 /// to 1.
 void expect_sound_weights(const Rig& rig, const std::vector<WorldRay>& rays,
-                          const std::vector<double>& inverse_distance, const RayWeighing& weighing,
-                          int& whole) {
+                          const std::vector<double>& inverse_distance,
+                          const RayWeightSettings& weighing, int& whole) {
   weigh_rays(rig, rays, inverse_distance, weighing,
              [&](const std::vector<ChunkWeights>& weights, std::size_t i) {
                double sum = 0, most = 0, seen = 0;
@@ -203,10 +204,10 @@ void expect_sound_weights(const Rig& rig, const std::vector<WorldRay>& rays,
 }
 
 TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
-  testing::for_each_target(kernel_target, [] {
-    for (const testing::Extreme& extreme : testing::extremes()) {
+  testing::for_each_simd_target(kernel_target, [] {
+    for (const testing::ExtremeView& extreme : testing::extremes()) {
       SCOPED_TRACE(extreme.name);
-      const SyntheticTake take = testing::extreme_array(extreme.array);
+      const SyntheticTake take = testing::make_extreme_array(extreme.array);
       RigDocument document;
       for (CameraGeometry camera : take.cameras) {
         for (std::size_t axis = 0; axis < 3; ++axis) {
@@ -216,7 +217,7 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
       }
       const Rig rig = rig_from_document(document);
       const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(extreme.view);
-      const double height = height_above_plane(extreme.plane, extreme.view.pose.position);
+      const double height = signed_plane_distance(extreme.plane, extreme.view.pose.position);
       std::vector<WorldRay> rays;
       std::vector<double> inverse;
       const int step = std::max(1, extreme.view.width / 500);
@@ -231,9 +232,9 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAtTheExtremes) {
       }
       int whole = 0;
       for (const double weight : {0.0, 1.0, 1e6}) {
-        RayWeighing weighing;
+        RayWeightSettings weighing;
         weighing.angular = weighing.resolution = weighing.field_of_view = weight;
-        for (const int cameras : {1, 4, kMostCameras}) {
+        for (const int cameras : {1, 4, kMaxWeightedCameras}) {
           weighing.cameras = cameras;
           expect_sound_weights(rig, rays, inverse, weighing, whole);
         }
@@ -247,10 +248,10 @@ TEST(LumigraphWeights, SumToOneOrNothingIsSeenAmongManyCameras) {
   Rig crowd = grid_rig(17, 17);
   Rig one_place = crowd;
   for (Rig::Camera& camera : one_place.cameras) camera.pose = crowd.cameras[0].pose;
-  testing::for_each_target(kernel_target, [&] {
+  testing::for_each_simd_target(kernel_target, [&] {
     for (const Rig* rig : {&crowd, &one_place}) {
-      for (const int cameras : {1, 4, kMostCameras}) {
-        RayWeighing weighing;
+      for (const int cameras : {1, 4, kMaxWeightedCameras}) {
+        RayWeightSettings weighing;
         weighing.cameras = cameras;
         int whole = 0;
         for (const auto& [eye, spread] : {std::pair{Vector3d(0.01, 0.02, 0), 3.0},
@@ -270,7 +271,7 @@ TEST(LumigraphWeights, AreFiniteForAnyDistanceAndPenalty) {
     Rig rig = grid_rig(3, 3);
     for (Rig::Camera& camera : rig.cameras) camera.pose.position += offset;
     for (const double weight : {0.0, 1.0, 1e6}) {
-      RayWeighing weighing;
+      RayWeightSettings weighing;
       weighing.angular = weighing.resolution = weighing.field_of_view = weight;
       for (const Vector3d& eye : {Vector3d(0, 0, 0), Vector3d(0, 0, 1e-12), Vector3d(0.06, 0.06, 0),
                                   Vector3d(0, 0, 1e6), Vector3d(0, 0, -3), Vector3d(0, 0, -100)}) {
@@ -288,7 +289,7 @@ TEST(LumigraphWeights, AreFiniteForAnyDistanceAndPenalty) {
 TEST(LumigraphWeights, CoincidentCamerasShareAlike) {
   Rig rig = grid_rig(1, 3);
   for (Rig::Camera& camera : rig.cameras) camera.pose = rig.cameras[0].pose;
-  RayWeighing weighing;
+  RayWeightSettings weighing;
   weighing.cameras = 1;  // all three are second best, too
   const WorldRay ray{rig.cameras[0].pose.position + Vector3d(0.02, 0, 0), -Vector3d::UnitZ()};
   const auto fast = weights_of(rig, {ray}, {0.25F}, weighing);
@@ -301,7 +302,7 @@ TEST(LumigraphWeights, CoincidentCamerasShareAlike) {
 
 TEST(LumigraphWeights, ACameraOnTheRayTakesItAndItsNeighboursComeInSmoothly) {
   const Rig rig = grid_rig(5, 5);
-  const RayWeighing weighing;
+  const RayWeightSettings weighing;
   std::vector<double> before;
   for (int step = 0; step <= 600; ++step) {
     const double x = -0.12 + 0.24 * step / 600;  // along the cameras of the middle row and beyond
@@ -321,7 +322,7 @@ TEST(LumigraphWeights, ACameraOnTheRayTakesItAndItsNeighboursComeInSmoothly) {
 
 TEST(LumigraphWeights, ACameraThatStopsSeeingFadesOut) {
   const Rig rig = grid_rig(1, 2);
-  RayWeighing weighing;
+  RayWeightSettings weighing;
   const double edge = std::tan(31 * kDegree);
   double before = -1;
   for (int step = 0; step <= 400; ++step) {  // out of the left camera's image, not the right one's
@@ -344,7 +345,7 @@ TEST(LumigraphWeights, ACoarserCameraCountsLess) {
   Rig rig = grid_rig(1, 2);
   rig.cameras[1].pose.position.z() += 1;  // a metre further away
   const WorldRay ray{{0, 0, 0}, -Vector3d::UnitZ()};
-  RayWeighing weighing;
+  RayWeightSettings weighing;
   weighing.resolution = 0;
   EXPECT_NEAR(reference_weights(rig, ray, 0.25, weighing)[1], 0.5, 0.1);
   weighing.resolution = 1;
@@ -354,13 +355,13 @@ TEST(LumigraphWeights, ACoarserCameraCountsLess) {
 TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
   const Rig rig = grid_rig(9, 9, {-0.1, 0, 0, 0, 0});
   const std::vector<int> all = all_cameras(rig);
-  const double spacing = camera_spacing(rig);
-  const RayWeighing weighing;
+  const double spacing = max_neighbour_baseline(rig);
+  const RayWeightSettings weighing;
   std::size_t chosen_in_total = 0;
   int bundles = 0;
   for (const Vector3d& eye :
        {Vector3d(0.01, 0.02, 0), Vector3d(0, 0, 0.5), Vector3d(0.1, 0, -0.5)}) {
-    const VirtualCamera view = virtual_camera_with_fov(640, 480, 50 * kDegree, looking(eye, 2));
+    const VirtualCamera view = virtual_camera_with_fov(640, 480, 50 * kDegree, make_pose(eye, 2));
     const Eigen::Matrix3d ray_of = world_ray_from_pixel(view);
     for (int y = 0; y < 480; y += 48) {
       for (int x = 0; x < 640; x += 64) {
@@ -372,7 +373,8 @@ TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
             {direction(0, 0), direction(64, 0), direction(0, 16), direction(64, 16)},
             0.2,
             0.22};
-        const std::vector<int> chosen = choose_cameras(rig, all, bundle, weighing, spacing);
+        const std::vector<int> chosen =
+            select_candidate_cameras(rig, all, bundle, weighing, spacing);
         chosen_in_total += chosen.size();
         ++bundles;
         for (const auto& [dx, dy, inverse] : {std::tuple{0.5, 0.5, 0.2},
@@ -380,8 +382,10 @@ TEST(LumigraphWeights, LeavingOutCamerasThatCannotCountChangesNothing) {
                                               {30.0, 8.0, 0.21},
                                               {2.0, 14.0, 0.22}}) {
           const WorldRay ray{eye, direction(dx, dy)};
-          const auto few = weigh_cameras_reference(rig, chosen, ray, inverse, weighing, spacing);
-          const auto whole = weigh_cameras_reference(rig, all, ray, inverse, weighing, spacing);
+          const auto few =
+              compute_camera_weights_reference(rig, chosen, ray, inverse, weighing, spacing);
+          const auto whole =
+              compute_camera_weights_reference(rig, all, ray, inverse, weighing, spacing);
           ASSERT_EQ(few.size(), whole.size());
           for (std::size_t i = 0; i < few.size(); ++i) {
             ASSERT_EQ(few[i].camera, whole[i].camera);

@@ -8,9 +8,9 @@
 
 #include "render/methods.h"
 #include "render/renderer.h"
-#include "render/test_matte_of_frames.h"
-#include "render/view/synthetic_take.h"
 #include "rig/rig.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_function_matte.h"
 
 namespace raystage {
 namespace {
@@ -82,7 +82,7 @@ class LightFieldsWithMattes : public ::testing::TestWithParam<Tried> {
   std::optional<Take> take_;
   FrameSelection timeline_;
   VirtualCamera view_;
-  Reconstruction how_;
+  ReconstructionSettings how_;
 };
 
 TEST_P(LightFieldsWithMattes, AMatteOfOneValueIsAFactor) {

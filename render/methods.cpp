@@ -6,15 +6,15 @@
 #include <algorithm>
 #include <array>
 
+#include "base/error.h"
 #include "render/automatic/automatic.h"
 #include "render/depth/depth.h"
 #include "render/hull/visual_hull.h"
-#include "render/lumigraph/lumigraph.h"
+#include "render/lumigraph/lumigraph_method.h"
 #include "render/planar/aperture.h"
 #include "render/planar/focal_plane.h"
 #include "render/slabs/slabs.h"
 #include "render/sweep/plane_sweep.h"
-#include "schemas/error.h"
 
 namespace raystage {
 
@@ -48,7 +48,7 @@ std::string describe_methods() {
   std::string text;
   for (const Method* method : methods()) {
     text += "\n" + std::string(method->name()) + " = " + std::string(method->summary());
-    for (const OptionSpec& option : method->options()) text += "\n    " + describe(option);
+    for (const OptionSpec& option : method->options()) text += "\n    " + describe_option(option);
     for (const MethodPreset& preset : method->presets()) {
       text += fmt::format("\n    preset {}: {}", preset.name, preset.options);
     }

@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "render/view/method.h"
+#include "render/common/method.h"
 
 namespace raystage {
 

@@ -15,19 +15,19 @@
 #include <set>
 #include <string>
 
-#include "render/hull/test_matte.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "render/methods.h"
 #include "render/renderer.h"
-#include "render/view/extremes.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 #include "schemas/planes_document.h"
+#include "testing/render/extremes.h"
+#include "testing/render/test_matte.h"
 
 namespace raystage {
 namespace {
 
-using testing::Extreme;
 using testing::extremes;
+using testing::ExtremeView;
 using testing::SyntheticTake;
 
 /// The painted plane, in a range of depths of a thousandth of its own; the same at its depth and no
@@ -73,9 +73,9 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
   const Take& take_of(const std::string& array, Scene scene) {
     const std::string name = array + " " + std::to_string(static_cast<int>(scene));
     if (!takes_.contains(name)) {
-      SyntheticTake take = testing::extreme_array(array);
+      SyntheticTake take = testing::make_extreme_array(array);
       if (scene == Scene::kWhite) {
-        take.painting = [](const auto&, const auto&) { return std::array<double, 3>{1, 1, 1}; };
+        take.scene = [](const auto&, const auto&) { return std::array<double, 3>{1, 1, 1}; };
       } else if (scene == Scene::kOneDepth) {
         take.depth_range = DepthRange{take.plane_depth, take.plane_depth};
       } else if (scene == Scene::kDeep) {
@@ -100,10 +100,10 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
   }
 
   /// All of them; for a method with options those of few pixels near the world's origin.
-  static std::vector<Extreme> rows() {
-    std::vector<Extreme> rows = extremes();
+  static std::vector<ExtremeView> rows() {
+    std::vector<ExtremeView> rows = extremes();
     if (GetParam().options.empty()) return rows;
-    std::erase_if(rows, [](const Extreme& extreme) {
+    std::erase_if(rows, [](const ExtremeView& extreme) {
       return extreme.array == "far off" || extreme.view.width > 100;
     });
     return rows;
@@ -123,7 +123,7 @@ class MethodExtremes : public ::testing::TestWithParam<Setting> {
   static bool has_quick_reference() { return GetParam().method != "visual_hull"; }
 
   /// nullopt where the method refuses, as it may.
-  std::optional<RenderedView> render(const Extreme& extreme, Scene scene, bool reference,
+  std::optional<RenderedView> render(const ExtremeView& extreme, Scene scene, bool reference,
                                      BlendSpace space = BlendSpace::kPerceptual) {
     const Take& take = take_of(extreme.array, scene);
     RendererSettings settings;
@@ -218,10 +218,10 @@ Difference difference(const RenderedView& fast, const RenderedView& reference,
 /// That images are sound and alike must not be because they are empty.
 TEST_P(MethodExtremes, ImagesAreSoundSeeWhatCanBeSeenAndTheFastOneIsTheReference) {
   const Tolerance tolerance = tolerance_of(GetParam().method);
-  const std::vector<CameraGeometry> cameras = testing::extreme_array("grid").cameras;
+  const std::vector<CameraGeometry> cameras = testing::make_extreme_array("grid").cameras;
   const double pixel_metres = cameras[0].intrinsics.fx *
                               (cameras[1].world_from_camera[3] - cameras[0].world_from_camera[3]);
-  for (const Extreme& extreme : rows()) {
+  for (const ExtremeView& extreme : rows()) {
     for (const Scene scene : {Scene::kFlat, Scene::kOneDepth, Scene::kDeep}) {
       SCOPED_TRACE(extreme.name + (scene == Scene::kFlat       ? ", flat"
                                    : scene == Scene::kOneDepth ? ", one depth"
@@ -246,7 +246,7 @@ TEST_P(MethodExtremes, ImagesAreSoundSeeWhatCanBeSeenAndTheFastOneIsTheReference
 }
 
 TEST_P(MethodExtremes, AWhiteWorldStaysWhite) {
-  for (const Extreme& extreme : rows()) {
+  for (const ExtremeView& extreme : rows()) {
     SCOPED_TRACE(extreme.name);
     for (const BlendSpace space : {BlendSpace::kPerceptual, BlendSpace::kLinear}) {
       for (const bool reference : {false, true}) {

@@ -5,8 +5,10 @@
 #include <gtest/gtest.h>
 
 #include <set>
+#include <string>
 
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -46,6 +48,28 @@ TEST(Methods, AreDescribed) {
     }
   }
   EXPECT_GT(presets, 0);
+}
+
+/// What the pages say of each method cannot be forgotten with a new one.
+TEST(Methods, AreAllInTheDocuments) {
+  const std::string docs = RAYSTAGE_SOURCE_DIR "/docs/";
+  const std::string artist = read_file(docs + "artist.md");
+  const std::string performance = read_file(docs + "performance.md");
+  const std::string farm = read_file(docs + "farm.md");
+  const std::size_t distributed = farm.find("| method | what crosses |");
+  const std::size_t refused = farm.find("Not distributed");
+  ASSERT_LT(distributed, refused);
+  ASSERT_NE(refused, std::string::npos);
+  for (const Method* method : methods()) {
+    const std::string quoted = "`" + std::string(method->name()) + "`";
+    EXPECT_THAT(artist, ::testing::HasSubstr("\n| " + quoted + " | ")) << "docs/artist.md";
+    EXPECT_THAT(performance, ::testing::HasSubstr("\n| " + quoted)) << "docs/performance.md";
+    const bool is_distributed =
+        method->distribution({method->options(), {}, method->name()}) != DistributionMode::kNone;
+    const std::size_t from = is_distributed ? distributed : refused;
+    const std::string part = farm.substr(from, is_distributed ? refused - from : 600);
+    EXPECT_THAT(part, ::testing::HasSubstr(quoted)) << "docs/farm.md";
+  }
 }
 
 }  // namespace

@@ -9,15 +9,15 @@
 #include <numbers>
 #include <random>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/transfer_function.h"
+#include "render/common/ray_cells.h"
 #include "render/methods.h"
 #include "render/renderer.h"
-#include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/transfer_function.h"
+#include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::object_planes_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -33,7 +33,7 @@ PlanesDocument::Plane card(double left, double right, double bottom, double top,
 }
 
 std::vector<ObjectPlane> objects_of(std::vector<PlanesDocument::Plane> planes) {
-  return object_planes_from({std::move(planes)}, "planes.json");
+  return make_object_planes({std::move(planes)}, "planes.json");
 }
 
 std::string refusal(const PlanesDocument::Plane& plane) {
@@ -89,7 +89,7 @@ TEST(ObjectPlanes, RegionsAreWhatRaysMeetFirst) {
     pose.position = scale * Vector3d(any(random), any(random), any(random));
     const VirtualCamera view =
         virtual_camera_with_fov(48, 32, (round % 3 == 0 ? 150 : 60) * kDegree, pose);
-    const std::vector<ViewRegion> regions = regions_of(view, objects);
+    const std::vector<ViewRegion> regions = object_regions(view, objects);
     ASSERT_EQ(regions.size(), 6U);
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
     int differ = 0;
@@ -109,7 +109,7 @@ TEST(ObjectPlanes, RegionsAreWhatRaysMeetFirst) {
         std::size_t first = objects.size();
         double nearest = std::numeric_limits<double>::infinity();
         for (std::size_t i = 0; i < objects.size(); ++i) {
-          const auto along = meeting_with(objects[i], pose.position, ray);
+          const auto along = intersect_ray(objects[i], pose.position, ray);
           if (!along || *along >= nearest) continue;
           nearest = *along;
           first = i;
@@ -128,7 +128,7 @@ TEST(ObjectPlanes, AnEyeInItsPlaneMeetsNone) {
   pose.position = {0, 0, -3};
   const VirtualCamera view = virtual_camera_with_fov(16, 8, 60 * kDegree, pose);
   const auto objects = objects_of({card(-1, 1, -1, 1, 3)});
-  const auto regions = regions_of(view, objects);
+  const auto regions = object_regions(view, objects);
   for (int y = 0; y < view.height; ++y) {
     EXPECT_TRUE(regions[0][static_cast<std::size_t>(y)].empty());
     EXPECT_THAT(regions[1][static_cast<std::size_t>(y)], ElementsAre(PixelInterval{0, 16}));
@@ -141,7 +141,7 @@ class CardBeforeWall : public ::testing::Test {
   void SetUp() override {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(4, 4, 0.06, 160, 120);
-    settings.painting = [](const Vector3d& origin, const Vector3d& direction) {
+    settings.scene = [](const Vector3d& origin, const Vector3d& direction) {
       return seen(origin, direction);
     };
     settings.depth_range = DepthRange{2, 6};
@@ -168,7 +168,7 @@ class CardBeforeWall : public ::testing::Test {
     settings.count_needed_pixels = true;
     return LightFieldRenderer(*take_, settings)
         .render(view, select_frames(*take_, 0, 1'000'000),
-                {method, plane_in_front_of(take_->rig(), 6), options});
+                {method, fronto_parallel_plane(take_->rig(), 6), options});
   }
 
   /// Root mean square against the truth, sRGB codes, over covered pixels; not at the card's edges,
@@ -242,7 +242,7 @@ TEST_F(CardBeforeWall, AgreesWithTheReference) {
       EXPECT_LE(differ, 2U) << method;
       EXPECT_GT(near, 500U);
       EXPECT_GT(fast.statistics.pixels_needed, 1000);
-      EXPECT_EQ(fast.statistics.working_bytes, bytes_of_view(view));  // of the card's own
+      EXPECT_EQ(fast.statistics.working_bytes, view_buffer_bytes(view));  // of the card's own
     }
   }
 }
@@ -250,10 +250,10 @@ TEST_F(CardBeforeWall, AgreesWithTheReference) {
 TEST_F(CardBeforeWall, IsPartOfTheFingerprint) {
   const Method& method = method_named("focal_plane");
   const FrameSelection frames = select_frames(*take_, 0, 1'000'000);
-  EXPECT_TRUE(method.files_read(MethodOptions(method.options(), {}, "focal_plane"), *take_, frames)
+  EXPECT_TRUE(method.input_files(MethodOptions(method.options(), {}, "focal_plane"), *take_, frames)
                   .empty());
   EXPECT_THAT(
-      method.files_read(
+      method.input_files(
           MethodOptions(method.options(), {{"objects", std::string("planes.json")}}, "focal_plane"),
           *take_, frames),
       ElementsAre(take_->folder() / "planes.json"));
@@ -261,4 +261,4 @@ TEST_F(CardBeforeWall, IsPartOfTheFingerprint) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::object_planes_test

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <gtest/gtest.h>
 
-#include "render/test_sweep.h"
+#include "testing/render/test_sweep.h"
 
 namespace raystage::testing {
 namespace {
@@ -29,14 +29,14 @@ double wrong_side(const RenderedView& image, const VirtualCamera& view, int besi
 
 TEST_F(PlaneSweep, KeepsTheTwoSidesOfAStepApart) {
   const Take take = write(step_edge());
-  EXPECT_LT(wrong_side(render(take, a_view()), a_view(), 4), 0.02);
+  EXPECT_LT(wrong_side(render(take, default_view()), default_view(), 4), 0.02);
 }
 
 /// A dark wall before a bright one, of little texture: what it costs to jump between them is more
 /// than what costs there can tell.
 TEST_F(PlaneSweep, LetsDepthJumpWhereLightDoes) {
   SyntheticTake settings = step_edge();
-  settings.painting = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+  settings.scene = [](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
     const bool wall = hits_wall(from, direction);
     const Plane& plane = wall ? kFront : kBack;
     const Eigen::Vector3d hit = from + plane.distance(from, direction) * direction;
@@ -46,7 +46,8 @@ TEST_F(PlaneSweep, LetsDepthJumpWhereLightDoes) {
   };
   const Take take = write(settings);
   const auto wrong = [&](double edge_scale) {
-    return wrong_side(render(take, a_view(), {{"edge_scale", edge_scale}}), a_view(), 1);
+    return wrong_side(render(take, default_view(), {{"edge_scale", edge_scale}}), default_view(),
+                      1);
   };
   EXPECT_LT(wrong(2), 0.02);
   EXPECT_GT(wrong(0), 0.05);
@@ -55,14 +56,14 @@ TEST_F(PlaneSweep, LetsDepthJumpWhereLightDoes) {
 /// Something that a single camera of nine looks at, as if it stood right before its lens.
 TEST_F(PlaneSweep, LeavesOutTheCameraThatSeesSomethingElse) {
   SyntheticTake settings = slanted(3, 3);
-  const auto scene = settings.painting;
-  settings.painting = [scene](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
+  const auto scene = settings.scene;
+  settings.scene = [scene](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
     return from.norm() < 1e-9 ? std::array<double, 3>{1, 1, 1} : scene(from, direction);
   };
   const Take take = write(settings);
-  const VirtualCamera view = a_view();
+  const VirtualCamera view = default_view();
   const auto errors = [&](double left_out) {
-    return errors_on_slanted(
+    return measure_slanted_errors(
         render(take, view,
                {{"left_out", left_out}, {"cameras", 6.0}, {"aggregation", std::string("box")}}),
         view);

@@ -9,10 +9,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/error.h"
 #include "render/sampling/source_view.h"
-#include "render/test_sweep.h"
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/test_sweep.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage::testing {
 namespace {
@@ -52,12 +52,13 @@ TEST_F(PlaneSweep, AgreesWithTheReference) {
         OptionValues{{"planes", 1.0}}, OptionValues{{"left_out", 1.0}},
         OptionValues{{"edge_scale", 8.0}, {"step_px", 1.0}},
         OptionValues{{"aggregation", std::string("none")}, {"truncation", 20.0}}}) {
-    expect_nearly_equal(render(take, a_view(), options), render(take, a_view(), options, slow));
+    expect_nearly_equal(render(take, default_view(), options),
+                        render(take, default_view(), options, slow));
   }
   const OptionValues coarse{{"step_px", 2.0}};
   for (const VirtualCamera& view :
-       {virtual_camera_with_fov(70, 50, 1.2, looking({0.3, 0.1, 0.4}, 15)),     // from the side
-        virtual_camera_with_fov(70, 50, 0.5, looking({0, 0.05, -1.5}, -5))}) {  // in front
+       {virtual_camera_with_fov(70, 50, 1.2, make_pose({0.3, 0.1, 0.4}, 15)),     // from the side
+        virtual_camera_with_fov(70, 50, 0.5, make_pose({0, 0.05, -1.5}, -5))}) {  // in front
     expect_nearly_equal(render(take, view, coarse), render(take, view, coarse, slow));
   }
 }
@@ -66,17 +67,17 @@ TEST_F(PlaneSweep, EveryInstructionSetAgreesWithTheReference) {
   const Take take = write(slanted(2, 3, {-0.15, 0.04, 0.001, -0.002, 0}));
   RendererSettings slow;
   slow.reference = true;
-  const RenderedView expected = render(take, a_view(), {{"step_px", 1.0}}, slow);
-  for_each_target(kernel_target, [&] {
-    expect_nearly_equal(render(take, a_view(), {{"step_px", 1.0}}), expected);
+  const RenderedView expected = render(take, default_view(), {{"step_px", 1.0}}, slow);
+  for_each_simd_target(kernel_target, [&] {
+    expect_nearly_equal(render(take, default_view(), {{"step_px", 1.0}}), expected);
   });
 }
 
 TEST_F(PlaneSweep, FindsASlantedPlane) {
   const Take take = write(slanted(3, 3));
-  const VirtualCamera view = a_view();
+  const VirtualCamera view = default_view();
   const RenderedView image = render(take, view);
-  const SlantedErrors errors = errors_on_slanted(image, view);
+  const SlantedErrors errors = measure_slanted_errors(image, view);
   EXPECT_LT(errors.disparity, 0.1);
   EXPECT_LT(errors.colour, 0.015);
   for (int y = 8; y < view.height - 8; ++y) {
@@ -91,7 +92,7 @@ TEST_F(PlaneSweep, FindsASlantedPlane) {
 /// With planes so far apart it is the parabola that finds what lies between.
 TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {
   const Take take = write(slanted(3, 3));
-  const VirtualCamera view = a_view();
+  const VirtualCamera view = default_view();
   // Semi-global matching draws towards the neighbours' planes.
   for (const auto& [aggregation, share] : {std::pair{"semi_global", 0.65}, {"box", 0.3}}) {
     SCOPED_TRACE(aggregation);
@@ -101,7 +102,7 @@ TEST_F(PlaneSweep, FindsASlantedPlaneBetweenItsPlanes) {
       const auto errors = [&](bool sub_plane) {
         const OptionValues options{
             {"step_px", 1.0}, {"aggregation", std::string(aggregation)}, {"sub_plane", sub_plane}};
-        return errors_on_slanted(render(take, view, options, settings), view);
+        return measure_slanted_errors(render(take, view, options, settings), view);
       };
       const SlantedErrors between = errors(true), on_planes = errors(false);
       EXPECT_GT(on_planes.disparity, 0.15);  // rounded to whole steps: a quarter of one in the mean
@@ -120,7 +121,7 @@ TEST_F(PlaneSweep, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
       RendererSettings settings;
       if (threads == 5) settings.working_bytes = 0;  // the least that it can do with
-      images.push_back(render(take, a_view(), options, settings));
+      images.push_back(render(take, default_view(), options, settings));
     }
     EXPECT_EQ(images[0].rgba, images[1].rgba);
     EXPECT_EQ(images[0].rgba, images[2].rgba);
@@ -130,27 +131,28 @@ TEST_F(PlaneSweep, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
 
 TEST_F(PlaneSweep, WorksInTheMemoryThatItIsGivenAndSaysHowMuch) {
   const Take take = write(slanted(3, 3));
-  const RenderedView all = render(take, a_view());
+  const RenderedView all = render(take, default_view());
   const std::size_t wanted = all.statistics.working_bytes;
   EXPECT_GT(wanted, 500'000U);
   RendererSettings little;
   little.working_bytes = wanted * 3 / 4;
   const auto beyond =
       Contains(HasSubstr("a view of 90x64 takes more memory to work with than its share, 0 MB"));
-  const RenderedView image = render(take, a_view(), {}, little);
+  const RenderedView image = render(take, default_view(), {}, little);
   EXPECT_LE(image.statistics.working_bytes, little.working_bytes);
   EXPECT_EQ(image.rgba, all.rgba);
   little.working_bytes = 0;
-  const RenderedView least = render(take, a_view(), {}, little);
+  const RenderedView least = render(take, default_view(), {}, little);
   EXPECT_GT(least.statistics.working_bytes, 0U);
   EXPECT_LE(least.statistics.working_bytes, image.statistics.working_bytes);
   EXPECT_THAT(image.notes, Not(beyond));
   EXPECT_THAT(least.notes, beyond);
   // Boxes, too: rows of a volume for each thread, the frames' luma and the map.
-  const RenderedView box = render(take, a_view(), {{"aggregation", std::string("box")}});
+  const RenderedView box = render(take, default_view(), {{"aggregation", std::string("box")}});
   EXPECT_GT(box.statistics.working_bytes, 90U * 64 * 5);
   EXPECT_LT(box.statistics.working_bytes, wanted);
-  EXPECT_THAT(render(take, a_view(), {{"aggregation", std::string("box")}}, little).notes, beyond);
+  EXPECT_THAT(render(take, default_view(), {{"aggregation", std::string("box")}}, little).notes,
+              beyond);
 }
 
 TEST_F(PlaneSweep, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
@@ -158,7 +160,7 @@ TEST_F(PlaneSweep, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   settings.frames = 2;
   settings.absent = {{4, 1}};  // the middle camera, second frame
   const Take take = write(settings);
-  const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.5, looking({0, 0, 0.01}, 0));
+  const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.5, make_pose({0, 0, 0.01}, 0));
   const std::size_t middle = 20 * 60 + 30;
   EXPECT_NEAR(render(take, view).coverage[middle], 1, 1e-3);
   const RenderedView lacking = render(take, view, {}, {}, 1);
@@ -177,7 +179,7 @@ TEST_F(PlaneSweep, DecodesLittleMoreThanItNeeds) {
   RendererSettings counting;
   counting.count_needed_pixels = true;
   const VirtualCamera view =
-      virtual_camera_with_fov(480, 360, 40 * kDegree, looking({0, 0, 0.2}, 0));
+      virtual_camera_with_fov(480, 360, 40 * kDegree, make_pose({0, 0, 0.2}, 0));
   const RenderStatistics s = render(take, view, {}, counting).statistics;
   ASSERT_GT(s.pixels_needed, 0);
   EXPECT_LT(static_cast<double>(s.pixels_decoded) / static_cast<double>(s.pixels_needed), 1.3);
@@ -186,7 +188,7 @@ TEST_F(PlaneSweep, DecodesLittleMoreThanItNeeds) {
 
 TEST_F(PlaneSweep, OneCameraIsAllThatItNeeds) {
   const Take take = write(slanted(1, 1));
-  const RenderedView image = render(take, a_view());
+  const RenderedView image = render(take, default_view());
   EXPECT_GT(mean_alpha(image), 0.9);
   const float z = image.z[32 * 90 + 45];  // mid-way in disparity: there is nothing to compare
   EXPECT_GT(z, 2.5F);
@@ -200,11 +202,11 @@ TEST_F(PlaneSweep, StaysFiniteWhereDepthsEnd) {
         OptionValues{{"near", 0.01}, {"step_px", 4.0}},
         OptionValues{{"near", 1e9}, {"far", 1e9}}}) {
     for (const VirtualCamera& view :
-         {virtual_camera_with_fov(40, 30, 1, looking({0, 0, 0}, 0)),
-          virtual_camera_with_fov(40, 30, 1, looking({0, 0, -4.5}, 0)),      // inside the scene
-          virtual_camera_with_fov(40, 30, 1, looking({0.3, 0, -4}, 170)),    // looking back
-          virtual_camera_with_fov(40, 30, 3, looking({0, 0, 0}, 90)),        // along the array
-          virtual_camera_with_fov(1, 1, 0.001, looking({0, 0, 1e6}, 0))}) {  // far behind
+         {virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, 0}, 0)),
+          virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, -4.5}, 0)),      // inside the scene
+          virtual_camera_with_fov(40, 30, 1, make_pose({0.3, 0, -4}, 170)),    // make_pose back
+          virtual_camera_with_fov(40, 30, 3, make_pose({0, 0, 0}, 90)),        // along the array
+          virtual_camera_with_fov(1, 1, 0.001, make_pose({0, 0, 1e6}, 0))}) {  // far behind
       const RenderedView image = render(take, view, options);
       for (std::size_t i = 0; i < image.coverage.size(); ++i) {
         for (std::size_t c = 0; c < 4; ++c) ASSERT_TRUE(std::isfinite(image.rgba[4 * i + c]));
@@ -215,7 +217,7 @@ TEST_F(PlaneSweep, StaysFiniteWhereDepthsEnd) {
     }
   }
   // The far end of the scene lies behind the eye.
-  EXPECT_EQ(mean_alpha(render(take, virtual_camera_with_fov(40, 30, 1, looking({0, 0, -9}, 0)))),
+  EXPECT_EQ(mean_alpha(render(take, virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, -9}, 0)))),
             0);
 }
 
@@ -226,8 +228,9 @@ TEST_F(PlaneSweep, RendersLinearBlendAndDistortedViews) {
   RendererSettings slow = linear;
   slow.reference = true;
   const OptionValues coarse{{"step_px", 2.0}};
-  expect_nearly_equal(render(take, a_view(), coarse, linear), render(take, a_view(), coarse, slow));
-  VirtualCamera bent = a_view();
+  expect_nearly_equal(render(take, default_view(), coarse, linear),
+                      render(take, default_view(), coarse, slow));
+  VirtualCamera bent = default_view();
   bent.intrinsics.distortion.k1 = -0.1;
   EXPECT_GT(mean_alpha(render(take, bent, coarse)), 0.9);
 }
@@ -237,7 +240,7 @@ TEST_F(PlaneSweep, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
   const OptionValues deep{{"near", 0.01}};
   RendererSettings slow;
   slow.reference = true;
-  const VirtualCamera view = virtual_camera_with_fov(12, 8, 1, looking({0.02, 0.013, 0.03}, 2));
+  const VirtualCamera view = virtual_camera_with_fov(12, 8, 1, make_pose({0.02, 0.013, 0.03}, 2));
   for (const RendererSettings& settings : {RendererSettings{}, slow}) {
     const RenderedView image = render(take, view, deep, settings);
     ASSERT_EQ(image.notes.size(), 1U);
@@ -252,16 +255,16 @@ TEST_F(PlaneSweep, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
 
 TEST_F(PlaneSweep, SaysWhatItLacks) {
   SyntheticTake settings = slanted(2, 2);
-  settings.knows_depth_range = false;
+  settings.has_depth_range = false;
   const Take take = write(settings);
-  EXPECT_THROW(render(take, a_view()), Error);
-  EXPECT_THROW(render(take, a_view(), {{"near", 2.0}}), Error);
-  EXPECT_THROW(render(take, a_view(), {{"near", 7.0}, {"far", 3.0}}), Error);
-  EXPECT_THROW(render(take, a_view(), {{"near", 3.0}, {"far", 7.0}, {"p2", 10.0}}), Error);
-  EXPECT_GT(mean_alpha(render(take, a_view(), {{"near", 3.0}, {"far", 7.0}})), 0.9);
+  EXPECT_THROW(render(take, default_view()), Error);
+  EXPECT_THROW(render(take, default_view(), {{"near", 2.0}}), Error);
+  EXPECT_THROW(render(take, default_view(), {{"near", 7.0}, {"far", 3.0}}), Error);
+  EXPECT_THROW(render(take, default_view(), {{"near", 3.0}, {"far", 7.0}, {"p2", 10.0}}), Error);
+  EXPECT_GT(mean_alpha(render(take, default_view(), {{"near", 3.0}, {"far", 7.0}})), 0.9);
   EXPECT_THROW(
       render(
-          take, a_view(),
+          take, default_view(),
           {{"near", 3.0}, {"far", 7.0}, {"edge_scale", 8.0}, {"aggregation", std::string("box")}}),
       Error);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render/rays/ray_query.h"
+#include "render/lumigraph/ray_query.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,13 +9,13 @@
 #include <cmath>
 #include <random>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "render/common/ray_cells.h"
 #include "render/renderer.h"
 #include "render/sampling/source_view.h"
-#include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -34,7 +34,8 @@ class RayQuery : public ::testing::Test {
     return Take(folder_.path() / "take");
   }
   static std::vector<RaySample> ask(const Take& take, const std::vector<WorldRay>& rays,
-                                    const Reconstruction& reconstruction, bool reference = false) {
+                                    const ReconstructionSettings& reconstruction,
+                                    bool reference = false) {
     RendererSettings settings;
     settings.reference = reference;
     std::vector<RaySample> samples(rays.size());
@@ -79,13 +80,14 @@ TEST_F(RayQuery, AgreesWithTheReference) {
   write_file_atomically(take.folder() / "wall.obj",
                         "v -9 -9 -4\nv 9 -9 -4\nv 9 9 -4\nv -9 9 -4\nf 1 2 3 4\n");
   const std::vector<WorldRay> rays = some_rays(3000);
-  for (const Reconstruction& reconstruction :
-       {Reconstruction{"lumigraph", {0, 0, 1, 4}}, Reconstruction{"focal_plane", {0, 0.1, 1, 3}},
-        Reconstruction{"lumigraph",
-                       {0, 0, 1, 9},
-                       {{"proxy", std::string("mesh")},
-                        {"mesh", std::string("wall.obj")},
-                        {"cameras", 2.0}}}}) {
+  for (const ReconstructionSettings& reconstruction :
+       {ReconstructionSettings{"lumigraph", {0, 0, 1, 4}},
+        ReconstructionSettings{"focal_plane", {0, 0.1, 1, 3}},
+        ReconstructionSettings{"lumigraph",
+                               {0, 0, 1, 9},
+                               {{"proxy", std::string("mesh")},
+                                {"mesh", std::string("wall.obj")},
+                                {"cameras", 2.0}}}}) {
     expect_equal(ask(take, rays, reconstruction), ask(take, rays, reconstruction, true));
   }
 }
@@ -93,17 +95,17 @@ TEST_F(RayQuery, AgreesWithTheReference) {
 TEST_F(RayQuery, AgreesWithTheReferenceOnEveryInstructionSet) {
   const Take take = write();
   const std::vector<WorldRay> rays = some_rays(500);
-  const Reconstruction reconstruction{"lumigraph", {0, 0, 1, 4}};
+  const ReconstructionSettings reconstruction{"lumigraph", {0, 0, 1, 4}};
   const std::vector<RaySample> reference = ask(take, rays, reconstruction, true);
-  testing::for_each_target(kernel_target,
-                           [&] { expect_equal(ask(take, rays, reconstruction), reference); });
+  testing::for_each_simd_target(kernel_target,
+                                [&] { expect_equal(ask(take, rays, reconstruction), reference); });
 }
 
 TEST_F(RayQuery, AnswersAViewsRaysAsTheViewIsRendered) {
   const Take take = write();
   VirtualCamera view = virtual_camera_with_fov(90, 70, 0.7, {});
   view.pose.position = {0.013, -0.02, 0.1};
-  const Reconstruction reconstruction{"lumigraph", {0.1, 0, 1, 3.5}};
+  const ReconstructionSettings reconstruction{"lumigraph", {0.1, 0, 1, 3.5}};
   const RenderedView image =
       LightFieldRenderer(take, {}).render(view, select_frames(take, 0, 1), reconstruction);
   std::vector<WorldRay> rays;
@@ -166,7 +168,7 @@ TEST_F(RayQuery, WhatIsNoRayOrSeesNothingIsTransparent) {
 
 TEST_F(RayQuery, MethodsThatChooseForViewsRefuseRaysAndSayWhy) {
   const Take take = write();
-  const auto refused = [&](const Reconstruction& reconstruction) -> std::string {
+  const auto refused = [&](const ReconstructionSettings& reconstruction) -> std::string {
     try {
       ask(take, {{{0, 0, 0}, {0, 0, -1}}}, reconstruction);
     } catch (const Error& error) {

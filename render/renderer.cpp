@@ -12,15 +12,16 @@
 #include <stdexcept>
 #include <utility>
 
-#include "render/confidence/confidence.h"
-#include "render/fill/push_pull.h"
+#include "base/error.h"
+#include "render/common/footprint.h"
+#include "render/common/large_buffer.h"
+#include "render/common/light_field_frame.h"
+#include "render/common/push_pull.h"
+#include "render/confidence.h"
 #include "render/lumigraph/lumigraph.h"
-#include "render/matching/large_buffer.h"
+#include "render/lumigraph/lumigraph_method.h"
 #include "render/methods.h"
-#include "render/view/footprint.h"
-#include "render/view/instant.h"
-#include "schemas/error.h"
-#include "store/frames/frame_cache.h"
+#include "store/processing/frames/frame_cache.h"
 
 namespace raystage {
 
@@ -30,7 +31,7 @@ struct LightFieldRenderer::State {
         settings(with_settings),
         cache(of_take, cache_bytes(with_settings), with_settings.blend_space, with_settings.matte),
         kept(with_settings.kept ? with_settings.kept
-                                : std::make_shared<KeptResults>(with_settings.kept_bytes)) {
+                                : std::make_shared<ResultCache>(with_settings.result_cache_bytes)) {
     if (settings.matte) {
       opaque.emplace(take, settings.cache_bytes - cache_bytes(settings), settings.blend_space);
     }
@@ -44,9 +45,9 @@ struct LightFieldRenderer::State {
   RendererSettings settings;
   FrameCache cache;
   std::optional<FrameCache> opaque;  // the frames without their matte
-  std::shared_ptr<KeptResults> kept;
+  std::shared_ptr<ResultCache> kept;
   BufferPool buffers;
-  std::vector<int> members;  // cameras not left out
+  std::vector<int> included_cameras;  // cameras not left out
   std::mutex mutex;
   std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
 
@@ -55,19 +56,19 @@ struct LightFieldRenderer::State {
     const std::scoped_lock lock(mutex);
     if (topologies.size() >= kMost && !topologies.contains(cameras)) topologies.clear();
     auto& known = topologies[cameras];
-    if (!known) known = std::make_shared<const Topology>(topology_of(take.rig(), cameras));
+    if (!known) known = std::make_shared<const Topology>(make_topology(take.rig(), cameras));
     return known;
   }
 
   std::vector<int> frames_of_members(const FrameSelection& frames) const {
     std::vector<int> of_camera(static_cast<std::size_t>(take.camera_count()), -1);
-    for (const int camera : members) {
+    for (const int camera : included_cameras) {
       of_camera[static_cast<std::size_t>(camera)] = frames.frame[static_cast<std::size_t>(camera)];
     }
     return of_camera;
   }
 
-  std::vector<std::vector<int>> frames_beside(Nanoseconds time) const {
+  std::vector<std::vector<int>> adjacent_frames(Nanoseconds time) const {
     const std::span<const FrameSelection> ticks = settings.ticks;
     const auto now = nearest_tick(ticks, time);
     std::vector<std::vector<int>> beside;
@@ -78,8 +79,8 @@ struct LightFieldRenderer::State {
   }
 
   /// Without topologies where no camera is present.
-  Instant instant(const FrameSelection& frames) {
-    Instant instant;
+  LightFieldFrame instant(const FrameSelection& frames) {
+    LightFieldFrame instant;
     instant.take = &take;
     instant.time_ns = frames.time_ns;
     instant.rig = &take.rig();
@@ -87,30 +88,30 @@ struct LightFieldRenderer::State {
     instant.opaque = opaque ? &*opaque : nullptr;
     instant.look = cache.new_look();
     instant.frame_of_camera = frames_of_members(frames);
-    instant.frames_beside = frames_beside(frames.time_ns);
-    instant.members = members;
+    instant.adjacent_frames = adjacent_frames(frames.time_ns);
+    instant.included_cameras = included_cameras;
     instant.cache_folder = settings.cache_folder;
     instant.stored_data_counts = settings.stored_data_counts.get();
     std::vector<int> present;
-    for (const int camera : members) {
+    for (const int camera : included_cameras) {
       if (instant.is_present(camera)) present.push_back(camera);
     }
     if (present.empty()) return instant;
     instant.present = topology(present);
-    instant.complete = present == members ? instant.present : topology(members);
+    instant.complete = present == included_cameras ? instant.present : topology(included_cameras);
     return instant;
   }
 
   /// The weights of all cameras: what they contribute to if their frames are white.
   void add_weights(const Method& method, const ViewRequest& request, Contribution& all) const {
     FrameCache white = FrameCache::white(take, cache.blend_space());
-    Instant of_white = request.instant;
+    LightFieldFrame of_white = request.instant;
     of_white.cache = &white;
-    KeptResults none(0);
+    ResultCache none(0);
     const Contribution weights =
         method.contribute({request.view, of_white, request.focal_plane, request.options, none,
                            request.working_bytes, request.buffers, false, false, false,
-                           request.supersampling, request.first_row, request.whole_height});
+                           request.supersampling, request.first_row, request.full_height});
     for (std::size_t plane = 0; plane < all.planes.size(); ++plane) {
       const PixelValues& from = weights.planes.at(plane);
       for (std::size_t i = 3; i < from.size(); i += 4) all.planes[plane][i] = from[i];
@@ -119,23 +120,23 @@ struct LightFieldRenderer::State {
 
   /// The view of all hosts' contributions.
   RenderedView render_together(const Method& method, const ViewRequest& request,
-                               const Reconstruction& reconstruction) const {
-    HostView asked{request.view,
-                   {request.instant.time_ns, {}, {}},
-                   request.instant.frames_beside,
-                   reconstruction.method,
-                   reconstruction.options,
-                   reconstruction.focal_plane,
-                   request.supersampling,
-                   request.first_row,
-                   request.whole_height};
+                               const ReconstructionSettings& reconstruction) const {
+    DistributedViewRequest asked{request.view,
+                                 {request.instant.time_ns, {}, {}},
+                                 request.instant.adjacent_frames,
+                                 reconstruction.method,
+                                 reconstruction.options,
+                                 reconstruction.focal_plane,
+                                 request.supersampling,
+                                 request.first_row,
+                                 request.full_height};
     asked.frames.frame.assign(request.instant.frame_of_camera.begin(),
                               request.instant.frame_of_camera.end());
-    asked.in_step = method.distribution(request.options) == Distribution::kInStep;
-    Contribution all = settings.hosts->sum(asked, [&](const HostGroup* group) {
-      Instant own = request.instant;
-      own.host_of_camera = settings.host_of_camera;
-      own.this_host = settings.this_host;
+    asked.is_lockstep = method.distribution(request.options) == DistributionMode::kLockstep;
+    Contribution all = settings.hosts->sum(asked, [&](const RankCommunicator* group) {
+      LightFieldFrame own = request.instant;
+      own.rank_of_camera = settings.rank_of_camera;
+      own.this_rank = settings.this_rank;
       ViewRequest of_own{request.view,
                          own,
                          request.focal_plane,
@@ -148,11 +149,11 @@ struct LightFieldRenderer::State {
                          request.use_take_folder,
                          request.supersampling,
                          request.first_row,
-                         request.whole_height,
+                         request.full_height,
                          group};
       return method.contribute(of_own);
     });
-    if (settings.hosts->lacks_weights(asked)) add_weights(method, request, all);
+    if (settings.hosts->omits_weights(asked)) add_weights(method, request, all);
     RenderedView image = method.combine(request, std::move(all.planes));
     const RenderStatistics& sampled = all.statistics;
     image.statistics.plan_ms += sampled.plan_ms;
@@ -169,13 +170,14 @@ struct LightFieldRenderer::State {
 
 namespace {
 
-bool is_summed(Distribution distribution) {
-  return distribution == Distribution::kContributions || distribution == Distribution::kInStep;
+bool is_summed(DistributionMode distribution) {
+  return distribution == DistributionMode::kContributions ||
+         distribution == DistributionMode::kLockstep;
 }
 
 /// With what the request and the method add to a RenderedView.
 std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settings) {
-  return bytes_of_view({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
+  return view_buffer_bytes({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
          (settings.measure_confidence ? sizeof(float) : 0) +
          (method.marks_empty_space() ? sizeof(float) : 0);
 }
@@ -203,17 +205,17 @@ struct Sampling {
 /// The bounds go by what every view has: what is measured beside must not change the picture.
 Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSettings& settings,
                      bool rows_alone) {
-  int factor =
-      std::min(wanted_supersampling(ratio), std::clamp(settings.most_supersampling, 1, 64));
+  int factor = std::min(wanted_supersampling(ratio), std::clamp(settings.max_supersampling, 1, 64));
   const auto row_bytes = [&] {
-    const VirtualCamera row = rows_of(view, 0, 1);
-    return bytes_of_view(row) * static_cast<std::size_t>(factor * factor);
+    const VirtualCamera row = crop_rows(view, 0, 1);
+    return view_buffer_bytes(row) * static_cast<std::size_t>(factor * factor);
   };
   const std::size_t most = settings.supersampling_bytes;
   if (rows_alone && factor > 1) {
     std::size_t rows = std::max<std::size_t>(1, most / row_bytes());
     // Weights that are interpolated between rows of samples keep these.
-    const auto tile = static_cast<std::size_t>(kFieldTile / std::gcd(kFieldTile, factor));
+    const auto tile =
+        static_cast<std::size_t>(kBlendingTileSize / std::gcd(kBlendingTileSize, factor));
     if (rows > tile) rows -= rows % tile;
     return {factor,
             static_cast<int>(std::min<std::size_t>(rows, static_cast<std::size_t>(view.height)))};
@@ -224,12 +226,12 @@ Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSett
 
 /// source_pixels_per_pixel() where the method looks rays up: on the focal plane, or, for those that
 /// find the scene themselves, on eq. 2.2's. Where that is not in view, at infinity.
-double filtered_pixels(const VirtualCamera& view, const Instant& instant, const Method& method,
-                       const Eigen::Vector4d& focal_plane) {
+double filtered_pixels(const VirtualCamera& view, const LightFieldFrame& instant,
+                       const Method& method, const Eigen::Vector4d& focal_plane) {
   Eigen::Vector4d plane = focal_plane;
   const auto scene = instant.take->document().depth_range;
   if (!method.uses_focal_plane() && scene) {
-    plane = plane_in_front_of(*instant.rig, best_focal_depth(*scene));
+    plane = fronto_parallel_plane(*instant.rig, optimal_focal_depth(*scene));
   }
   const double ratio = source_pixels_per_pixel(view, instant, plane);
   return ratio > 0 ? ratio : source_pixels_per_pixel(view, instant, {0, 0, 0, 1});
@@ -241,41 +243,42 @@ struct ChosenMethod {
   MethodOptions options;
 };
 
-ChosenMethod chosen_by(const Reconstruction& reconstruction) {
+ChosenMethod chosen_by(const ReconstructionSettings& reconstruction) {
   const Method& method = method_named(reconstruction.method);
   return {method, {method.options(), reconstruction.options, "method " + reconstruction.method}};
 }
 
 /// The method that answers single rays.
-ChosenMethod chosen_for_rays(const Reconstruction& reconstruction) {
+ChosenMethod chosen_for_rays(const ReconstructionSettings& reconstruction) {
   ChosenMethod chosen = chosen_by(reconstruction);
-  const RayStandIn stand_in = chosen.method.ray_stand_in(chosen.options);
+  const RayDelegate stand_in = chosen.method.ray_delegate(chosen.options);
   if (stand_in.method.empty()) return chosen;
   const Method& method = method_named(stand_in.method);
   return {method, {method.options(), stand_in.options, "method " + reconstruction.method}};
 }
 
 /// The method whose stored data a light field needs.
-ChosenMethod storing(const Reconstruction& reconstruction, RenderedAs as) {
-  return as == RenderedAs::kViews ? chosen_by(reconstruction) : chosen_for_rays(reconstruction);
+ChosenMethod storing(const ReconstructionSettings& reconstruction, QueryKind as) {
+  return as == QueryKind::kViews ? chosen_by(reconstruction) : chosen_for_rays(reconstruction);
 }
 
 }  // namespace
 
-void check_answers_rays(const Reconstruction& reconstruction) {
+void check_ray_query_support(const ReconstructionSettings& reconstruction) {
   const ChosenMethod chosen = chosen_by(reconstruction);
-  chosen.method.check_rays(chosen.options);
+  chosen.method.check_ray_support(chosen.options);
 }
 
 LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings& settings)
     : state_(std::make_unique<State>(take, settings)) {
   for (int camera = 0; camera < take.camera_count(); ++camera) {
-    const auto& left_out = settings.left_out;
-    if (std::find(left_out.begin(), left_out.end(), camera) == left_out.end()) {
-      state_->members.push_back(camera);
+    const auto& excluded_cameras = settings.excluded_cameras;
+    if (std::find(excluded_cameras.begin(), excluded_cameras.end(), camera) ==
+        excluded_cameras.end()) {
+      state_->included_cameras.push_back(camera);
     }
   }
-  if (state_->members.empty()) {
+  if (state_->included_cameras.empty()) {
     throw Error::bad_input("every camera is left out", take.folder().string(),
                            "Leave at least one camera in");
   }
@@ -284,15 +287,16 @@ LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings&
 LightFieldRenderer::~LightFieldRenderer() = default;
 
 RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSelection& frames,
-                                        const Reconstruction& reconstruction) const {
+                                        const ReconstructionSettings& reconstruction) const {
   const ChosenMethod chosen = chosen_by(reconstruction);
   const Method& method = chosen.method;
   const MethodOptions& options = chosen.options;
   if (state_->settings.measure_coverage && !method.measures_coverage()) {
     throw Error::bad_input("method " + reconstruction.method + " does not measure its coverage",
-                           "method", "Leave --coverage out, or choose another method");
+                           "method", "Do not measure the coverage, or choose another method")
+        .concerning({"coverage"});
   }
-  const Instant instant = state_->instant(frames);
+  const LightFieldFrame instant = state_->instant(frames);
   if (!instant.present) {
     RenderedView nothing = empty_view(view);
     if (state_->settings.measure_confidence) nothing.confidence = nothing.coverage;
@@ -310,7 +314,7 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   const bool is_together =
       state_->settings.hosts != nullptr && is_summed(method.distribution(options));
   const auto render_rows = [&, factor = factor](int first, int end) {
-    const VirtualCamera fine = supersampled(rows_of(view, first, end), factor);
+    const VirtualCamera fine = supersampled(crop_rows(view, first, end), factor);
     const ViewRequest request{fine,
                               instant,
                               reconstruction.focal_plane,
@@ -330,14 +334,15 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
     if (state_->settings.measure_confidence) {
       (by_reference ? measure_confidence_reference : measure_confidence)(fine, instant, image);
     }
-    return factor > 1 ? averaged(image, factor) : std::move(image);
+    return factor > 1 ? downsampled(image, factor) : std::move(image);
   };
   RenderedView image;
   if (rows == view.height) {
     image = render_rows(0, view.height);
   } else {
     for (int first = 0; first < view.height; first += rows) {
-      put_rows(render_rows(first, std::min(first + rows, view.height)), first, view.height, image);
+      insert_rows(render_rows(first, std::min(first + rows, view.height)), first, view.height,
+                  image);
     }
   }
   if (distorted) {
@@ -367,23 +372,24 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   return image;
 }
 
-Contribution LightFieldRenderer::contribute(const HostView& view, const HostGroup* group) const {
+Contribution LightFieldRenderer::contribute(const DistributedViewRequest& view,
+                                            const RankCommunicator* group) const {
   const Method& method = method_named(view.method);
   const MethodOptions options(method.options(), view.options, "method " + view.method);
-  Instant instant = state_->instant(view.frames);
-  instant.frames_beside = view.frames_beside;
-  instant.host_of_camera = state_->settings.host_of_camera;
-  instant.this_host = state_->settings.this_host;
+  LightFieldFrame instant = state_->instant(view.frames);
+  instant.adjacent_frames = view.adjacent_frames;
+  instant.rank_of_camera = state_->settings.rank_of_camera;
+  instant.this_rank = state_->settings.this_rank;
   if (!instant.present) throw std::logic_error("a view without cameras");
   return method.contribute({view.view, instant, view.focal_plane, options, *state_->kept,
                             state_->settings.working_bytes, state_->buffers, false, false,
                             state_->settings.use_take_folder, view.supersampling, view.first_row,
-                            view.whole_height, group});
+                            view.full_height, group});
 }
 
 std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const FrameSelection& frames,
-                                           const Reconstruction& reconstruction) const {
-  const Instant instant = state_->instant(frames);
+                                           const ReconstructionSettings& reconstruction) const {
+  const LightFieldFrame instant = state_->instant(frames);
   const auto& [method, options] = chosen_by(reconstruction);
   const double ratio =
       instant.present ? filtered_pixels(view, instant, method, reconstruction.focal_plane) : 0;
@@ -392,49 +398,50 @@ std::size_t LightFieldRenderer::view_bytes(const VirtualCamera& view, const Fram
   const std::size_t of_pixel = bytes_per_pixel(method, state_->settings);
   const std::size_t bytes = pixels_of(view) * of_pixel;
   if (sampling.factor == 1) return bytes;
-  const VirtualCamera fine = supersampled(rows_of(view, 0, sampling.rows), sampling.factor);
+  const VirtualCamera fine = supersampled(crop_rows(view, 0, sampling.rows), sampling.factor);
   const std::size_t part =
-      sampling.rows < view.height ? pixels_of(rows_of(view, 0, sampling.rows)) : 0;
+      sampling.rows < view.height ? pixels_of(crop_rows(view, 0, sampling.rows)) : 0;
   return bytes + (pixels_of(fine) + part) * of_pixel;  // the samples, and their mean
 }
 
 void LightFieldRenderer::query(std::span<const WorldRay> rays, const FrameSelection& frames,
-                               const Reconstruction& reconstruction,
+                               const ReconstructionSettings& reconstruction,
                                std::span<RaySample> samples) const {
-  const Instant instant = state_->instant(frames);
-  check_answers_rays(reconstruction);
+  const LightFieldFrame instant = state_->instant(frames);
+  check_ray_query_support(reconstruction);
   const auto& [method, options] = chosen_for_rays(reconstruction);
   std::fill(samples.begin(), samples.end(), RaySample{});
   if (!instant.present) return;
   const RaySurface surface = method.surface(
       {options, instant, reconstruction.focal_plane, *state_->kept, state_->settings.working_bytes,
        state_->settings.use_take_folder, state_->settings.reference});
-  const RayWeighing weighing =
-      ray_weighing(method.has_ray_weights()
-                       ? options
-                       : MethodOptions(lumigraph_method().options(), {}, "method lumigraph"));
+  const RayWeightSettings weighing =
+      ray_weight_settings(method.has_ray_weights() ? options
+                                                   : MethodOptions(lumigraph_method().options(), {},
+                                                                   "method lumigraph"));
   const auto answer = state_->settings.reference ? query_rays_reference : query_rays;
   answer(rays, instant, surface, weighing, samples);
 }
 
 std::filesystem::path LightFieldRenderer::stored_file(const FrameSelection& frames,
-                                                      const Reconstruction& reconstruction,
-                                                      RenderedAs as) const {
+                                                      const ReconstructionSettings& reconstruction,
+                                                      QueryKind as) const {
   const auto& [method, options] = storing(reconstruction, as);
-  const Instant instant = state_->instant(frames);
+  const LightFieldFrame instant = state_->instant(frames);
   if (!state_->settings.use_take_folder || !instant.present) return {};
   return method.stored_file(options, instant);
 }
 
 StoreResult LightFieldRenderer::store(const FrameSelection& frames,
-                                      const Reconstruction& reconstruction, RenderedAs as) const {
+                                      const ReconstructionSettings& reconstruction,
+                                      QueryKind as) const {
   if (stored_file(frames, reconstruction, as).empty()) return {};
   const auto& [method, options] = storing(reconstruction, as);
   return method.store(options, state_->instant(frames), state_->settings.working_bytes);
 }
 
 void LightFieldRenderer::read_ahead(const FrameSelection& frames) const {
-  for (const int camera : state_->members) {
+  for (const int camera : state_->included_cameras) {
     const int frame = frames.frame[static_cast<std::size_t>(camera)];
     if (frame >= 0) state_->cache.read_ahead(camera, frame);
   }
@@ -448,7 +455,7 @@ DecodeCosts LightFieldRenderer::decode_costs() const {
   return costs;
 }
 
-std::size_t LightFieldRenderer::decoded_bytes_held() const {
+std::size_t LightFieldRenderer::decoded_bytes_cached() const {
   return state_->cache.bytes_held() + (state_->opaque ? state_->opaque->bytes_held() : 0);
 }
 

@@ -7,19 +7,19 @@
 #include <cmath>
 #include <string>
 
-#include "render/test_slabs.h"
-#include "render/view/synthetic_take.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_slabs.h"
 
-namespace raystage {
+namespace raystage::slabs_box_test {
 namespace {
 
 using Eigen::Vector3d;
-using testing::Asked;
+using testing::FastAndReference;
 using testing::kDegree;
-using testing::looking;
+using testing::make_pose;
 using testing::mean_alpha;
-using testing::Pair;
 using testing::render_both;
+using testing::RenderCase;
 using testing::SyntheticTake;
 
 class SlabsBox : public ::testing::Test {
@@ -31,12 +31,12 @@ class SlabsBox : public ::testing::Test {
   TestFolder folder_;
 };
 
-/// 24 cameras on the faces of a box, looking outwards.
+/// 24 cameras on the faces of a box, make_pose outwards.
 SyntheticTake box_take() {
   SyntheticTake settings;
   for (int side = 0; side < 6; ++side) {
     const Pose out =
-        side < 4 ? looking({0, 0, 0}, side * 90) : looking({0, 0, 0}, 0, side == 4 ? 90 : -90);
+        side < 4 ? make_pose({0, 0, 0}, side * 90) : make_pose({0, 0, 0}, 0, side == 4 ? 90 : -90);
     for (CameraGeometry camera : testing::camera_grid(2, 2, 0.8, 120, 120)) {
       camera.id = std::to_string(side) + camera.id;
       camera.intrinsics.fx = camera.intrinsics.fy = 55;  // 95 degrees
@@ -56,15 +56,15 @@ std::array<double, 3> painted_direction(const Vector3d& d) {
           0.5 + 0.3 * std::cos(5 * u.z() - u.x())};
 }
 
-/// Of any channel, from what the painting shows along the view's rays.
+/// Of any channel, from what the scene shows along the view's rays.
 double worst_error(const RenderedView& image, const VirtualCamera& view,
-                   const testing::Painting& painting) {
+                   const testing::SceneFunction& scene) {
   double worst = 0;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
       const Vector3d ray(x + 0.5 - view.intrinsics.cx, view.intrinsics.cy - y - 0.5,
                          -view.intrinsics.fx);
-      const auto truth = painting(view.pose.position, view.pose.world_from_camera_rotation * ray);
+      const auto truth = scene(view.pose.position, view.pose.world_from_camera_rotation * ray);
       for (std::size_t c = 0; c < 3; ++c) {
         const auto at = static_cast<std::size_t>(y * view.width + x) * 4 + c;
         worst = std::max(worst, std::abs(truth[c] - static_cast<double>(image.rgba[at])));
@@ -77,9 +77,9 @@ double worst_error(const RenderedView& image, const VirtualCamera& view,
 TEST_F(SlabsBox, ABoxLooksAllAround) {
   SyntheticTake settings = box_take();
   // A world at infinity: what is seen depends on the direction alone.
-  settings.painting = [](const Vector3d&, const Vector3d& d) { return painted_direction(d); };
+  settings.scene = [](const Vector3d&, const Vector3d& d) { return painted_direction(d); };
   const Take take = write(settings);
-  const Asked box{.plane = {0, 0, 0, 1}, .options = {{"layout", "box"}}};
+  const RenderCase box{.plane = {0, 0, 0, 1}, .options = {{"layout", "box"}}};
   for (const auto& [yaw, pitch] : {std::pair{0.0, 0.0},
                                    {45.0, 0.0},
                                    {190.0, 20.0},
@@ -88,17 +88,17 @@ TEST_F(SlabsBox, ABoxLooksAllAround) {
                                    {60.0, -70.0}}) {
     SCOPED_TRACE(yaw);
     const VirtualCamera view =
-        virtual_camera_with_fov(100, 80, 100 * kDegree, looking({0.03, 0.02, -0.01}, yaw, pitch));
-    const Pair pair = render_both(take, view, box);
+        virtual_camera_with_fov(100, 80, 100 * kDegree, make_pose({0.03, 0.02, -0.01}, yaw, pitch));
+    const FastAndReference pair = render_both(take, view, box);
     expect_equal(pair, 2e-3, 2e-3);
     EXPECT_GT(mean_alpha(pair.fast), 0.999);
-    EXPECT_LT(worst_error(pair.fast, view, settings.painting), 0.04);
+    EXPECT_LT(worst_error(pair.fast, view, settings.scene), 0.04);
   }
   // A side without cameras is empty, the others go on.
   settings.cameras.erase(settings.cameras.begin(), settings.cameras.begin() + 4);
   const Take open = write(settings, "open");
-  const Pair front = render_both(
-      open, virtual_camera_with_fov(90, 60, 60 * kDegree, looking({0.03, 0.02, -0.01}, 0)), box);
+  const FastAndReference front = render_both(
+      open, virtual_camera_with_fov(90, 60, 60 * kDegree, make_pose({0.03, 0.02, -0.01}, 0)), box);
   expect_equal(front);
   EXPECT_EQ(mean_alpha(front.fast), 0);
 }
@@ -114,22 +114,22 @@ TEST_F(SlabsBox, EveryFaceOfABoxIsInFocusAtTheSameDistance) {
     }
     return Vector3d(origin + nearest * d);
   };
-  settings.painting = [&](const Vector3d& origin, const Vector3d& d) {
+  settings.scene = [&](const Vector3d& origin, const Vector3d& d) {
     return painted_direction(on_wall(origin, d));
   };
   const Take take = write(settings);
-  const Asked box{.plane = {0, 0, 1, 5}, .options = {{"layout", "box"}}};
+  const RenderCase box{.plane = {0, 0, 1, 5}, .options = {{"layout", "box"}}};
   for (const auto& [yaw, pitch] :
        {std::pair{0.0, 0.0}, {90.0, 0.0}, {180.0, 0.0}, {-90.0, 0.0}, {0.0, 90.0}, {0.0, -90.0}}) {
     SCOPED_TRACE(std::to_string(yaw) + " " + std::to_string(pitch));
     const VirtualCamera view =
-        virtual_camera_with_fov(60, 60, 50 * kDegree, looking({0.1, -0.08, 0.06}, yaw, pitch));
-    const Pair pair = render_both(take, view, box);
+        virtual_camera_with_fov(60, 60, 50 * kDegree, make_pose({0.1, -0.08, 0.06}, yaw, pitch));
+    const FastAndReference pair = render_both(take, view, box);
     expect_equal(pair, 2e-3, 2e-3);
     EXPECT_GT(mean_alpha(pair.fast), 0.999);
-    EXPECT_LT(worst_error(pair.fast, view, settings.painting), 0.04);
+    EXPECT_LT(worst_error(pair.fast, view, settings.scene), 0.04);
   }
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::slabs_box_test

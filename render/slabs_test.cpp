@@ -7,27 +7,27 @@
 #include <Eigen/Core>
 #include <cmath>
 
+#include "base/error.h"
 #include "render/renderer.h"
-#include "render/test_slabs.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/error.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_slabs.h"
 
-namespace raystage {
+namespace raystage::slabs_test {
 namespace {
 
 using Eigen::Vector3d;
 using Eigen::Vector4d;
+using testing::FastAndReference;
 using testing::kDegree;
 using testing::kPaintedPlane;
-using testing::looking;
+using testing::make_pose;
 using testing::mean_alpha;
-using testing::Pair;
 using testing::render_both;
 using testing::SyntheticTake;
 
 VirtualCamera view_from(const Vector3d& position, double yaw, double fov, int width = 120,
                         int height = 90) {
-  return virtual_camera_with_fov(width, height, fov * kDegree, looking(position, yaw));
+  return virtual_camera_with_fov(width, height, fov * kDegree, make_pose(position, yaw));
 }
 
 /// Largest difference from what the painted plane looks like, over the pixels seen by all.
@@ -60,7 +60,7 @@ SyntheticTake grid_take(int rows, int columns, const Distortion& distortion = {}
 void turn(CameraGeometry& camera, double yaw_degrees, double pitch_degrees = 0) {
   Pose pose = pose_from_matrix(camera.world_from_camera);
   pose.world_from_camera_rotation =
-      looking({0, 0, 0}, yaw_degrees, pitch_degrees).world_from_camera_rotation;
+      make_pose({0, 0, 0}, yaw_degrees, pitch_degrees).world_from_camera_rotation;
   camera.world_from_camera = matrix_from_pose(pose);
 }
 
@@ -84,7 +84,7 @@ TEST_F(Slabs, AWallEyedArrayIsExactFromEverywhere) {
                            view_from({0, 0, 40}, 0, 0.5),          // from far behind
                            view_from({0, 0, 1e6}, 0, 2e-5)}) {
     SCOPED_TRACE(view.pose.position.transpose());
-    const Pair pair = render_both(take, view);
+    const FastAndReference pair = render_both(take, view);
     expect_equal(pair);
     EXPECT_GT(mean_alpha(pair.fast), 0.05);
     EXPECT_LT(error_against_truth(pair.fast, view), 0.035);  // JPEG's quantisation
@@ -125,14 +125,14 @@ TEST_F(Slabs, DistortedAndToedInCamerasAreRectified) {
   for (const SyntheticTake& settings : {distorted, toed_in}) {
     const Take take = write(settings, std::to_string(number++));
     for (const auto& view : {view_from({0.01, 0.02, 0.02}, 2, 40), view_from({0, 0, 0.3}, 0, 30)}) {
-      const Pair pair = render_both(take, view);
+      const FastAndReference pair = render_both(take, view);
       // The rectified picture is interpolated once more; its border falls elsewhere.
       expect_equal(pair, 0.03, 1);
       EXPECT_NEAR(mean_alpha(pair.fast), mean_alpha(pair.reference), 0.005);
       EXPECT_GT(mean_alpha(pair.fast), 0.3);
       EXPECT_LT(error_against_truth(pair.fast, view), 0.03);
       // ... less so when it is sampled more finely.
-      const Pair fine = render_both(take, view, {.options = {{"uv_scale", 3.0}}});
+      const FastAndReference fine = render_both(take, view, {.options = {{"uv_scale", 3.0}}});
       double coarse_error = 0, fine_error = 0;
       for (std::size_t i = 0; i < pair.fast.rgba.size(); ++i) {
         if (pair.reference.rgba[i | 3] < 0.999F || pair.fast.rgba[i | 3] < 0.999F) continue;
@@ -156,12 +156,13 @@ TEST_F(Slabs, CamerasThatStandAnywhereAreResampled) {
   }
   const Take take = write(settings);
   const VirtualCamera view = view_from({0.01, 0.02, 0.1}, 2, 30);
-  const Pair pair = render_both(take, view);
+  const FastAndReference pair = render_both(take, view);
   expect_equal(pair, 0.01, 1);
   EXPECT_NEAR(mean_alpha(pair.fast), mean_alpha(pair.reference), 0.005);
   EXPECT_GT(mean_alpha(pair.fast), 0.9);
   EXPECT_LT(error_against_truth(pair.fast, view), 0.03);
-  const Pair asked = render_both(take, view, {.options = {{"columns", 7.0}, {"rows", 2.0}}});
+  const FastAndReference asked =
+      render_both(take, view, {.options = {{"columns", 7.0}, {"rows", 2.0}}});
   expect_equal(asked, 0.01, 1);
   EXPECT_NE(asked.fast.rgba, pair.fast.rgba);
 }
@@ -171,7 +172,8 @@ TEST_F(Slabs, InterpolationMayBeCoarser) {
   const VirtualCamera view = view_from({0.013, 0.017, 0.1}, 2, 30);
   std::vector<RenderedView> images;
   for (const char* interpolation : {"quadrilinear", "bilinear_st", "nearest"}) {
-    const Pair pair = render_both(take, view, {.options = {{"interpolation", interpolation}}});
+    const FastAndReference pair =
+        render_both(take, view, {.options = {{"interpolation", interpolation}}});
     std::size_t differ = 0;
     for (std::size_t i = 0; i < pair.fast.rgba.size(); ++i) {
       differ += std::abs(pair.fast.rgba[i] - pair.reference.rgba[i]) > 1e-3F ? 1 : 0;
@@ -189,8 +191,8 @@ TEST_F(Slabs, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   settings.absent = {{4, 1}};  // the middle camera, second frame
   const Take take = write(settings);
   const VirtualCamera view = view_from({0, 0, 0.2}, 0, 20, 90, 90);
-  const Pair whole = render_both(take, view);
-  const Pair lacking = render_both(take, view, {.frame = 1});
+  const FastAndReference whole = render_both(take, view);
+  const FastAndReference lacking = render_both(take, view, {.frame = 1});
   expect_equal(whole);
   expect_equal(lacking, 5e-3, 2e-3);
   const std::size_t middle = 45 * 90 + 45;
@@ -206,7 +208,7 @@ TEST_F(Slabs, LinesAndSingleCamerasRender) {
     SCOPED_TRACE(name);
     const Take take = write(grid_take(rows, columns), name);
     const VirtualCamera view = view_from({0.005, 0.002, 0.01}, 0, 40, 80, 60);
-    const Pair pair = render_both(take, view);
+    const FastAndReference pair = render_both(take, view);
     expect_equal(pair);
     EXPECT_GT(mean_alpha(pair.fast), 0.2);
     EXPECT_LT(error_against_truth(pair.fast, view), 0.03);
@@ -223,7 +225,7 @@ TEST_F(Slabs, MissingRaysAreMissing) {
         {view_from({0, 0, -8}, 180, 50), kPaintedPlane},              // from behind the scene
         {view_from({0, 0, 0.1}, 0, 50), Vector4d(0, 0, 1, -0.1)}}) {  // the plane through the eye
     SCOPED_TRACE(view.pose.position.transpose());
-    const Pair pair = render_both(take, view, {.plane = plane});
+    const FastAndReference pair = render_both(take, view, {.plane = plane});
     expect_equal(pair);
     for (const float value : pair.fast.rgba) ASSERT_TRUE(std::isfinite(value));
     if (view.pose.position.z() != -8) {
@@ -238,8 +240,9 @@ TEST_F(Slabs, BothBlendSpacesAgreeWithTheReference) {
   const Take take = write(settings);
   const VirtualCamera view = view_from({0.01, 0.02, 0.2}, 1, 30);
   const Vector4d ghosting(0, 0, 1, 1);
-  const Pair perceptual = render_both(take, view, {.plane = ghosting});
-  const Pair linear = render_both(take, view, {.plane = ghosting, .space = BlendSpace::kLinear});
+  const FastAndReference perceptual = render_both(take, view, {.plane = ghosting});
+  const FastAndReference linear =
+      render_both(take, view, {.plane = ghosting, .space = BlendSpace::kLinear});
   expect_equal(perceptual);
   expect_equal(linear);
   EXPECT_NE(perceptual.fast.rgba, linear.fast.rgba);
@@ -262,7 +265,7 @@ TEST_F(Slabs, SameBytesForAnyNumberOfThreadsAndAnyMemory) {
   used.render(view_from({0, 0, 0.1}, 0, 15, 40, 30), frames, {"slabs", kPaintedPlane});
   EXPECT_EQ(used.render(view, frames, {"slabs", kPaintedPlane}).rgba, image.rgba);
   RendererSettings little;
-  little.kept_bytes = 1;
+  little.result_cache_bytes = 1;
   little.cache_bytes = 1;
   const std::size_t node = 8 * 200 * 160;
   little.working_bytes = 9 * node;  // not all sixteen at once
@@ -312,4 +315,4 @@ TEST_F(Slabs, RefusesOptionsThatItDoesNotHave) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::slabs_test

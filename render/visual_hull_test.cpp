@@ -12,15 +12,15 @@
 #include <numbers>
 #include <optional>
 
-#include "render/hull/carving.h"
-#include "render/hull/test_matte.h"
+#include "base/error.h"
+#include "base/transfer_function.h"
+#include "render/common/ray_cells.h"
+#include "render/hull/hull_surface.h"
 #include "render/renderer.h"
-#include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "schemas/transfer_function.h"
 #include "store/jpeg/encode.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_matte.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -214,12 +214,12 @@ TEST_F(VisualHull, AFillPaintsNothingBesideTheHull) {
       for (std::size_t i = 0; i < plain.coverage.size(); ++i) {
         outside += plain.rgba[i * 4 + 3] == 0 ? 1 : 0;
         inside += plain.rgba[i * 4 + 3] > 0 ? 1 : 0;
-        ASSERT_NEAR(filled.rgba[i * 4 + 3], 1 - plain.nothing_there[i], 1e-6) << i;
-        if (plain.nothing_there[i] == 1) {
+        ASSERT_NEAR(filled.rgba[i * 4 + 3], 1 - plain.empty_space[i], 1e-6) << i;
+        if (plain.empty_space[i] == 1) {
           ASSERT_EQ(filled.rgba[i * 4 + 3], 0) << i;
         }
         if (plain.rgba[i * 4 + 3] == 0) {
-          ASSERT_EQ(plain.nothing_there[i], 1) << i;  // all of the sphere is seen
+          ASSERT_EQ(plain.empty_space[i], 1) << i;  // all of the sphere is seen
         }
       }
       EXPECT_GT(outside, 50) << width;
@@ -242,11 +242,11 @@ TEST_F(VisualHull, RaysOfAViewAreAnsweredAsTheViewShowsThem) {
   for (const bool reference : {false, true}) {
     RendererSettings settings;
     settings.reference = reference;
-    settings.most_supersampling = 1;  // a ray a pixel
+    settings.max_supersampling = 1;  // a ray a pixel
     const LightFieldRenderer renderer(take, settings);
     const FrameSelection frames = select_frames(take, 0, 1);
     // The focal plane, through the sphere's middle, must not matter.
-    const Reconstruction by_hull{"visual_hull", {0, 0, 1, 3}, {{"nearest", 1.0}}};
+    const ReconstructionSettings by_hull{"visual_hull", {0, 0, 1, 3}, {{"nearest", 1.0}}};
     const RenderedView image = renderer.render(view, frames, by_hull);
     std::vector<RaySample> samples(rays.size());
     renderer.query(rays, frames, by_hull, samples);
@@ -303,7 +303,7 @@ TEST_F(VisualHull, MattesAreCountedAsPicturesAreNotAsInstants) {
   const auto matte = [&](std::size_t camera, const char* file) {
     return folder() / "mattes" / settings.cameras[camera].id / file;
   };
-  EXPECT_THAT(method.files_read(MethodOptions(method.options(), {}, "visual_hull"), take, third),
+  EXPECT_THAT(method.input_files(MethodOptions(method.options(), {}, "visual_hull"), take, third),
               ::testing::ElementsAre(matte(0, "000001.png"), matte(1, "000002.png")));
 }
 

@@ -7,7 +7,7 @@
 #include <cassert>
 #include <cmath>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {

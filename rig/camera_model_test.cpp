@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {

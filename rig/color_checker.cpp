@@ -39,13 +39,13 @@ Eigen::Matrix3d xyz_from_rec709(const Eigen::Vector3d& white) {
 
 }  // namespace
 
-ChartLight color_checker_light() {
+PatchColors color_checker_reference() {
   const Eigen::Vector3d d50(0.96422, 1, 0.82521);
   const Eigen::Vector3d d65(0.3127 / 0.3290, 1, (1 - 0.3127 - 0.3290) / 0.3290);
   const Eigen::Vector3d change = (bradford() * d65).cwiseQuotient(bradford() * d50);
   const Eigen::Matrix3d rec709_from_d50 =
       xyz_from_rec709(d65).inverse() * bradford().inverse() * change.asDiagonal() * bradford();
-  ChartLight light{};
+  PatchColors light{};
   for (std::size_t i = 0; i < light.size(); ++i) {
     const auto& [l, a, b] = kLab[i];
     const double y = (l + 16) / 116;

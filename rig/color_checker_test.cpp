@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "schemas/transfer_function.h"
+#include "base/transfer_function.h"
 
 namespace raystage {
 namespace {
@@ -29,13 +29,13 @@ TEST(ColorChecker, IsNearToTheMakersCodesOfOlderCharts) {
       {231, 199, 31},  {187, 86, 149},  {8, 133, 161},  {243, 243, 242}, {200, 200, 200},
       {160, 160, 160}, {122, 122, 121}, {85, 85, 85},   {52, 52, 52},
   }};
-  const ChartLight light = color_checker_light();
+  const PatchColors light = color_checker_reference();
   double sum = 0;
   for (std::size_t patch = 0; patch < kPublished.size(); ++patch) {
     const auto codes = codes_of(light[patch]);
     for (std::size_t c = 0; c < 3; ++c) {
       const double off = std::abs(codes[c] - kPublished[patch][c]);
-      EXPECT_LE(off, patch < kFirstGrey ? 18 : 8) << patch;
+      EXPECT_LE(off, patch < kFirstNeutralPatch ? 18 : 8) << patch;
       sum += off;
     }
   }
@@ -44,16 +44,16 @@ TEST(ColorChecker, IsNearToTheMakersCodesOfOlderCharts) {
 
 TEST(ColorChecker, ReflectsAsMuchAsItsLightnessSays) {
   // White for white, whatever it is adapted to: L* 95.19 is a luminance of 0.8806.
-  const Rgb white = color_checker_light()[kFirstGrey];
+  const Rgb white = color_checker_reference()[kFirstNeutralPatch];
   EXPECT_NEAR(0.2126 * white[0] + 0.7152 * white[1] + 0.0722 * white[2], 0.8806, 0.002);
 }
 
 TEST(ColorChecker, GreysAreGreyAndFallInEvenSteps) {
-  const ChartLight light = color_checker_light();
-  for (std::size_t i = kFirstGrey; i < light.size(); ++i) {
+  const PatchColors light = color_checker_reference();
+  for (std::size_t i = kFirstNeutralPatch; i < light.size(); ++i) {
     EXPECT_NEAR(light[i][0], light[i][1], 0.04 * light[i][1]);
     EXPECT_NEAR(light[i][2], light[i][1], 0.06 * light[i][1]);
-    if (i == kFirstGrey) continue;
+    if (i == kFirstNeutralPatch) continue;
     EXPECT_LT(light[i][1], 0.75 * light[i - 1][1]);
   }
   EXPECT_LT(light[17][0], 0);  // cyan is out of Rec.709's reach

@@ -75,12 +75,12 @@ int in_circle(GridPoint a, GridPoint b, GridPoint c, GridPoint d) {
   return sign(a2 * bc + b2 * ca + c2 * ab);
 }
 
-Triangle with_smallest_first(Triangle triangle) {
+Triangle rotate_smallest_first(Triangle triangle) {
   std::rotate(triangle.begin(), std::min_element(triangle.begin(), triangle.end()), triangle.end());
   return triangle;
 }
 
-std::vector<Triangle> triangulate(std::span<const GridPoint> points) {
+std::vector<Triangle> delaunay_triangulation(std::span<const GridPoint> points) {
   assert(std::ranges::all_of(points, [](GridPoint p) {
     return std::max(std::abs(p.x), std::abs(p.y)) <= kGridPointLimit;
   }));
@@ -106,7 +106,7 @@ std::vector<Triangle> triangulate(std::span<const GridPoint> points) {
     if (std::ranges::find(start, index) == start.end()) insert(triangles, points, index);
   }
   std::erase_if(triangles, [](const Triangle& t) { return t[2] == kGhost; });
-  std::ranges::transform(triangles, triangles.begin(), with_smallest_first);
+  std::ranges::transform(triangles, triangles.begin(), rotate_smallest_first);
   std::ranges::sort(triangles);
   return triangles;
 }

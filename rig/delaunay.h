@@ -28,9 +28,9 @@ int in_circle(GridPoint a, GridPoint b, GridPoint c, GridPoint d);
 /// Delaunay triangulation of distinct points; empty where all are collinear. Where four or more are
 /// co-circular, the choice depends on positions alone, not on the order of the points. Triangles
 /// start at their smallest index and are sorted. Takes O(n^2).
-std::vector<Triangle> triangulate(std::span<const GridPoint> points);
+std::vector<Triangle> delaunay_triangulation(std::span<const GridPoint> points);
 
 /// The same triangle starting at its smallest index.
-Triangle with_smallest_first(Triangle triangle);
+Triangle rotate_smallest_first(Triangle triangle);
 
 }  // namespace raystage

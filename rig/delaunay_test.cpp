@@ -78,9 +78,9 @@ TEST(Delaunay, PredicatesAreExactAtTheLimit) {
 }
 
 TEST(Delaunay, NothingOfCollinearPoints) {
-  EXPECT_TRUE(triangulate({}).empty());
+  EXPECT_TRUE(delaunay_triangulation({}).empty());
   const std::vector<GridPoint> line{{0, 0}, {2, 4}, {1, 2}, {5, 10}};
-  EXPECT_TRUE(triangulate(line).empty());
+  EXPECT_TRUE(delaunay_triangulation(line).empty());
 }
 
 TEST(Delaunay, RegularGrid) {
@@ -88,7 +88,7 @@ TEST(Delaunay, RegularGrid) {
   for (int row = 0; row < 8; ++row) {
     for (int column = 0; column < 8; ++column) points.push_back({column * 1000, row * 1000});
   }
-  const auto triangles = triangulate(points);
+  const auto triangles = delaunay_triangulation(points);
   EXPECT_EQ(triangles.size(), 98U);
   EXPECT_EQ(what_is_wrong(points, triangles), "");
 }
@@ -100,7 +100,7 @@ TEST(Delaunay, DoesNotDependOnTheOrderOfThePoints) {
   }
   const auto cells = [](const std::vector<GridPoint>& p) {
     std::set<std::set<GridPoint>> result;
-    for (const Triangle& t : triangulate(p)) {
+    for (const Triangle& t : delaunay_triangulation(p)) {
       std::set<GridPoint> corners;
       for (const int i : t) corners.insert(p[static_cast<std::size_t>(i)]);
       result.insert(corners);
@@ -120,7 +120,7 @@ TEST(DelaunayProperty, IsDelaunay) {
     std::set<GridPoint> distinct;
     for (const auto& [x, y] : coordinates) distinct.insert({x, y});
     const std::vector<GridPoint> points(distinct.begin(), distinct.end());
-    const auto triangles = triangulate(points);
+    const auto triangles = delaunay_triangulation(points);
     if (triangles.empty()) {
       for (std::size_t i = 2; i < points.size(); ++i) {
         RC_ASSERT(orientation(points[0], points[1], points[i]) == 0);

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 
@@ -45,7 +45,7 @@ Rig rig_from_document(const RigDocument& document) {
   return rig;
 }
 
-Topology topology_of(const Rig& rig, std::span<const int> cameras) {
+Topology make_topology(const Rig& rig, std::span<const int> cameras) {
   std::vector<Eigen::Vector3d> centres, directions;
   std::vector<int> rows, columns;
   for (const int index : cameras) {
@@ -68,14 +68,14 @@ Topology topology_of(const Rig& rig, std::span<const int> cameras) {
   return topology;
 }
 
-Eigen::Vector4d plane_in_front_of(const Rig& rig, double depth) {
+Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth) {
   assert(!std::isnan(depth));
   if (std::isinf(depth)) return {0, 0, 0, 1};
   const Eigen::Vector3d normal = rig.mean_viewing_direction();
   return {normal.x(), normal.y(), normal.z(), -(normal.dot(rig.centre()) + depth)};
 }
 
-double best_focal_depth(DepthRange range) {
+double optimal_focal_depth(DepthRange range) {
   if (!(range.near > 0 && range.far >= range.near && std::isfinite(range.near))) {
     throw Error::bad_input("the depth range has no middle", "depth_range",
                            "Give 0 < near <= far, in metres; far may be infinite");

@@ -32,14 +32,14 @@ Rig rig_from_document(const RigDocument& document);
 
 /// Topology of the cameras listed (all distinct, in increasing order); cells index into
 /// `Rig::cameras`. "auto" takes the grid where every camera has a place in one, otherwise Delaunay.
-Topology topology_of(const Rig& rig, std::span<const int> cameras);
+Topology make_topology(const Rig& rig, std::span<const int> cameras);
 
 /// The plane parallel to the array (across the mean viewing direction) `depth` metres in front of
 /// its centre, as a x + b y + c z + d = 0 in the world, (a, b, c) unit. Infinity gives (0, 0, 0,
 /// 1).
-Eigen::Vector4d plane_in_front_of(const Rig& rig, double depth);
+Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth);
 
 /// Eq. 2.2: 1/zopt = (1/zmin + 1/zmax) / 2; zmax may be infinite.
-double best_focal_depth(DepthRange range);
+double optimal_focal_depth(DepthRange range);
 
 }  // namespace raystage

@@ -7,9 +7,9 @@
 #include <cmath>
 #include <limits>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
-namespace raystage {
+namespace raystage::rig_test {
 namespace {
 
 RigDocument document_of_grid(int rows, int columns) {
@@ -67,40 +67,41 @@ TEST(Rig, TopologyOfSomeCamerasIndexesTheRig) {
   const std::vector<int> without_first{1, 2, 3, 4, 5, 6, 7, 8};
   for (const char* kind : {"auto", "grid", "delaunay"}) {
     document.topology = kind;
-    const Topology topology = topology_of(rig_from_document(document), without_first);
+    const Topology topology = make_topology(rig_from_document(document), without_first);
     EXPECT_EQ(topology.cells.size(), 7U) << kind;
     for (const auto& cell : topology.cells) {
       for (const int corner : cell) EXPECT_TRUE(corner >= 1 && corner <= 8);
     }
   }
   const std::vector<int> one{5};
-  EXPECT_EQ(topology_of(rig_from_document(document), one).cells.at(0), (Topology::Cell{5, -1, -1}));
+  EXPECT_EQ(make_topology(rig_from_document(document), one).cells.at(0),
+            (Topology::Cell{5, -1, -1}));
 }
 
 TEST(Rig, AutoTakesDelaunayWithoutPlaces) {
   RigDocument document = document_of_grid(3, 3);
   document.cameras[4].geometry.column.reset();
   const std::vector<int> all{0, 1, 2, 3, 4, 5, 6, 7, 8};
-  EXPECT_EQ(topology_of(rig_from_document(document), all).cells.size(), 8U);
+  EXPECT_EQ(make_topology(rig_from_document(document), all).cells.size(), 8U);
 }
 
 TEST(Rig, PlaneInFront) {
   RigDocument document = document_of_grid(3, 3);
   const Rig rig = rig_from_document(document);
-  const Eigen::Vector4d plane = plane_in_front_of(rig, 8);
+  const Eigen::Vector4d plane = fronto_parallel_plane(rig, 8);
   EXPECT_NEAR(plane.head<3>().norm(), 1, 1e-15);
   EXPECT_NEAR(plane.dot(Eigen::Vector4d(5, 7, -8, 1)), 0, 1e-12);
-  EXPECT_EQ(plane_in_front_of(rig, std::numeric_limits<double>::infinity()),
+  EXPECT_EQ(fronto_parallel_plane(rig, std::numeric_limits<double>::infinity()),
             Eigen::Vector4d(0, 0, 0, 1));
 }
 
 TEST(Rig, BestFocalDepth) {
-  EXPECT_DOUBLE_EQ(best_focal_depth({2, 6}), 3);
-  EXPECT_DOUBLE_EQ(best_focal_depth({4, std::numeric_limits<double>::infinity()}), 8);
-  EXPECT_DOUBLE_EQ(best_focal_depth({5, 5}), 5);
-  EXPECT_THROW(best_focal_depth({0, 5}), Error);
-  EXPECT_THROW(best_focal_depth({5, 4}), Error);
-  EXPECT_THROW(best_focal_depth({std::nan(""), 4}), Error);
+  EXPECT_DOUBLE_EQ(optimal_focal_depth({2, 6}), 3);
+  EXPECT_DOUBLE_EQ(optimal_focal_depth({4, std::numeric_limits<double>::infinity()}), 8);
+  EXPECT_DOUBLE_EQ(optimal_focal_depth({5, 5}), 5);
+  EXPECT_THROW(optimal_focal_depth({0, 5}), Error);
+  EXPECT_THROW(optimal_focal_depth({5, 4}), Error);
+  EXPECT_THROW(optimal_focal_depth({std::nan(""), 4}), Error);
 }
 
 TEST(Rig, BestFocalDepthAtTheEndsOfDoubles) {
@@ -108,12 +109,12 @@ TEST(Rig, BestFocalDepthAtTheEndsOfDoubles) {
   constexpr double kMost = std::numeric_limits<double>::max();
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   for (const double depth : {kLeast, 1e-310, 1e-3, 0.1, 1.7, 1e9, kMost}) {
-    EXPECT_EQ(best_focal_depth({depth, depth}), depth);  // near = far: nowhere else
+    EXPECT_EQ(optimal_focal_depth({depth, depth}), depth);  // near = far: nowhere else
   }
-  EXPECT_EQ(best_focal_depth({kLeast, kInfinity}), 2 * kLeast);
-  EXPECT_EQ(best_focal_depth({1.5, kInfinity}), 3);  // eq. 2.2
-  EXPECT_DOUBLE_EQ(best_focal_depth({1, 3}), 1.5);
-  EXPECT_DOUBLE_EQ(best_focal_depth({1e-3, 1e9}), 2 / (1e3 + 1e-9));
+  EXPECT_EQ(optimal_focal_depth({kLeast, kInfinity}), 2 * kLeast);
+  EXPECT_EQ(optimal_focal_depth({1.5, kInfinity}), 3);  // eq. 2.2
+  EXPECT_DOUBLE_EQ(optimal_focal_depth({1, 3}), 1.5);
+  EXPECT_DOUBLE_EQ(optimal_focal_depth({1e-3, 1e9}), 2 / (1e3 + 1e-9));
 }
 
 /// The rig moved to somewhere in the world.
@@ -139,16 +140,16 @@ TEST(Rig, FarFromTheWorldsOriginItIsTheSame) {
     const Rig near = rig_from_document(document);
     const Eigen::Vector3d far_off(1e7, -1e7, 3e6);
     const Rig far = moved(near, far_off);
-    const Topology near_cells = topology_of(near, all), far_cells = topology_of(far, all);
+    const Topology near_cells = make_topology(near, all), far_cells = make_topology(far, all);
     EXPECT_EQ(near_cells.kind, far_cells.kind);
     EXPECT_EQ(near_cells.cells, far_cells.cells);
     EXPECT_EQ(near_cells.normal, far_cells.normal);
     EXPECT_EQ(near_cells.up, far_cells.up);
     EXPECT_EQ(far.centre() - far_off, near.centre());
-    const Eigen::Vector4d plane = plane_in_front_of(far, 4);
+    const Eigen::Vector4d plane = fronto_parallel_plane(far, 4);
     EXPECT_NEAR(plane.head<3>().dot(far.centre()) + plane.w(), -4, 4e-9);
   }
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::rig_test

@@ -76,7 +76,7 @@ Topology triangle_topology(const ArrayPlane& plane, std::span<const Triangle> tr
     const auto centre = [&](std::size_t corner) {
       return plane.distinct[static_cast<std::size_t>(t[corner])];
     };
-    topology.cells.push_back(with_smallest_first({centre(0), centre(1), centre(2)}));
+    topology.cells.push_back(rotate_smallest_first({centre(0), centre(1), centre(2)}));
   }
   std::ranges::sort(topology.cells);
   return topology;
@@ -88,7 +88,7 @@ Topology delaunay_of(const ArrayPlane& plane) {
     topology.cells.push_back({plane.distinct[0], -1, -1});
   } else {
     std::vector<Triangle> triangles;
-    if (plane.dimension == 2) triangles = triangulate(plane.snapped);
+    if (plane.dimension == 2) triangles = delaunay_triangulation(plane.snapped);
     drop_flat_border(triangles, plane.snapped);
     topology = triangles.empty() ? line_topology(plane) : triangle_topology(plane, triangles);
   }
@@ -140,7 +140,7 @@ class EdgeFlips {
   std::vector<Triangle> triangles() const {
     std::set<Triangle> result;
     for (const auto& [edge, apex] : apex_) {
-      result.insert(with_smallest_first({edge.first, edge.second, apex}));
+      result.insert(rotate_smallest_first({edge.first, edge.second, apex}));
     }
     return {result.begin(), result.end()};
   }
@@ -160,7 +160,7 @@ class EdgeFlips {
 // cell of four neighbours, Delaunay in the holes. nullopt where the places do not fit the centres.
 std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint> places,
                                                       std::span<const GridPoint> centres) {
-  std::vector<Triangle> flat = triangulate(places);
+  std::vector<Triangle> flat = delaunay_triangulation(places);
   if (flat.empty()) return std::nullopt;
   const auto at = [](std::span<const GridPoint> points, int i) {
     return points[static_cast<std::size_t>(i)];

@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {

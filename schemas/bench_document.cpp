@@ -1,23 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/bench_document.h"
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/document.h"
 
 namespace raystage {
 
 BenchDocument parse_bench(std::string_view text, std::string_view name) {
   const nlohmann::json json = parse_document("bench", text, name);
-  const Located document{json, name, ""};
+  const JsonNode document{json, name, ""};
   BenchDocument bench;
   std::set<std::string, std::less<>> seen;
-  const Located settings = document.at("settings");
+  const JsonNode settings = document.at("settings");
   for (std::size_t i = 0; i < settings.size(); ++i) {
-    const Located object = settings.at(i);
+    const JsonNode object = settings.at(i);
     BenchDocument::Setting setting;
     setting.label = object.at("label").get<std::string>();
     if (!seen.insert(setting.label).second) {
-      throw object.at("label").refuse(
+      throw object.at("label").input_error(
           "found " + found(object.at("label").value) + ", which came before, allowed: a new label",
           "Give every setting a label of its own");
     }
@@ -30,7 +30,7 @@ BenchDocument parse_bench(std::string_view text, std::string_view name) {
 }
 
 std::string format_bench(const BenchDocument& bench) {
-  nlohmann::ordered_json json = new_document("bench");
+  nlohmann::ordered_json json = make_document("bench");
   auto& list = json["settings"] = nlohmann::ordered_json::array();
   for (const BenchDocument::Setting& setting : bench.settings) {
     nlohmann::ordered_json object{{"label", setting.label},

@@ -16,7 +16,7 @@ using nlohmann::ordered_json;
 // Six digits a number, as surveys are often printed, keep within this.
 constexpr double kRigidTolerance = 1e-4;
 
-Distortion distortion_from(const Located& object) {
+Distortion distortion_from(const JsonNode& object) {
   return {.k1 = object.get("k1", 0.0),
           .k2 = object.get("k2", 0.0),
           .p1 = object.get("p1", 0.0),
@@ -24,7 +24,7 @@ Distortion distortion_from(const Located& object) {
           .k3 = object.get("k3", 0.0)};
 }
 
-Intrinsics intrinsics_from(const Located& object) {
+Intrinsics intrinsics_from(const JsonNode& object) {
   Intrinsics result{.fx = object.at("fx").get<double>(),
                     .fy = object.at("fy").get<double>(),
                     .cx = object.at("cx").get<double>(),
@@ -34,10 +34,10 @@ Intrinsics intrinsics_from(const Located& object) {
   return result;
 }
 
-void check_rigid(const Matrix4& m, const Located& matrix) {
+void check_rigid(const Matrix4& m, const JsonNode& matrix) {
   const auto element = [&](std::size_t row, std::size_t column) { return m[row * 4 + column]; };
   if (element(3, 0) != 0 || element(3, 1) != 0 || element(3, 2) != 0 || element(3, 3) != 1) {
-    throw matrix.at(3).refuse(
+    throw matrix.at(3).input_error(
         fmt::format("found the last row {}, allowed: [0, 0, 0, 1]", matrix.at(3).value.dump()),
         "Write the matrix by rows, with the translation in the last column");
   }
@@ -54,7 +54,7 @@ void check_rigid(const Matrix4& m, const Located& matrix) {
       element(0, 1) * (element(1, 0) * element(2, 2) - element(1, 2) * element(2, 0)) +
       element(0, 2) * (element(1, 0) * element(2, 1) - element(1, 1) * element(2, 0));
   if (worst > kRigidTolerance) {
-    throw matrix.refuse(
+    throw matrix.input_error(
         fmt::format(
             "the matrix is not rigid: its axes are scaled or skewed, off by {:.3g}, allowed: "
             "a rotation within {}",
@@ -62,12 +62,12 @@ void check_rigid(const Matrix4& m, const Located& matrix) {
         "Remove the scale from the rotation, and give more digits");
   }
   if (determinant < 0) {
-    throw matrix.refuse("the matrix mirrors (determinant -1), allowed: a rotation",
-                        "Use right-handed axes: camera x right, y up, looking down -z");
+    throw matrix.input_error("the matrix mirrors (determinant -1), allowed: a rotation",
+                             "Use right-handed axes: camera x right, y up, looking down -z");
   }
 }
 
-Matrix4 pose_from(const Located& matrix) {
+Matrix4 pose_from(const JsonNode& matrix) {
   Matrix4 result{};
   for (std::size_t row = 0; row < 4; ++row) {
     for (std::size_t column = 0; column < 4; ++column) {
@@ -80,8 +80,8 @@ Matrix4 pose_from(const Located& matrix) {
 
 }  // namespace
 
-CameraGeometry camera_from(const Located& object, std::set<std::string, std::less<>>& seen) {
-  CameraGeometry camera{.id = unique_id(object, seen),
+CameraGeometry camera_from(const JsonNode& object, std::set<std::string, std::less<>>& seen) {
+  CameraGeometry camera{.id = unique_id_from(object, seen),
                         .width = object.at("width").get<int>(),
                         .height = object.at("height").get<int>(),
                         .intrinsics = intrinsics_from(object.at("intrinsics")),
@@ -89,8 +89,8 @@ CameraGeometry camera_from(const Located& object, std::set<std::string, std::les
                         .row = std::nullopt,
                         .column = std::nullopt};
   if (object.has("row") != object.has("col")) {
-    throw object.refuse("found only one of \"row\" and \"col\", allowed: both or neither",
-                        "Add the other");
+    throw object.input_error("found only one of \"row\" and \"col\", allowed: both or neither",
+                             "Add the other");
   }
   if (object.has("row")) {
     camera.row = object.at("row").get<int>();

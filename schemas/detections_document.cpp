@@ -4,26 +4,26 @@
 #include <functional>
 #include <set>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/document.h"
 
 namespace raystage {
 
 DetectionsDocument parse_detections_document(std::string_view text, std::string_view name) {
   const nlohmann::json json = parse_document("detections", text, name);
-  const Located cameras = Located{json, name, ""}.at("cameras");
+  const JsonNode cameras = JsonNode{json, name, ""}.at("cameras");
   DetectionsDocument document;
   std::set<std::string, std::less<>> seen;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Located object = cameras.at(i);
-    document.cameras.push_back(
-        {unique_id(object, seen), object.at("width").get<int>(), object.at("height").get<int>()});
+    const JsonNode object = cameras.at(i);
+    document.cameras.push_back({unique_id_from(object, seen), object.at("width").get<int>(),
+                                object.at("height").get<int>()});
   }
   return document;
 }
 
 std::string format_detections_document(const DetectionsDocument& document) {
-  nlohmann::ordered_json json = new_document("detections");
+  nlohmann::ordered_json json = make_document("detections");
   auto& cameras = json["cameras"] = nlohmann::ordered_json::array();
   for (const DetectionsDocument::Camera& camera : document.cameras) {
     cameras.push_back({{"id", camera.id}, {"width", camera.width}, {"height", camera.height}});

@@ -48,14 +48,14 @@ const SchemaValidator& validator_of(std::string_view kind) {
 int version_of(std::string_view kind, const json& document, std::string_view name) {
   const std::string expected = schema_name(kind);
   if (!document.is_object()) {
-    throw bad_value(name, "",
-                    fmt::format("found {}, allowed: an object with \"schema\": \"{}\"",
-                                found(document), expected),
-                    "Check that this is the right file");
+    throw json_value_error(name, "",
+                           fmt::format("found {}, allowed: an object with \"schema\": \"{}\"",
+                                       found(document), expected),
+                           "Check that this is the right file");
   }
   const auto schema = document.find("schema");
   if (schema == document.end()) {
-    throw bad_value(
+    throw json_value_error(
         name, "",
         fmt::format("the property \"schema\" is missing, allowed there: \"{}\"", expected),
         "Add it, or check that this is the right file");
@@ -70,31 +70,31 @@ int version_of(std::string_view kind, const json& document, std::string_view nam
     const auto [stop, error] = std::from_chars(begin, end, version);
     const bool too_large = error == std::errc::result_out_of_range;
     if (begin != end && stop == end && (too_large || version > newest)) {
-      throw bad_value(name, "/schema",
-                      fmt::format("this file is version {}, this program reads up to {}",
-                                  std::string_view(begin, end), newest),
-                      "Update raystage");
+      throw json_value_error(name, "/schema",
+                             fmt::format("this file is version {}, this program reads up to {}",
+                                         std::string_view(begin, end), newest),
+                             "Update raystage");
     }
     // One spelling only: not "raystage/shot/01".
     if (version >= 1 && text == fmt::format("{}{}", prefix, version)) return version;
   }
-  throw bad_value(name, "/schema",
-                  fmt::format("found {}, allowed: \"{}\"", found(*schema), expected),
-                  "Check that this is the right file");
+  throw json_value_error(name, "/schema",
+                         fmt::format("found {}, allowed: \"{}\"", found(*schema), expected),
+                         "Check that this is the right file");
 }
 
 }  // namespace
 
-Located Located::at(std::string_view key) const {
-  return {value.at(std::string(key)), name, pointer_to(pointer, key)};
+JsonNode JsonNode::at(std::string_view key) const {
+  return {value.at(std::string(key)), name, append_json_pointer(pointer, key)};
 }
 
-Located Located::at(std::size_t index) const {
-  return {value.at(index), name, pointer_to(pointer, index)};
+JsonNode JsonNode::at(std::size_t index) const {
+  return {value.at(index), name, append_json_pointer(pointer, index)};
 }
 
-VersionedDocument parse_any_version(std::string_view kind, std::string_view text,
-                                    std::string_view name) {
+VersionedDocument parse_versioned_document(std::string_view kind, std::string_view text,
+                                           std::string_view name) {
   VersionedDocument document{parse_json(text, name), 0};
   document.version = version_of(kind, document.json, name);
   const bool newest = document.version == newest_version(kind);
@@ -104,62 +104,64 @@ VersionedDocument parse_any_version(std::string_view kind, std::string_view text
 }
 
 nlohmann::json parse_document(std::string_view kind, std::string_view text, std::string_view name) {
-  return parse_any_version(kind, text, name).json;
+  return parse_versioned_document(kind, text, name).json;
 }
 
-nlohmann::ordered_json new_document(std::string_view kind) {
+nlohmann::ordered_json make_document(std::string_view kind) {
   return {{"schema", schema_name(kind)}};
 }
 
-std::string unique_id(const Located& object, std::set<std::string, std::less<>>& seen) {
-  const Located id = object.at("id");
+std::string unique_id_from(const JsonNode& object, std::set<std::string, std::less<>>& seen) {
+  const JsonNode id = object.at("id");
   auto text = id.get<std::string>();
   if (!seen.insert(text).second) {
-    throw id.refuse(fmt::format("the id \"{}\" comes twice", text), "Give each its own id");
+    throw id.input_error(fmt::format("the id \"{}\" comes twice", text), "Give each its own id");
   }
   return text;
 }
 
-std::string path_text(const Located& text) {
+std::string path_from(const JsonNode& text) {
   auto path = text.get<std::string>();
   for (const char c : path) {
     if (static_cast<unsigned char>(c) < ' ') {
-      throw text.refuse(fmt::format("found {}, a path with a control character", found(text.value)),
-                        "Rename the file");
+      throw text.input_error(
+          fmt::format("found {}, a path with a control character", found(text.value)),
+          "Rename the file");
     }
   }
   return path;
 }
 
-std::string inner_path(const Located& text) {
-  std::string path = path_text(text);
+std::string relative_path_from(const JsonNode& text) {
+  std::string path = path_from(text);
   const std::filesystem::path parts(path);
   bool inside = parts.is_relative();
   for (const auto& part : parts) inside = inside && part != "..";
   if (!inside) {
-    throw text.refuse(fmt::format("found {}, allowed: a path inside the take", found(text.value)),
-                      "Move the file into the take's folder");
+    throw text.input_error(
+        fmt::format("found {}, allowed: a path inside the take", found(text.value)),
+        "Move the file into the take's folder");
   }
   return path;
 }
 
-Nanoseconds utc_from(const Located& text) {
+Nanoseconds utc_from(const JsonNode& text) {
   try {
     return parse_utc(text.get<std::string>());
   } catch (const Error& error) {
-    throw text.refuse(error.what_happened(), error.what_to_do());
+    throw text.input_error(error.what_happened(), error.what_to_do());
   }
 }
 
-std::optional<DepthRange> depth_range_from(const Located& object) {
+std::optional<DepthRange> depth_range_from(const JsonNode& object) {
   if (!object.has("depth_range_m")) return std::nullopt;
-  const Located range = object.at("depth_range_m");
+  const JsonNode range = object.at("depth_range_m");
   const json& values = range.value;
   DepthRange result{0, std::numeric_limits<double>::infinity()};
   if (values[0].is_number()) result.near = values[0].get<double>();
   if (values.size() > 1 && !values[1].is_null()) result.far = values[1].get<double>();
   if (!values[0].is_number() || result.near > result.far) {
-    throw range.refuse(
+    throw range.input_error(
         fmt::format("found {}, allowed: the nearest and then the farthest distance, in metres",
                     values.dump()),
         "Correct the range; leave out the farthest for infinity");
@@ -177,7 +179,7 @@ void add_depth_range(const std::optional<DepthRange>& range, nlohmann::ordered_j
   }
 }
 
-OptionValues options_from(const Located& object) {
+OptionValues options_from(const JsonNode& object) {
   OptionValues options;
   for (const auto& [name, value] : object.value.items()) {
     if (name.starts_with("x_") || name.starts_with("comment")) continue;
@@ -188,9 +190,9 @@ OptionValues options_from(const Located& object) {
     } else if (value.is_string()) {
       options[name] = value.get<std::string>();
     } else {
-      throw object.at(name).refuse(
+      throw object.at(name).input_error(
           fmt::format("found {}, allowed: a number, text, true or false", found(value)),
-          "See raystage render --methods for the options that there are");
+          "docs/artist.md says which options a method has");
     }
   }
   return options;

@@ -8,17 +8,17 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "schemas/bench_document.h"
-#include "schemas/error.h"
 #include "schemas/import_manifest.h"
 #include "schemas/planes_document.h"
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
-#include "schemas/test_data.h"
-#include "schemas/test_folder.h"
-#include "schemas/views.h"
+#include "schemas/views_document.h"
+#include "testing/test_data.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -516,7 +516,7 @@ TEST(Documents, DoublesComeBackExactly) {
   response.vignetting = Vignetting{0.1, 1.0 / 7, {0.3, 1e-17, -0.01}};
   response.gain_map = GainMap{2, 2, {{1, 2, 3}, {0.1, 1, 1}, {1, 1, 1}, {1, 1.0 / 3, 1}}};
   response.matrix = {{{1, 0.1, 0}, {0, 1, -1.0 / 3}, {0, 0, 1}}};
-  response.dark_pixels = {{1, 0, {0.1, 0, 1.0 / 3}}, {0, 1, {0, 0, -0.1}}};
+  response.hot_pixels = {{1, 0, {0.1, 0, 1.0 / 3}}, {0, 1, {0, 0, -0.1}}};
   write_rig(rig, folder.path() / "rig.json");
   const RigDocument read = read_rig(folder.path() / "rig.json");
   EXPECT_EQ(read.cameras[0].geometry, rig.cameras[0].geometry);

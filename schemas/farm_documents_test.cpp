@@ -2,7 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "schemas/farm_job_document.h"
 #include "schemas/farm_records.h"
 
@@ -22,7 +22,7 @@ FarmJobDocument full_job() {
   job.build = "0123456789abcdef";
   job.simd = "avx2";
   job.umask = 2;
-  job.wrap = "apptainer exec x.sif";
+  job.command_prefix = "apptainer exec x.sif";
   job.folder = "/out/s.farm/job-0001";
   job.shot = "/show/shot.json";
   job.shot_folder = "/show";
@@ -36,7 +36,7 @@ FarmJobDocument full_job() {
   for (const FarmStage stage : kFarmStages) job.of(stage) = {threads++, 0.5, 20, {"--qos=x"}};
   job.attempts = 5;
   job.preview = false;
-  job.max_array = 11;
+  job.max_array_size = 11;
   job.max_minutes = 90;
   job.seconds_per_frame = 0.125;
   job.frame_bytes = 1e6;
@@ -96,7 +96,7 @@ TEST(FarmDocuments, RecordsAreTheSameAfterReading) {
                                    3e8,
                                    1,
                                    2,
-                                   RenderingCosts{12, 2, 4.5, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 7e5},
+                                   RenderStageCosts{12, 2, 4.5, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 7e5},
                                    5};
     const std::string text = format_farm_attempt(attempt);
     EXPECT_EQ(format_farm_attempt(parse_farm_attempt(text, "x")), text);

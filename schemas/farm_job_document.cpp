@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/farm_job_document.h"
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/document.h"
 
 namespace raystage {
@@ -14,7 +14,7 @@ constexpr std::array<std::string_view, kFarmStages.size()> kStageNames{"prepare"
                                                                        "verify", "preview"};
 constexpr std::array<std::string_view, 3> kEngineNames{"slurm", "local", "openjd"};
 
-FarmResources resources_from(const Located& object) {
+FarmResources resources_from(const JsonNode& object) {
   FarmResources resources;
   resources.threads = object.at("threads").get<int>();
   resources.memory_gb = object.at("memory_gb").get<double>();
@@ -24,58 +24,58 @@ FarmResources resources_from(const Located& object) {
 }
 
 Json json_from(const FarmResources& resources) {
-  Json json{{"threads", resources.threads}, {"memory_gb", resources.memory_gb}};
-  add_optional(json, "minutes", resources.minutes);
-  if (!resources.options.empty()) json["options"] = resources.options;
-  return json;
+  Json output{{"threads", resources.threads}, {"memory_gb", resources.memory_gb}};
+  add_optional(output, "minutes", resources.minutes);
+  if (!resources.options.empty()) output["options"] = resources.options;
+  return output;
 }
 
-FarmJobDocument::Picture picture_from(const Located& object) {
+FarmJobDocument::OutputOverrides picture_from(const JsonNode& object) {
   return {object.get<std::string>("fill", ""), object.get<std::string>("layout", ""),
           object.get("chromaticities", false), object.get("coverage", false),
           object.get("confidence", false),     object.get("deep", false)};
 }
 
-Json json_from(const FarmJobDocument::Picture& picture) {
-  Json json = Json::object();
-  if (!picture.fill.empty()) json["fill"] = picture.fill;
-  if (!picture.layout.empty()) json["layout"] = picture.layout;
-  if (picture.chromaticities) json["chromaticities"] = true;
-  if (picture.coverage) json["coverage"] = true;
-  if (picture.confidence) json["confidence"] = true;
-  if (picture.deep) json["deep"] = true;
-  return json;
+Json json_from(const FarmJobDocument::OutputOverrides& picture) {
+  Json output = Json::object();
+  if (!picture.fill.empty()) output["fill"] = picture.fill;
+  if (!picture.layout.empty()) output["layout"] = picture.layout;
+  if (picture.chromaticities) output["chromaticities"] = true;
+  if (picture.coverage) output["coverage"] = true;
+  if (picture.confidence) output["confidence"] = true;
+  if (picture.deep) output["deep"] = true;
+  return output;
 }
 
 /// Empty where the document has no such property.
-std::string path_if_any(const Located& document, std::string_view key) {
-  return document.has(key) ? path_text(document.at(key)) : std::string();
+std::string path_if_any(const JsonNode& document, std::string_view key) {
+  return document.has(key) ? path_from(document.at(key)) : std::string();
 }
 
-std::vector<FarmJobDocument::Instant> instants_from(const Located& document) {
-  std::vector<FarmJobDocument::Instant> instants;
+std::vector<FarmJobDocument::PrepareTask> instants_from(const JsonNode& document) {
+  std::vector<FarmJobDocument::PrepareTask> instants;
   if (!document.has("instants")) return instants;
-  const Located list = document.at("instants");
+  const JsonNode list = document.at("instants");
   for (std::size_t i = 0; i < list.size(); ++i) {
-    const Located object = list.at(i);
+    const JsonNode object = list.at(i);
     instants.push_back({object.at("layer").get<int>(), object.at("tick").get<int>(),
-                        path_text(object.at("file"))});
+                        path_from(object.at("file"))});
   }
   return instants;
 }
 
-std::vector<FarmJobDocument::Chunk> chunks_from(const Located& document, std::size_t instants) {
+std::vector<FarmJobDocument::Chunk> chunks_from(const JsonNode& document, std::size_t instants) {
   std::vector<FarmJobDocument::Chunk> chunks;
-  const Located list = document.at("chunks");
+  const JsonNode list = document.at("chunks");
   for (std::size_t i = 0; i < list.size(); ++i) {
-    const Located object = list.at(i);
-    FarmJobDocument::Chunk chunk{path_text(object.at("frames")), {}};
+    const JsonNode object = list.at(i);
+    FarmJobDocument::Chunk chunk{path_from(object.at("frames")), {}};
     if (object.has("instants")) {
-      const Located needed = object.at("instants");
+      const JsonNode needed = object.at("instants");
       for (std::size_t j = 0; j < needed.size(); ++j) {
         chunk.instants.push_back(needed.at(j).get<int>());
         if (static_cast<std::size_t>(chunk.instants.back()) >= instants) {
-          throw needed.at(j).refuse(
+          throw needed.at(j).input_error(
               "found " + found(needed.at(j).value) + ", and the job has fewer instants",
               "Submit the shot again");
         }
@@ -86,18 +86,18 @@ std::vector<FarmJobDocument::Chunk> chunks_from(const Located& document, std::si
   return chunks;
 }
 
-std::vector<FarmJobDocument::PathRule> paths_from(const Located& document) {
-  std::vector<FarmJobDocument::PathRule> rules;
+std::vector<FarmJobDocument::PathMappingRule> paths_from(const JsonNode& document) {
+  std::vector<FarmJobDocument::PathMappingRule> rules;
   if (!document.has("paths")) return rules;
-  const Located list = document.at("paths");
+  const JsonNode list = document.at("paths");
   for (std::size_t i = 0; i < list.size(); ++i) {
-    const Located rule = list.at(i);
-    rules.push_back({path_text(rule.at("from")), path_text(rule.at("to"))});
+    const JsonNode rule = list.at(i);
+    rules.push_back({path_from(rule.at("from")), path_from(rule.at("to"))});
   }
   return rules;
 }
 
-FarmJobDocument::Distributed distributed_from(const Located& object) {
+FarmJobDocument::Distributed distributed_from(const JsonNode& object) {
   FarmJobDocument::Distributed distributed;
   distributed.nodes = object.at("nodes").get<std::vector<std::string>>();
   distributed.mpirun = object.at("mpirun").get<std::string>();
@@ -108,12 +108,12 @@ FarmJobDocument::Distributed distributed_from(const Located& object) {
 }
 
 Json json_from(const FarmJobDocument::Distributed& distributed) {
-  Json json{{"nodes", distributed.nodes},
+  Json output{{"nodes", distributed.nodes},
             {"mpirun", distributed.mpirun},
             {"missing_archives", distributed.missing_archives},
             {"fragments", distributed.fragments}};
-  add_optional(json, "fragment_quality", distributed.fragment_quality);
-  return json;
+  add_optional(output, "fragment_quality", distributed.fragment_quality);
+  return output;
 }
 
 }  // namespace
@@ -135,8 +135,8 @@ std::string_view farm_engine_name(Engine engine) {
 }
 
 FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("farm_job", text, name);
-  const Located document{json, name, ""};
+  const nlohmann::json output = parse_document("farm_job", text, name);
+  const JsonNode document{output, name, ""};
   FarmJobDocument job;
   job.id = document.at("id").get<std::string>();
   const auto engine = document.at("engine").get<std::string>();
@@ -150,24 +150,24 @@ FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
   job.build = document.get<std::string>("build", "");
   job.simd = document.at("simd").get<std::string>();
   job.umask = document.get_if<int>("umask");
-  job.program = path_text(document.at("program"));
-  job.wrap = path_if_any(document, "wrap");
-  job.folder = path_text(document.at("folder"));
-  job.shot = path_text(document.at("shot"));
-  job.shot_folder = path_text(document.at("shot_folder"));
-  job.output = path_text(document.at("output"));
+  job.program = path_from(document.at("program"));
+  job.command_prefix = path_if_any(document, "wrap");
+  job.folder = path_from(document.at("folder"));
+  job.shot = path_from(document.at("shot"));
+  job.shot_folder = path_from(document.at("shot_folder"));
+  job.output = path_from(document.at("output"));
   job.cache = path_if_any(document, "cache");
   job.color_config = path_if_any(document, "color_config");
   job.existing = document.at("existing").get<std::string>();
   job.missing = document.at("missing").get<std::string>();
   if (document.has("picture")) job.picture = picture_from(document.at("picture"));
-  const Located resources = document.at("resources");
+  const JsonNode resources = document.at("resources");
   for (const FarmStage stage : kFarmStages) {
     job.of(stage) = resources_from(resources.at(farm_stage_name(stage)));
   }
   job.attempts = document.at("attempts").get<int>();
   job.preview = document.get("preview", true);
-  job.max_array = document.get("max_array", job.max_array);
+  job.max_array_size = document.get("max_array", job.max_array_size);
   job.max_minutes = document.get_if<int>("max_minutes");
   job.seconds_per_frame = document.get_if<double>("seconds_per_frame");
   job.frame_bytes = document.get("frame_bytes", 0.0);
@@ -181,53 +181,53 @@ FarmJobDocument parse_farm_job(std::string_view text, std::string_view name) {
 }
 
 std::string format_farm_job(const FarmJobDocument& job) {
-  Json json = new_document("farm_job");
-  json["id"] = job.id;
-  json["engine"] = farm_engine_name(job.engine);
-  json["submitted_utc"] = format_utc(job.submitted_utc);
-  json["submitted_by"] = job.submitted_by;
-  json["submitted_on"] = job.submitted_on;
-  json["program_version"] = job.program_version;
-  json["build"] = job.build;
-  json["simd"] = job.simd;
-  add_optional(json, "umask", job.umask);
-  json["program"] = job.program;
-  if (!job.wrap.empty()) json["wrap"] = job.wrap;
-  json["folder"] = job.folder;
-  json["shot"] = job.shot;
-  json["shot_folder"] = job.shot_folder;
-  json["output"] = job.output;
-  if (!job.cache.empty()) json["cache"] = job.cache;
-  if (!job.color_config.empty()) json["color_config"] = job.color_config;
-  json["existing"] = job.existing;
-  json["missing"] = job.missing;
-  json["picture"] = json_from(job.picture);
+  Json output = make_document("farm_job");
+  output["id"] = job.id;
+  output["engine"] = farm_engine_name(job.engine);
+  output["submitted_utc"] = format_utc(job.submitted_utc);
+  output["submitted_by"] = job.submitted_by;
+  output["submitted_on"] = job.submitted_on;
+  output["program_version"] = job.program_version;
+  output["build"] = job.build;
+  output["simd"] = job.simd;
+  add_optional(output, "umask", job.umask);
+  output["program"] = job.program;
+  if (!job.command_prefix.empty()) output["wrap"] = job.command_prefix;
+  output["folder"] = job.folder;
+  output["shot"] = job.shot;
+  output["shot_folder"] = job.shot_folder;
+  output["output"] = job.output;
+  if (!job.cache.empty()) output["cache"] = job.cache;
+  if (!job.color_config.empty()) output["color_config"] = job.color_config;
+  output["existing"] = job.existing;
+  output["missing"] = job.missing;
+  output["picture"] = json_from(job.picture);
   for (const FarmStage stage : kFarmStages) {
-    json["resources"][std::string(farm_stage_name(stage))] = json_from(job.of(stage));
+    output["resources"][std::string(farm_stage_name(stage))] = json_from(job.of(stage));
   }
-  json["attempts"] = job.attempts;
-  json["preview"] = job.preview;
-  json["max_array"] = job.max_array;
-  add_optional(json, "max_minutes", job.max_minutes);
-  add_optional(json, "seconds_per_frame", job.seconds_per_frame);
-  if (job.distributed) json["distributed"] = json_from(*job.distributed);
-  json["frame_bytes"] = job.frame_bytes;
-  Json& instants = json["instants"] = Json::array();
-  for (const FarmJobDocument::Instant& instant : job.instants) {
+  output["attempts"] = job.attempts;
+  output["preview"] = job.preview;
+  output["max_array"] = job.max_array_size;
+  add_optional(output, "max_minutes", job.max_minutes);
+  add_optional(output, "seconds_per_frame", job.seconds_per_frame);
+  if (job.distributed) output["distributed"] = json_from(*job.distributed);
+  output["frame_bytes"] = job.frame_bytes;
+  Json& instants = output["instants"] = Json::array();
+  for (const FarmJobDocument::PrepareTask& instant : job.instants) {
     instants.push_back({{"layer", instant.layer}, {"tick", instant.tick}, {"file", instant.file}});
   }
-  Json& chunks = json["chunks"] = Json::array();
+  Json& chunks = output["chunks"] = Json::array();
   for (const FarmJobDocument::Chunk& chunk : job.chunks) {
     Json object{{"frames", chunk.frames}};
     if (!chunk.instants.empty()) object["instants"] = chunk.instants;
     chunks.push_back(std::move(object));
   }
-  if (!job.inputs.empty()) json["inputs"] = job.inputs;
-  if (!job.pinned.empty()) json["pinned"] = job.pinned;
-  for (const FarmJobDocument::PathRule& rule : job.paths) {
-    json["paths"].push_back({{"from", rule.from}, {"to", rule.to}});
+  if (!job.inputs.empty()) output["inputs"] = job.inputs;
+  if (!job.pinned.empty()) output["pinned"] = job.pinned;
+  for (const FarmJobDocument::PathMappingRule& rule : job.paths) {
+    output["paths"].push_back({{"from", rule.from}, {"to", rule.to}});
   }
-  return format_json(json);
+  return format_json(output);
 }
 
 FarmJobDocument read_farm_job(const std::filesystem::path& file) {

@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "schemas/time.h"
+#include "base/time.h"
 
 namespace raystage {
 
@@ -33,7 +33,7 @@ struct FarmResources {
 /// schema "raystage/farm_job/1" (JOB/job.json): a shot as tasks. Paths are as the nodes see them.
 struct FarmJobDocument {
   /// Data that is derived once: a task of stage prepare.
-  struct Instant {
+  struct PrepareTask {
     int layer = 0;  ///< index into the shot's layers
     int tick = 0;   ///< index into the timeline of the layer's take
     std::string file;
@@ -44,12 +44,12 @@ struct FarmJobDocument {
     std::vector<int> instants;  ///< indices into `instants` that the frames wait for
   };
   /// In place of what the shot says.
-  struct Picture {
+  struct OutputOverrides {
     std::string fill, layout;  ///< empty: as the shot says
     bool chromaticities = false, coverage = false, confidence = false, deep = false;
   };
   /// A folder that has another name on the nodes; both paths are absolute.
-  struct PathRule {
+  struct PathMappingRule {
     std::string from, to;
   };
   /// A job whose takes' archives are on several nodes: each task runs on all of them.
@@ -68,26 +68,26 @@ struct FarmJobDocument {
   std::string build;  ///< of the program that made the job; empty: any may run it
   std::string simd = "sse4";
   std::optional<int> umask = {};
-  std::string program = "raystage", wrap;
+  std::string program = "raystage", command_prefix;
   std::string folder;       ///< the job folder
   std::string shot;         ///< that JOB/shot.json was copied from, as the submitting host saw it
   std::string shot_folder;  ///< that paths in JOB/shot.json are relative to
   std::string output;       ///< SequenceName pattern
   std::string cache, color_config;
   std::string existing = "skip", missing = "error";
-  Picture picture = {};
+  OutputOverrides picture = {};
   std::array<FarmResources, kFarmStages.size()> resources = {};  ///< by stage
   int attempts = 3;
   bool preview = true;
-  int max_array = 1000;
+  int max_array_size = 1000;
   std::optional<int> max_minutes = {};           ///< time limit of the partition; none: unlimited
   std::optional<double> seconds_per_frame = {};  ///< wall-clock, of the measured frame
   double frame_bytes = 0;  ///< room that a node's output disk must have for one frame
-  std::vector<Instant> instants = {};
+  std::vector<PrepareTask> instants = {};
   std::vector<Chunk> chunks = {};
   std::vector<std::string> pinned = {};
-  std::vector<std::string> inputs = {};  ///< files that a node must be able to read
-  std::vector<PathRule> paths = {};      ///< from the submitting host's names to the nodes'
+  std::vector<std::string> inputs = {};     ///< files that a node must be able to read
+  std::vector<PathMappingRule> paths = {};  ///< from the submitting host's names to the nodes'
   std::optional<Distributed> distributed = {};
 
   const FarmResources& of(FarmStage stage) const {

@@ -28,10 +28,10 @@ std::string as_utf8(const std::string& text) {
   return Json::parse(dumped).get<std::string>();
 }
 
-RenderingCosts rendering_from(const Located& object) {
-  RenderingCosts costs;
+RenderStageCosts rendering_from(const JsonNode& object) {
+  RenderStageCosts costs;
   costs.frames = object.at("frames").get<int>();
-  costs.at_once = object.get("at_once", 1);
+  costs.frames_in_flight = object.get("at_once", 1);
   costs.seconds = object.get("seconds", 0.0);
   costs.light_fields_s = object.get("light_fields_s", 0.0);
   costs.geometry_s = object.get("geometry_s", 0.0);
@@ -43,15 +43,15 @@ RenderingCosts rendering_from(const Located& object) {
   return costs;
 }
 
-Json json_from(const RenderingCosts& costs) {
-  return {{"frames", costs.frames},         {"at_once", costs.at_once},
+Json json_from(const RenderStageCosts& costs) {
+  return {{"frames", costs.frames},         {"at_once", costs.frames_in_flight},
           {"seconds", costs.seconds},       {"light_fields_s", costs.light_fields_s},
           {"geometry_s", costs.geometry_s}, {"merge_s", costs.merge_s},
           {"encode_s", costs.encode_s},     {"write_s", costs.write_s},
           {"decode_s", costs.decode_s},     {"read_bytes", costs.read_bytes}};
 }
 
-FarmAttempt::End end_from(const Located& object) {
+FarmAttempt::End end_from(const JsonNode& object) {
   FarmAttempt::End end;
   end.result = enum_from<AttemptResult>(kResultNames, object.at("result").get<std::string>());
   end.exit_code = object.at("exit_code").get<int>();
@@ -61,26 +61,26 @@ FarmAttempt::End end_from(const Located& object) {
   end.wall_seconds = object.get("wall_seconds", 0.0);
   end.cpu_seconds = object.get("cpu_seconds", 0.0);
   end.peak_memory_bytes = object.get("peak_memory_bytes", 0.0);
-  end.instants_solved = object.get("instants_solved", 0);
-  end.instants_read = object.get("instants_read", 0);
+  end.light_field_frames_estimated = object.get("instants_solved", 0);
+  end.light_field_frames_loaded = object.get("instants_read", 0);
   if (object.has("rendering")) end.rendering = rendering_from(object.at("rendering"));
   if (object.has("ended_utc")) end.ended_utc = utc_from(object.at("ended_utc"));
   return end;
 }
 
 Json json_from(const FarmAttempt::End& end) {
-  Json json{{"result", attempt_result_name(end.result)}, {"exit_code", end.exit_code}};
-  if (!end.reason.empty()) json["reason"] = as_utf8(end.reason);
-  if (end.node_fault) json["node_fault"] = true;
-  if (!end.failed_frames.empty()) json["failed_frames"] = end.failed_frames;
-  json["wall_seconds"] = end.wall_seconds;
-  json["cpu_seconds"] = end.cpu_seconds;
-  json["peak_memory_bytes"] = end.peak_memory_bytes;
-  json["instants_solved"] = end.instants_solved;
-  json["instants_read"] = end.instants_read;
-  if (end.rendering) json["rendering"] = json_from(*end.rendering);
-  if (end.ended_utc) json["ended_utc"] = format_utc(*end.ended_utc);
-  return json;
+  Json output{{"result", attempt_result_name(end.result)}, {"exit_code", end.exit_code}};
+  if (!end.reason.empty()) output["reason"] = as_utf8(end.reason);
+  if (end.node_fault) output["node_fault"] = true;
+  if (!end.failed_frames.empty()) output["failed_frames"] = end.failed_frames;
+  output["wall_seconds"] = end.wall_seconds;
+  output["cpu_seconds"] = end.cpu_seconds;
+  output["peak_memory_bytes"] = end.peak_memory_bytes;
+  output["instants_solved"] = end.light_field_frames_estimated;
+  output["instants_read"] = end.light_field_frames_loaded;
+  if (end.rendering) output["rendering"] = json_from(*end.rendering);
+  if (end.ended_utc) output["ended_utc"] = format_utc(*end.ended_utc);
+  return output;
 }
 
 }  // namespace
@@ -90,8 +90,8 @@ std::string_view attempt_result_name(AttemptResult result) {
 }
 
 FarmAttempt parse_farm_attempt(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("farm_attempt", text, name);
-  const Located document{json, name, ""};
+  const nlohmann::json output = parse_document("farm_attempt", text, name);
+  const JsonNode document{output, name, ""};
   FarmAttempt attempt;
   attempt.stage = document.at("stage").get<std::string>();
   attempt.index = document.at("index").get<int>();
@@ -109,27 +109,27 @@ FarmAttempt parse_farm_attempt(std::string_view text, std::string_view name) {
 }
 
 std::string format_farm_attempt(const FarmAttempt& attempt) {
-  Json json = new_document("farm_attempt");
-  json["stage"] = attempt.stage;
-  json["index"] = attempt.index;
-  json["attempt"] = attempt.attempt;
-  json["round"] = attempt.round;
-  json["node"] = as_utf8(attempt.node);
-  json["process"] = attempt.process;
+  Json output = make_document("farm_attempt");
+  output["stage"] = attempt.stage;
+  output["index"] = attempt.index;
+  output["attempt"] = attempt.attempt;
+  output["round"] = attempt.round;
+  output["node"] = as_utf8(attempt.node);
+  output["process"] = attempt.process;
   if (!attempt.slurm_task.empty()) {
-    json["slurm_task"] = attempt.slurm_task;
-    json["restart"] = attempt.restart;
+    output["slurm_task"] = attempt.slurm_task;
+    output["restart"] = attempt.restart;
   }
-  if (!attempt.build.empty()) json["build"] = attempt.build;
-  if (!attempt.frames.empty()) json["frames"] = attempt.frames;
-  json["started_utc"] = format_utc(attempt.started_utc);
-  if (attempt.end) json["end"] = json_from(*attempt.end);
-  return format_json(json);
+  if (!attempt.build.empty()) output["build"] = attempt.build;
+  if (!attempt.frames.empty()) output["frames"] = attempt.frames;
+  output["started_utc"] = format_utc(attempt.started_utc);
+  if (attempt.end) output["end"] = json_from(*attempt.end);
+  return format_json(output);
 }
 
 FarmRound parse_farm_round(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("farm_round", text, name);
-  const Located document{json, name, ""};
+  const nlohmann::json output = parse_document("farm_round", text, name);
+  const JsonNode document{output, name, ""};
   FarmRound round;
   round.round = document.at("round").get<int>();
   round.prepare = document.at("prepare").get<std::vector<int>>();
@@ -146,43 +146,43 @@ FarmRound parse_farm_round(std::string_view text, std::string_view name) {
 }
 
 std::string format_farm_round(const FarmRound& round) {
-  Json json = new_document("farm_round");
-  json["round"] = round.round;
-  json["prepare"] = round.prepare;
-  json["render"] = round.render;
-  json["memory_factor"] = round.memory_factor;
-  json["time_factor"] = round.time_factor;
-  if (!round.exclude.empty()) json["exclude"] = round.exclude;
-  if (!round.frames.empty()) json["frames"] = round.frames;
-  if (round.fresh) json["fresh"] = true;
+  Json output = make_document("farm_round");
+  output["round"] = round.round;
+  output["prepare"] = round.prepare;
+  output["render"] = round.render;
+  output["memory_factor"] = round.memory_factor;
+  output["time_factor"] = round.time_factor;
+  if (!round.exclude.empty()) output["exclude"] = round.exclude;
+  if (!round.frames.empty()) output["frames"] = round.frames;
+  if (round.fresh) output["fresh"] = true;
   if (!round.host.empty()) {
-    json["host"] = round.host;
-    json["process"] = round.process;
-    json["process_start"] = round.process_start;
+    output["host"] = round.host;
+    output["process"] = round.process;
+    output["process_start"] = round.process_start;
   }
-  return format_json(json);
+  return format_json(output);
 }
 
-std::string_view farm_end_name(FarmEnd::State state) {
+std::string_view farm_end_state_name(FarmEnd::State state) {
   return kEndNames[static_cast<std::size_t>(state)];
 }
 
 FarmEnd parse_farm_end(std::string_view text, std::string_view name) {
-  const nlohmann::json json = parse_document("farm_end", text, name);
-  const Located document{json, name, ""};
+  const nlohmann::json output = parse_document("farm_end", text, name);
+  const JsonNode document{output, name, ""};
   return {enum_from<FarmEnd::State>(kEndNames, document.at("state").get<std::string>()),
           document.get<std::string>("reason", ""), document.get<std::string>("missing_frames", ""),
           document.get("frames", 0), utc_from(document.at("ended_utc"))};
 }
 
 std::string format_farm_end(const FarmEnd& end) {
-  Json json = new_document("farm_end");
-  json["state"] = farm_end_name(end.state);
-  if (!end.reason.empty()) json["reason"] = as_utf8(end.reason);
-  if (!end.missing_frames.empty()) json["missing_frames"] = end.missing_frames;
-  json["frames"] = end.frames;
-  json["ended_utc"] = format_utc(end.ended_utc);
-  return format_json(json);
+  Json output = make_document("farm_end");
+  output["state"] = farm_end_state_name(end.state);
+  if (!end.reason.empty()) output["reason"] = as_utf8(end.reason);
+  if (!end.missing_frames.empty()) output["missing_frames"] = end.missing_frames;
+  output["frames"] = end.frames;
+  output["ended_utc"] = format_utc(end.ended_utc);
+  return format_json(output);
 }
 
 }  // namespace raystage

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "schemas/time.h"
+#include "base/time.h"
 
 namespace raystage {
 
@@ -25,10 +25,10 @@ std::string_view attempt_result_name(AttemptResult result);
 
 /// What the stages of rendering took in one attempt: seconds and bytes a frame, as its log says.
 /// Several frames are under way at once, and writing goes on next to the other stages.
-struct RenderingCosts {
-  int frames = 0, at_once = 1;  ///< that were rendered; under way at once
-  double seconds = 0;           ///< wall-clock of all frames
-  double light_fields_s = 0;    ///< decoding and solving included
+struct RenderStageCosts {
+  int frames = 0, frames_in_flight = 1;  ///< that were rendered; under way at once
+  double seconds = 0;                    ///< wall-clock of all frames
+  double light_fields_s = 0;             ///< decoding and solving included
   double geometry_s = 0, merge_s = 0, encode_s = 0, write_s = 0;
   double decode_s = 0;  ///< of processors
   double read_bytes = 0;
@@ -44,8 +44,9 @@ struct FarmAttempt {
     std::string failed_frames = {};  ///< a frame range; empty: none, or unknown
     double wall_seconds = 0, cpu_seconds = 0;
     double peak_memory_bytes = 0;
-    int instants_solved = 0, instants_read = 0;    ///< light field frames, by their depths
-    std::optional<RenderingCosts> rendering = {};  ///< where a frame was rendered
+    int light_field_frames_estimated = 0,
+        light_field_frames_loaded = 0;               ///< light field frames, by their depths
+    std::optional<RenderStageCosts> rendering = {};  ///< where a frame was rendered
     std::optional<Nanoseconds> ended_utc = {};
   };
   std::string stage;  ///< of FarmStage, or "measure"
@@ -88,7 +89,7 @@ struct FarmEnd {
   int frames = 0;
   Nanoseconds ended_utc = 0;
 };
-std::string_view farm_end_name(FarmEnd::State state);
+std::string_view farm_end_state_name(FarmEnd::State state);
 FarmEnd parse_farm_end(std::string_view text, std::string_view name);
 std::string format_farm_end(const FarmEnd& end);
 

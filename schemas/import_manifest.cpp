@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/document.h"
 
 namespace raystage {
@@ -30,7 +30,7 @@ Vector3 centre(const CameraGeometry& camera) {
 /// A depth range is counted from the middle of the array along its mean viewing direction. It means
 /// something only where every camera has the whole range before it: none looks back, and none
 /// stands beyond the nearest plane.
-void check_depth_range(const ImportManifest& manifest, const Located& cameras) {
+void check_depth_range(const ImportManifest& manifest, const JsonNode& cameras) {
   if (!manifest.depth_range) return;
   const auto count = static_cast<double>(manifest.cameras.size());
   Vector3 forward{}, middle{};
@@ -43,18 +43,18 @@ void check_depth_range(const ImportManifest& manifest, const Located& cameras) {
   const double length = std::sqrt(dot(forward, forward));
   constexpr double kNoDirection = 1e-3;
   if (length < kNoDirection) {
-    throw cameras.refuse(
+    throw cameras.input_error(
         "the cameras look every way, so that a depth range in front of the array means nothing",
         "Remove \"depth_range_m\", or correct \"world_from_camera\"");
   }
   for (double& value : forward) value /= length;
   for (std::size_t i = 0; i < manifest.cameras.size(); ++i) {
     const CameraGeometry& camera = manifest.cameras[i].geometry;
-    const Located matrix = cameras.at(i).at("world_from_camera");
+    const JsonNode matrix = cameras.at(i).at("world_from_camera");
     const double cosine = dot(viewing_direction(camera), forward);
     if (cosine <= 0) {
       const double degrees = std::acos(std::max(cosine, -1.0)) * 180 / std::numbers::pi;
-      throw matrix.refuse(
+      throw matrix.input_error(
           fmt::format("the camera \"{}\" looks {:.1f} degrees away from the mean of the array, "
                       "allowed with a depth range: less than 90",
                       camera.id, degrees),
@@ -64,7 +64,7 @@ void check_depth_range(const ImportManifest& manifest, const Located& cameras) {
     const Vector3 c = centre(camera);
     const double advance = dot({c[0] - middle[0], c[1] - middle[1], c[2] - middle[2]}, forward);
     if (advance >= manifest.depth_range->near) {
-      throw matrix.refuse(
+      throw matrix.input_error(
           fmt::format(
               "the camera \"{}\" stands {:.6g} m in front of the array's middle, beyond the "
               "nearest plane of the depth range at {:.6g} m, which is behind it",
@@ -77,11 +77,12 @@ void check_depth_range(const ImportManifest& manifest, const Located& cameras) {
 /// Refuses a time that is not after the one before.
 class IncreasingTimes {
  public:
-  Nanoseconds next(const Located& time) {
+  Nanoseconds next(const JsonNode& time) {
     const auto value = time.get<Nanoseconds>();
     if (value <= last_) {
-      throw time.refuse(fmt::format("found {} after {}, allowed: increasing times", value, last_),
-                        "Sort the frames by time, and list each once");
+      throw time.input_error(
+          fmt::format("found {} after {}, allowed: increasing times", value, last_),
+          "Sort the frames by time, and list each once");
     }
     return last_ = value;
   }
@@ -90,12 +91,12 @@ class IncreasingTimes {
   Nanoseconds last_ = -1;
 };
 
-ImportManifest::Camera import_camera_from(const Located& object,
+ImportManifest::Camera import_camera_from(const JsonNode& object,
                                           std::set<std::string, std::less<>>& seen) {
   ImportManifest::Camera camera{camera_from(object, seen), {}, {}, {}};
   const bool movie = object.has("movie");
   if (movie != object.has("times_ns") || movie == object.has("frames")) {
-    throw object.refuse(
+    throw object.input_error(
         fmt::format("the camera \"{}\" has {}\"frames\", {}\"movie\" and {}\"times_ns\", allowed: "
                     "either \"frames\", or \"movie\" with \"times_ns\"",
                     camera.geometry.id, object.has("frames") ? "" : "no ", movie ? "" : "no ",
@@ -104,15 +105,15 @@ ImportManifest::Camera import_camera_from(const Located& object,
   }
   IncreasingTimes times;
   if (movie) {
-    camera.movie = path_text(object.at("movie"));
-    const Located list = object.at("times_ns");
+    camera.movie = path_from(object.at("movie"));
+    const JsonNode list = object.at("times_ns");
     for (std::size_t i = 0; i < list.size(); ++i) camera.times_ns.push_back(times.next(list.at(i)));
     return camera;
   }
-  const Located frames = object.at("frames");
+  const JsonNode frames = object.at("frames");
   for (std::size_t i = 0; i < frames.size(); ++i) {
-    const Located frame = frames.at(i);
-    camera.frames.push_back({path_text(frame.at("file")), times.next(frame.at("time_ns"))});
+    const JsonNode frame = frames.at(i);
+    camera.frames.push_back({path_from(frame.at("file")), times.next(frame.at("time_ns"))});
   }
   return camera;
 }
@@ -121,7 +122,7 @@ ImportManifest::Camera import_camera_from(const Located& object,
 
 ImportManifest parse_import_manifest(std::string_view text, std::string_view name) {
   const nlohmann::json json = parse_document("import", text, name);
-  const Located document{json, name, ""};
+  const JsonNode document{json, name, ""};
   ImportManifest manifest;
   manifest.name = document.at("name").get<std::string>();
   manifest.epoch_utc = utc_from(document.at("epoch_utc"));
@@ -129,7 +130,7 @@ ImportManifest parse_import_manifest(std::string_view text, std::string_view nam
   manifest.color_space = document.at("color_space").get<std::string>();
   manifest.arbitrary_scale = document.get<std::string>("scale", "metres") == "arbitrary";
   manifest.depth_range = depth_range_from(document);
-  const Located cameras = document.at("cameras");
+  const JsonNode cameras = document.at("cameras");
   std::set<std::string, std::less<>> seen;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     manifest.cameras.push_back(import_camera_from(cameras.at(i), seen));
@@ -139,7 +140,7 @@ ImportManifest parse_import_manifest(std::string_view text, std::string_view nam
 }
 
 std::string format_import_manifest(const ImportManifest& manifest) {
-  nlohmann::ordered_json json = new_document("import");
+  nlohmann::ordered_json json = make_document("import");
   json["name"] = manifest.name;
   json["epoch_utc"] = format_utc(manifest.epoch_utc);
   json["nominal_fps"] = manifest.nominal_fps;

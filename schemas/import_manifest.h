@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/time.h"
 #include "schemas/geometry.h"
-#include "schemas/time.h"
 
 namespace raystage {
 

@@ -48,8 +48,9 @@ class DocumentBuilder final : public json::json_sax_t {
     Level& level = levels_.back();
     level.key = std::move(key);
     if (level.container->contains(level.key)) {
-      throw bad_value(name_, pointer(), fmt::format("the property \"{}\" comes twice", level.key),
-                      "Keep one of them");
+      throw json_value_error(name_, pointer(),
+                             fmt::format("the property \"{}\" comes twice", level.key),
+                             "Keep one of them");
     }
     return true;
   }
@@ -93,9 +94,9 @@ class DocumentBuilder final : public json::json_sax_t {
   }
   bool open(json empty) {
     if (levels_.size() == kDeepest) {
-      throw bad_value(name_, pointer(),
-                      fmt::format("arrays and objects are nested deeper than {}", kDeepest),
-                      "Correct the file");
+      throw json_value_error(name_, pointer(),
+                             fmt::format("arrays and objects are nested deeper than {}", kDeepest),
+                             "Correct the file");
     }
     levels_.push_back({place(std::move(empty)), {}});
     return true;
@@ -108,9 +109,10 @@ class DocumentBuilder final : public json::json_sax_t {
     std::string result;
     for (const Level& level : levels_) {
       if (level.container->is_array()) {
-        if (!level.container->empty()) result = pointer_to(result, level.container->size() - 1);
+        if (!level.container->empty())
+          result = append_json_pointer(result, level.container->size() - 1);
       } else {
-        result = pointer_to(result, level.key);
+        result = append_json_pointer(result, level.key);
       }
     }
     return result;
@@ -179,7 +181,7 @@ std::string format_json(const nlohmann::ordered_json& value) {
   return out;
 }
 
-std::string pointer_to(std::string_view pointer, std::string_view key) {
+std::string append_json_pointer(std::string_view pointer, std::string_view key) {
   std::string result(pointer);
   result += '/';
   for (const char c : key) {
@@ -194,12 +196,12 @@ std::string pointer_to(std::string_view pointer, std::string_view key) {
   return result;
 }
 
-std::string pointer_to(std::string_view pointer, std::size_t index) {
+std::string append_json_pointer(std::string_view pointer, std::size_t index) {
   return fmt::format("{}/{}", pointer, index);
 }
 
-Error bad_value(std::string_view name, std::string_view pointer, std::string what_happened,
-                std::string what_to_do) {
+Error json_value_error(std::string_view name, std::string_view pointer, std::string what_happened,
+                       std::string what_to_do) {
   return Error::bad_input(std::move(what_happened), fmt::format("{}#{}", name, pointer),
                           std::move(what_to_do));
 }

@@ -6,7 +6,7 @@
 #include <string>
 #include <string_view>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 
@@ -19,12 +19,12 @@ nlohmann::json parse_json(std::string_view text, std::string_view name);
 std::string format_json(const nlohmann::ordered_json& value);
 
 /// `pointer` extended by one step (RFC 6901).
-std::string pointer_to(std::string_view pointer, std::string_view key);
-std::string pointer_to(std::string_view pointer, std::size_t index);
+std::string append_json_pointer(std::string_view pointer, std::string_view key);
+std::string append_json_pointer(std::string_view pointer, std::size_t index);
 
 /// Bad input at "NAME#POINTER".
-Error bad_value(std::string_view name, std::string_view pointer, std::string what_happened,
-                std::string what_to_do);
+Error json_value_error(std::string_view name, std::string_view pointer, std::string what_happened,
+                       std::string what_to_do);
 
 /// What stands in a document, short enough for a message.
 std::string found(const nlohmann::json& value);

@@ -19,7 +19,8 @@ struct MatteSettings {
   } kind = Kind::kBlueScreen;
   /// Of a screen: its colour, scene-linear. None, and no empty take: found in the take itself.
   std::optional<std::array<double, 3>> screen_color = {};
-  std::string empty_take = {};  ///< the same array and no actor; relative to the shot's folder
+  std::string clean_plate_take =
+      {};  ///< the same array and no actor; relative to the shot's folder
   /// Of a screen: how much of its colour others may have: the larger of them (1), the smaller (0).
   double balance = 0.5;
   double despill = 1;  ///< of a screen: how much of its light is taken off what stands before it

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/planes_document.h"
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/document.h"
 
 namespace raystage {
 
 PlanesDocument parse_planes(std::string_view text, std::string_view name) {
   const nlohmann::json json = parse_document("planes", text, name);
-  const Located document{json, name, ""};
+  const JsonNode document{json, name, ""};
   PlanesDocument planes;
   std::set<std::string, std::less<>> seen;
-  const Located list = document.at("planes");
+  const JsonNode list = document.at("planes");
   for (std::size_t i = 0; i < list.size(); ++i) {
-    const Located object = list.at(i);
+    const JsonNode object = list.at(i);
     PlanesDocument::Plane plane;
-    plane.id = unique_id(object, seen);
+    plane.id = unique_id_from(object, seen);
     plane.corners = object.at("corners").get<std::vector<std::array<double, 3>>>();
     planes.planes.push_back(std::move(plane));
   }
@@ -23,7 +23,7 @@ PlanesDocument parse_planes(std::string_view text, std::string_view name) {
 }
 
 std::string format_planes(const PlanesDocument& planes) {
-  nlohmann::ordered_json json = new_document("planes");
+  nlohmann::ordered_json json = make_document("planes");
   auto& list = json["planes"] = nlohmann::ordered_json::array();
   for (const PlanesDocument::Plane& plane : planes.planes) {
     list.push_back({{"id", plane.id}, {"corners", plane.corners}});

@@ -7,7 +7,7 @@
 #include <set>
 #include <utility>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/document.h"
 
 namespace raystage {
@@ -19,20 +19,20 @@ using nlohmann::ordered_json;
 template <typename Value, std::size_t count>
 using Words = std::array<std::pair<Value, const char*>, count>;
 
-constexpr Words<RecordConfig::WhenFull, 2> kWhenFull{
-    {{RecordConfig::WhenFull::kDropNewest, "drop_newest"},
-     {RecordConfig::WhenFull::kDropOldest, "drop_oldest"}}};
-constexpr Words<RecordConfig::WhenLost, 3> kWhenLost{
-    {{RecordConfig::WhenLost::kContinue, "continue"},
-     {RecordConfig::WhenLost::kReconnect, "reconnect"},
-     {RecordConfig::WhenLost::kStop, "stop"}}};
+constexpr Words<RecordConfig::OverflowPolicy, 2> kWhenFull{
+    {{RecordConfig::OverflowPolicy::kDropNewest, "drop_newest"},
+     {RecordConfig::OverflowPolicy::kDropOldest, "drop_oldest"}}};
+constexpr Words<RecordConfig::LostSourcePolicy, 3> kWhenLost{
+    {{RecordConfig::LostSourcePolicy::kContinue, "continue"},
+     {RecordConfig::LostSourcePolicy::kReconnect, "reconnect"},
+     {RecordConfig::LostSourcePolicy::kStop, "stop"}}};
 constexpr Words<RecordConfig::Chroma, 3> kChroma{{{RecordConfig::Chroma::k444, "444"},
                                                   {RecordConfig::Chroma::k422, "422"},
                                                   {RecordConfig::Chroma::k420, "420"}}};
 
 /// Reads one of the words, which the schema has checked.
 template <typename Value, std::size_t count>
-void read_word(const Located& object, std::string_view key, const Words<Value, count>& words,
+void read_word(const JsonNode& object, std::string_view key, const Words<Value, count>& words,
                Value& value) {
   if (!object.has(key)) return;
   const auto text = object.at(key).template get<std::string>();
@@ -50,21 +50,21 @@ const char* word_of(Value value, const Words<Value, count>& words) {
 }
 
 /// Text for another library, which may end it at a control character, or worse.
-std::string plain_text(const Located& object, std::string_view key) {
+std::string plain_text(const JsonNode& object, std::string_view key) {
   if (!object.has(key)) return {};
-  const Located text = object.at(key);
+  const JsonNode text = object.at(key);
   auto result = text.get<std::string>();
   for (const char c : result) {
     if (static_cast<unsigned char>(c) < ' ') {
-      throw text.refuse(fmt::format("found {}, text with a control character", found(text.value)),
-                        "Remove it");
+      throw text.input_error(
+          fmt::format("found {}, text with a control character", found(text.value)), "Remove it");
     }
   }
   return result;
 }
 
 template <typename T>
-void read_optional(const Located& object, std::string_view key, std::optional<T>& value) {
+void read_optional(const JsonNode& object, std::string_view key, std::optional<T>& value) {
   if (object.has(key)) value = object.at(key).template get<T>();
 }
 
@@ -72,16 +72,16 @@ void add_text(ordered_json& object, const char* key, const std::string& text) {
   if (!text.empty()) object[key] = text;
 }
 
-RecordConfig::FfmpegSource ffmpeg_from(const Located& object) {
+RecordConfig::FfmpegSource ffmpeg_from(const JsonNode& object) {
   RecordConfig::FfmpegSource source;
   source.url = plain_text(object, "url");
   source.format = plain_text(object, "format");
   source.realtime = object.get("realtime", source.realtime);
   if (!object.has("options")) return source;
-  const Located options = object.at("options");
+  const JsonNode options = object.at("options");
   for (const auto& [key, value] : options.value.items()) {
     if (key.empty() || !value.is_string()) {
-      throw options.at(key).refuse(
+      throw options.at(key).input_error(
           fmt::format("found {}, allowed: an option's value as text", found(value)),
           "Put it into quotes, as FFmpeg's command line would have it");
     }
@@ -90,7 +90,7 @@ RecordConfig::FfmpegSource ffmpeg_from(const Located& object) {
   return source;
 }
 
-RecordConfig::AravisSource aravis_from(const Located& object) {
+RecordConfig::AravisSource aravis_from(const JsonNode& object) {
   RecordConfig::AravisSource source;
   source.device = plain_text(object, "device");
   read_optional(object, "exposure_us", source.exposure_us);
@@ -106,7 +106,7 @@ RecordConfig::AravisSource aravis_from(const Located& object) {
   return source;
 }
 
-RecordConfig::SimulatedSource simulated_from(const Located& object) {
+RecordConfig::SimulatedSource simulated_from(const JsonNode& object) {
   RecordConfig::SimulatedSource source;
   source.scene = object.has("scene") ? plain_text(object, "scene") : source.scene;
   source.seed = object.get("seed", source.seed);
@@ -120,7 +120,7 @@ RecordConfig::SimulatedSource simulated_from(const Located& object) {
   source.jpeg = object.get("jpeg", source.jpeg);
   const int cameras = source.rows * source.columns;
   if (source.index >= cameras) {
-    throw object.at("index").refuse(
+    throw object.at("index").input_error(
         fmt::format("found {}, allowed: less than the {} cameras of the array", source.index,
                     cameras),
         "Correct the index, or \"rows\" and \"columns\"");
@@ -128,11 +128,11 @@ RecordConfig::SimulatedSource simulated_from(const Located& object) {
   return source;
 }
 
-RecordConfig::Source source_from(const Located& camera) {
+RecordConfig::Source source_from(const JsonNode& camera) {
   const bool ffmpeg = camera.has("ffmpeg"), aravis = camera.has("aravis"),
              simulated = camera.has("simulated");
   if (static_cast<int>(ffmpeg) + static_cast<int>(aravis) + static_cast<int>(simulated) != 1) {
-    throw camera.refuse(
+    throw camera.input_error(
         fmt::format("found {}, allowed: one of \"ffmpeg\", \"aravis\" and \"simulated\"",
                     ffmpeg || aravis || simulated ? "several sources" : "no source"),
         "Give each camera exactly one source");
@@ -184,11 +184,11 @@ const char* kind_of(const RecordConfig::Source& source) {
 
 RecordConfig parse_record_config(std::string_view text, std::string_view name) {
   const nlohmann::json json = parse_document("record", text, name);
-  const Located document{json, name, ""};
+  const JsonNode document{json, name, ""};
   RecordConfig config;
   config.name = document.at("name").get<std::string>();
   config.node = plain_text(document, "node");
-  if (document.has("rig")) config.rig = path_text(document.at("rig"));
+  if (document.has("rig")) config.rig = path_from(document.at("rig"));
   config.nominal_fps = document.get("nominal_fps", config.nominal_fps);
   config.color_space = document.get("color_space", config.color_space);
   config.memory_mb = document.get("memory_mb", config.memory_mb);
@@ -197,23 +197,23 @@ RecordConfig parse_record_config(std::string_view text, std::string_view name) {
   read_word(document, "when_lost", kWhenLost, config.when_lost);
   config.lost_after_seconds = document.get("lost_after_seconds", config.lost_after_seconds);
   if (document.has("jpeg")) {
-    const Located jpeg = document.at("jpeg");
+    const JsonNode jpeg = document.at("jpeg");
     config.quality = jpeg.get("quality", config.quality);
     read_word(jpeg, "chroma", kChroma, config.chroma);
     config.restart_interval = jpeg.get("restart_interval", config.restart_interval);
   }
-  const Located cameras = document.at("cameras");
+  const JsonNode cameras = document.at("cameras");
   std::set<std::string, std::less<>> seen;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Located camera = cameras.at(i);
-    std::string id = unique_id(camera, seen);
+    const JsonNode camera = cameras.at(i);
+    std::string id = unique_id_from(camera, seen);
     config.cameras.push_back({std::move(id), source_from(camera)});
   }
   return config;
 }
 
 std::string format_record_config(const RecordConfig& config) {
-  ordered_json json = new_document("record");
+  ordered_json json = make_document("record");
   json["name"] = config.name;
   add_text(json, "node", config.node);
   add_text(json, "rig", config.rig);

@@ -10,7 +10,7 @@
 #include <variant>
 #include <vector>
 
-#include "schemas/time.h"
+#include "base/time.h"
 
 namespace raystage {
 
@@ -53,8 +53,8 @@ struct RecordConfig {
     std::string id;
     Source source;
   };
-  enum class WhenFull { kDropNewest, kDropOldest };
-  enum class WhenLost { kContinue, kReconnect, kStop };
+  enum class OverflowPolicy { kDropNewest, kDropOldest };
+  enum class LostSourcePolicy { kContinue, kReconnect, kStop };
   enum class Chroma { k444, k422, k420 };
 
   std::string name;
@@ -64,8 +64,8 @@ struct RecordConfig {
   std::string color_space = "srgb_texture";
   double memory_mb = 1024;  ///< for all frames of all cameras, 10^6 bytes
   bool hold = false;        ///< keep everything in memory until the end
-  WhenFull when_full = WhenFull::kDropNewest;
-  WhenLost when_lost = WhenLost::kContinue;
+  OverflowPolicy when_full = OverflowPolicy::kDropNewest;
+  LostSourcePolicy when_lost = LostSourcePolicy::kContinue;
   double lost_after_seconds = 5;  ///< without a frame a source counts as lost
   int quality = 90;               ///< of raw frames that are encoded, libjpeg's scale
   Chroma chroma = Chroma::k420;

@@ -6,11 +6,11 @@
 
 #include <nlohmann/json.hpp>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::record_config_test {
 namespace {
 
 using nlohmann::json;
@@ -61,8 +61,8 @@ TEST(RecordConfig, WhatIsWrittenIsWhatWasRead) {
 
 TEST(RecordConfig, ReadsEveryField) {
   const RecordConfig config = parse_record_config(full().dump(), "f.json");
-  EXPECT_EQ(config.when_full, RecordConfig::WhenFull::kDropOldest);
-  EXPECT_EQ(config.when_lost, RecordConfig::WhenLost::kReconnect);
+  EXPECT_EQ(config.when_full, RecordConfig::OverflowPolicy::kDropOldest);
+  EXPECT_EQ(config.when_lost, RecordConfig::LostSourcePolicy::kReconnect);
   EXPECT_EQ(config.chroma, RecordConfig::Chroma::k422);
   EXPECT_EQ(config.quality, 80);
   EXPECT_EQ(config.restart_interval, 4);
@@ -83,8 +83,8 @@ TEST(RecordConfig, ReadsEveryField) {
 TEST(RecordConfig, WhatIsNotSaidHasItsDefault) {
   const RecordConfig config = parse_record_config(minimal().dump(), "f.json");
   EXPECT_EQ(config.memory_mb, 1024);
-  EXPECT_EQ(config.when_full, RecordConfig::WhenFull::kDropNewest);
-  EXPECT_EQ(config.when_lost, RecordConfig::WhenLost::kContinue);
+  EXPECT_EQ(config.when_full, RecordConfig::OverflowPolicy::kDropNewest);
+  EXPECT_EQ(config.when_lost, RecordConfig::LostSourcePolicy::kContinue);
   EXPECT_EQ(config.chroma, RecordConfig::Chroma::k420);
   EXPECT_EQ(config.restart_interval, -1);
   EXPECT_EQ(config.nominal_fps, 0);
@@ -195,4 +195,4 @@ INSTANTIATE_TEST_SUITE_P(
                "greater than 0"}));
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::record_config_test

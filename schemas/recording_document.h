@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "schemas/time.h"
+#include "base/time.h"
 
 namespace raystage {
 
@@ -23,10 +23,10 @@ struct RecordingDocument {
   struct Camera {
     std::string id;
     std::string source;  ///< for people
-    std::string clock = "host", time_marks = "unknown";
+    std::string clock = "host", timestamp_event = "unknown";
     std::uint64_t arrived = 0, stored = 0;
     std::map<std::string, std::uint64_t> dropped;  ///< by reason; only those that happened
-    std::uint64_t skipped_by_source = 0, corrected_times = 0;
+    std::uint64_t skipped_by_source = 0, corrected_timestamps = 0;
     std::vector<Event> events;
   };
   /// What disciplined the node's clock.
@@ -35,9 +35,9 @@ struct RecordingDocument {
     std::optional<double> offset_s;     ///< clock minus reference, seconds
     std::optional<double> max_error_s;  ///< seconds
   };
-  struct Audit {
+  struct AuditResult {
     bool holds = false;
-    std::vector<std::string> complaints;
+    std::vector<std::string> problems;
   };
   /// One run of `raystage record`.
   struct Session {
@@ -46,12 +46,12 @@ struct RecordingDocument {
     std::optional<Nanoseconds>
         start_at_utc;                        ///< frames were to count from then on; absent: at once
     std::optional<Nanoseconds> stopped_utc;  ///< absent: runs, or was killed
-    std::string why_stopped;
+    std::string stop_reason;
     std::uint64_t memory_bytes = 0, memory_peak_bytes = 0;
     bool held = false;
     Clock clock;
     std::vector<Camera> cameras;
-    std::optional<Audit> audit;  ///< with stopped_utc
+    std::optional<AuditResult> audit;  ///< with stopped_utc
 
     /// By how much it came too late for start_at_utc: frames of that time are missing, and other
     /// nodes have them. 0 where it did not.

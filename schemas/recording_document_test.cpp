@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -31,10 +31,11 @@ RecordingDocument example() {
   session.cameras.push_back({"b", "simulated", "simulated", "unknown", 0, 0, {}, 0, 0, {}});
   recording.sessions.push_back(session);  // killed
   session.stopped_utc = session.started_utc + 5'000'000'000;
-  session.why_stopped = "SIGINT";
+  session.stop_reason = "SIGINT";
   session.memory_peak_bytes = 77;
   session.clock = {};
-  session.audit = RecordingDocument::Audit{false, {"camera a: 100 arrived, 99 accounted for"}};
+  session.audit =
+      RecordingDocument::AuditResult{false, {"camera a: 100 arrived, 99 accounted for"}};
   recording.sessions.push_back(session);
   return recording;
 }

@@ -1,21 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/rig_document.h"
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/document.h"
 
 namespace raystage {
 
 RigDocument parse_rig(std::string_view text, std::string_view name) {
   const nlohmann::json json = parse_document("rig", text, name);
-  const Located document{json, name, ""};
+  const JsonNode document{json, name, ""};
   RigDocument rig;
   rig.name = document.get("name", rig.name);
   rig.topology = document.get("topology", rig.topology);
-  const Located cameras = document.at("cameras");
+  const JsonNode cameras = document.at("cameras");
   std::set<std::string, std::less<>> seen;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Located object = cameras.at(i);
+    const JsonNode object = cameras.at(i);
     RigDocument::Camera camera{camera_from(object, seen), {}};
     if (object.has("photometric")) {
       camera.photometric = photometric_from(object.at("photometric"), camera.geometry);
@@ -26,7 +26,7 @@ RigDocument parse_rig(std::string_view text, std::string_view name) {
 }
 
 std::string format_rig(const RigDocument& rig) {
-  nlohmann::ordered_json json = new_document("rig");
+  nlohmann::ordered_json json = make_document("rig");
   json["name"] = rig.name;
   json["topology"] = rig.topology;
   auto& cameras = json["cameras"] = nlohmann::ordered_json::array();

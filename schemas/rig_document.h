@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "schemas/geometry.h"
-#include "schemas/photometric.h"
+#include "schemas/photometric_response.h"
 
 namespace raystage {
 
@@ -24,9 +24,9 @@ struct RigDocument {
 
 /// The name of a rig whose places and lenses nobody measured: `raystage record` without a rig
 /// guesses them, cameras in a row this far apart (metres).
-inline constexpr std::string_view kNotCalibrated = "not calibrated";
-inline constexpr double kGuessedSpacing = 0.1;
-inline bool is_calibrated(const RigDocument& rig) { return rig.name != kNotCalibrated; }
+inline constexpr std::string_view kUncalibratedRigName = "not calibrated";
+inline constexpr double kDefaultCameraSpacing = 0.1;
+inline bool is_calibrated(const RigDocument& rig) { return rig.name != kUncalibratedRigName; }
 
 RigDocument read_rig(const std::filesystem::path& file);
 void write_rig(const RigDocument& rig, const std::filesystem::path& file);

@@ -13,14 +13,14 @@ using Camera = ShotDocument::Camera;
 using CameraKey = ShotDocument::CameraKey;
 using Point = std::array<double, 3>;
 
-std::array<double, 4> quaternion_from(const Located& list) {
+std::array<double, 4> quaternion_from(const JsonNode& list) {
   auto q = list.get<std::array<double, 4>>();
   double square = 0;
   for (const double value : q) square += value * value;
   constexpr double kSmallest = 1e-12, kUnit = 1e-14;
   if (square < kSmallest) {
-    throw list.refuse("found a quaternion of length 0, allowed: any other length",
-                      "Write [1, 0, 0, 0] for no rotation");
+    throw list.input_error("found a quaternion of length 0, allowed: any other length",
+                           "Write [1, 0, 0, 0] for no rotation");
   }
   // Left alone when it is unit already, so that reading and writing changes no bit.
   if (std::abs(square - 1) > kUnit) {
@@ -29,7 +29,7 @@ std::array<double, 4> quaternion_from(const Located& list) {
   return q;
 }
 
-CameraKey key_from(const Located& object) {
+CameraKey key_from(const JsonNode& object) {
   CameraKey key;
   key.frame = object.at("frame").get<double>();
   key.position = object.get_if<Point>("position");
@@ -37,8 +37,9 @@ CameraKey key_from(const Located& object) {
   key.horizontal_fov_deg = object.get_if<double>("horizontal_fov_deg");
   key.focal_length_mm = object.get_if<double>("focal_length_mm");
   if (key.horizontal_fov_deg && key.focal_length_mm) {
-    throw object.refuse("found both horizontal_fov_deg and focal_length_mm, allowed: one of them",
-                        "Remove the other");
+    throw object.input_error(
+        "found both horizontal_fov_deg and focal_length_mm, allowed: one of them",
+        "Remove the other");
   }
   key.target = object.get_if<Point>("target");
   key.roll_deg = object.get_if<double>("roll_deg");
@@ -49,36 +50,36 @@ CameraKey key_from(const Located& object) {
   return key;
 }
 
-std::vector<CameraKey> keys_from(const Located& list) {
+std::vector<CameraKey> keys_from(const JsonNode& list) {
   std::vector<CameraKey> keys;
   for (std::size_t i = 0; i < list.size(); ++i) {
     const CameraKey key = key_from(list.at(i));
     if (!keys.empty() && key.frame <= keys.back().frame) {
-      const Located frame = list.at(i).at("frame");
-      throw frame.refuse(fmt::format("found {} after {}, allowed: increasing frames",
-                                     found(frame.value), keys.back().frame),
-                         "Sort the keys by frame, and keep one key per frame");
+      const JsonNode frame = list.at(i).at("frame");
+      throw frame.input_error(fmt::format("found {} after {}, allowed: increasing frames",
+                                          found(frame.value), keys.back().frame),
+                              "Sort the keys by frame, and keep one key per frame");
     }
     keys.push_back(key);
   }
   return keys;
 }
 
-ShotDocument::CameraFile file_from(const Located& object) {
+ShotDocument::CameraFile file_from(const JsonNode& object) {
   ShotDocument::CameraFile file;
-  file.path = path_text(object.at("path"));
+  file.path = path_from(object.at("path"));
   file.camera_name = object.get("camera_name", file.camera_name);
   file.rotation_order = object.get("rotation_order", file.rotation_order);
   file.frame_offset = object.get("frame_offset", file.frame_offset);
   return file;
 }
 
-ShotDocument::Orbit orbit_from(const Located& object) {
+ShotDocument::Orbit orbit_from(const JsonNode& object) {
   ShotDocument::Orbit orbit{.center = object.at("center").get<Point>()};
   orbit.axis = object.get("axis", orbit.axis);
   if (orbit.axis == Point{0, 0, 0}) {
-    throw object.at("axis").refuse("found an axis of length 0, allowed: any other length",
-                                   "Write [0, 1, 0] for an upright one");
+    throw object.at("axis").input_error("found an axis of length 0, allowed: any other length",
+                                        "Write [0, 1, 0] for an upright one");
   }
   return orbit;
 }
@@ -108,7 +109,7 @@ ordered_json json_from(const ShotDocument::CameraFile& file) {
 
 }  // namespace
 
-Camera shot_camera_from(const Located& json, int version) {
+Camera shot_camera_from(const JsonNode& json, int version) {
   Camera camera;
   if (version == 1) {
     camera.keys = keys_from(json);
@@ -119,12 +120,12 @@ Camera shot_camera_from(const Located& json, int version) {
   if (json.has("file")) camera.file = file_from(json.at("file"));
   if (json.has("orbit")) camera.orbit = orbit_from(json.at("orbit"));
   if (json.has("vertigo")) {
-    const Located vertigo = json.at("vertigo");
-    camera.vertigo = {.target = vertigo.at("target").get<Point>(),
-                      .frame = vertigo.get_if<double>("frame")};
+    const JsonNode dolly_zoom = json.at("vertigo");
+    camera.dolly_zoom = {.target = dolly_zoom.at("target").get<Point>(),
+                         .frame = dolly_zoom.get_if<double>("frame")};
   }
   if (json.has("stereo")) {
-    const Located object = json.at("stereo");
+    const JsonNode object = json.at("stereo");
     ShotDocument::Stereo stereo;
     stereo.interaxial_m = object.get("interaxial_m", stereo.interaxial_m);
     stereo.convergence_m = object.get_if<double>("convergence_m");
@@ -143,9 +144,9 @@ ordered_json json_from(const Camera& camera) {
   if (camera.orbit) {
     object["orbit"] = {{"center", camera.orbit->center}, {"axis", camera.orbit->axis}};
   }
-  if (camera.vertigo) {
-    object["vertigo"] = {{"target", camera.vertigo->target}};
-    add_optional(object["vertigo"], "frame", camera.vertigo->frame);
+  if (camera.dolly_zoom) {
+    object["vertigo"] = {{"target", camera.dolly_zoom->target}};
+    add_optional(object["vertigo"], "frame", camera.dolly_zoom->frame);
   }
   if (camera.stereo) {
     object["stereo"] = {{"interaxial_m", camera.stereo->interaxial_m}};

@@ -8,7 +8,7 @@
 namespace raystage {
 
 /// `version`: of the shot's schema; in version 1 a camera is a list of keys.
-ShotDocument::Camera shot_camera_from(const Located& camera, int version);
+ShotDocument::Camera shot_camera_from(const JsonNode& camera, int version);
 nlohmann::ordered_json json_from(const ShotDocument::Camera& camera);
 
 }  // namespace raystage

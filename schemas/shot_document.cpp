@@ -5,9 +5,9 @@
 
 #include <algorithm>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
+#include "base/frame_rate.h"
 #include "schemas/document.h"
-#include "schemas/frame_rate.h"
 #include "schemas/shot_camera.h"
 #include "schemas/shot_geometry.h"
 #include "schemas/shot_layer.h"
@@ -17,30 +17,31 @@ namespace {
 
 using nlohmann::ordered_json;
 
-FrameRate frame_rate_at(const Located& fps) {
+FrameRate frame_rate_at(const JsonNode& fps) {
   const auto rate = fps.value.is_string() ? frame_rate_from(fps.get<std::string>())
                                           : frame_rate_from(fps.get<double>());
   if (rate) return *rate;
-  throw fps.refuse(fmt::format("found {}, allowed: a number with up to six decimals, or a ratio as "
-                               "text, greater than 0 and up to 1000",
-                               found(fps.value)),
-                   "Write the exact ratio, for example \"24000/1001\"");
+  throw fps.input_error(
+      fmt::format("found {}, allowed: a number with up to six decimals, or a ratio as "
+                  "text, greater than 0 and up to 1000",
+                  found(fps.value)),
+      "Write the exact ratio, for example \"24000/1001\"");
 }
 
 /// Layers around one volume are one picture: nothing can lie between them, or fade one of them.
-void check_volumes(const std::vector<ShotDocument::Layer>& layers, const Located& located) {
+void check_volumes(const std::vector<ShotDocument::Layer>& layers, const JsonNode& located) {
   for (std::size_t i = 1; i < layers.size(); ++i) {
     if (layers[i].volume.empty()) continue;
-    const Located place = located.at(i);
+    const JsonNode place = located.at(i);
     const auto first = std::ranges::find(layers, layers[i].volume, &ShotDocument::Layer::volume);
     if (first == layers.begin() + static_cast<std::ptrdiff_t>(i)) continue;
     if (layers[i - 1].volume != layers[i].volume) {
-      throw place.at("volume").refuse("found another layer between those of the volume",
-                                      "Put the volume's layers one after the other");
+      throw place.at("volume").input_error("found another layer between those of the volume",
+                                           "Put the volume's layers one after the other");
     }
     if (layers[i].opacity != first->opacity || layers[i].holdout != first->holdout) {
-      throw place.refuse("found another opacity or holdout than the volume's first layer has",
-                         "Give all of them the same: they are one picture");
+      throw place.input_error("found another opacity or holdout than the volume's first layer has",
+                              "Give all of them the same: they are one picture");
     }
   }
 }
@@ -48,8 +49,8 @@ void check_volumes(const std::vector<ShotDocument::Layer>& layers, const Located
 }  // namespace
 
 ShotDocument parse_shot(std::string_view text, std::string_view name) {
-  const auto [json, version] = parse_any_version("shot", text, name);
-  const Located document{json, name, ""};
+  const auto [json, version] = parse_versioned_document("shot", text, name);
+  const JsonNode document{json, name, ""};
   ShotDocument shot;
   shot.name = document.get("name", shot.name);
   shot.width = document.at("width").get<int>();
@@ -62,24 +63,24 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
   shot.last_frame = document.at("last_frame").get<int>();
   if (shot.first_frame > shot.last_frame) {
     throw document.at("last_frame")
-        .refuse(fmt::format("found {}, allowed: first_frame, which is {}, or later",
-                            shot.last_frame, shot.first_frame),
-                "Correct the range");
+        .input_error(fmt::format("found {}, allowed: first_frame, which is {}, or later",
+                                 shot.last_frame, shot.first_frame),
+                     "Correct the range");
   }
   shot.camera = shot_camera_from(document.at("camera"), version);
-  const Located layers = document.at("layers");
+  const JsonNode layers = document.at("layers");
   for (std::size_t i = 0; i < layers.size(); ++i)
     shot.layers.push_back(shot_layer_from(layers.at(i)));
   check_volumes(shot.layers, layers);
   if (document.has("lights")) {
-    const Located lights = document.at("lights");
+    const JsonNode lights = document.at("lights");
     for (std::size_t i = 0; i < lights.size(); ++i) {
       shot.lights.push_back(shot_light_from(lights.at(i)));
     }
   }
   if (document.get("merge", std::string()) == "depth") shot.merge = ShotDocument::Merge::kDepth;
   if (document.has("output")) {
-    const Located output = document.at("output");
+    const JsonNode output = document.at("output");
     shot.output.compression = output.get("compression", shot.output.compression);
     shot.output.data_compression = output.get("data_compression", shot.output.data_compression);
     shot.output.layout = output.get("layout", shot.output.layout);
@@ -87,9 +88,9 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
     shot.output.overscan = output.get("overscan", shot.output.overscan);
     shot.output.aovs = output.get("aovs", shot.output.aovs);
     if (output.has("color")) {
-      const Located color = output.at("color");
+      const JsonNode color = output.at("color");
       shot.output.color.space = color.get("space", shot.output.color.space);
-      if (color.has("config")) shot.output.color.config = path_text(color.at("config"));
+      if (color.has("config")) shot.output.color.config = path_from(color.at("config"));
       shot.output.color.rec709_space = color.get("rec709_space", shot.output.color.rec709_space);
       shot.output.color.working = color.get("working", shot.output.color.working);
     }
@@ -98,7 +99,7 @@ ShotDocument parse_shot(std::string_view text, std::string_view name) {
 }
 
 std::string format_shot(const ShotDocument& shot) {
-  ordered_json json = new_document("shot");
+  ordered_json json = make_document("shot");
   json["name"] = shot.name;
   json["width"] = shot.width;
   json["height"] = shot.height;

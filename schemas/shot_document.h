@@ -8,10 +8,10 @@
 #include <string_view>
 #include <vector>
 
+#include "base/time.h"
 #include "schemas/hole_fill.h"
 #include "schemas/matte_settings.h"
 #include "schemas/option_values.h"
-#include "schemas/time.h"
 
 namespace raystage {
 
@@ -38,7 +38,7 @@ struct ShotDocument {
   struct Orbit {
     std::array<double, 3> center{0, 0, 0}, axis{0, 1, 0};
   };
-  struct Vertigo {
+  struct DollyZoom {
     std::array<double, 3> target{0, 0, 0};
     std::optional<double> frame = {};  ///< at which the lens is as the keys say; none: the first
   };
@@ -51,7 +51,7 @@ struct ShotDocument {
     std::vector<CameraKey> keys = {};  ///< by increasing frame
     std::optional<CameraFile> file = {};
     std::optional<Orbit> orbit = {};
-    std::optional<Vertigo> vertigo = {};
+    std::optional<DollyZoom> dolly_zoom = {};
     std::optional<Stereo> stereo = {};
   };
   struct FocalPlane {
@@ -86,14 +86,14 @@ struct ShotDocument {
     std::string space = {};  ///< of its colours; empty: as the file says, else linear or sRGB
   };
   /// Shares of the picture's width and height from the top left.
-  struct Screen {
+  struct ScreenRegion {
     double left = 0, right = 1, top = 0, bottom = 1;
   };
   /// What a layer is cut to: a plane's side, a box, or a part of the picture.
   struct Clip {
     std::optional<std::array<double, 4>> plane = {};  ///< a x + b y + c z + d = 0, world
     std::optional<std::array<std::array<double, 3>, 2>> box = {};  ///< least and most corner, world
-    Screen screen = {};                                            ///< where there is neither
+    ScreenRegion screen = {};                                      ///< where there is neither
     double feather = 0;  ///< metres; of a screen a share of the picture's width
     bool inverted = false;
   };
@@ -123,16 +123,17 @@ struct ShotDocument {
     std::array<double, 3> color{1, 1, 1};  ///< what a white diffuse surface that faces it shows
     bool shadows = true;
     std::string environment = {};  ///< picture all around, relative to the shot's folder
-    double turn_deg = 0;           ///< of the environment about the y axis, counter-clockwise
+    double rotation_deg = 0;       ///< of the environment about the y axis, counter-clockwise
     std::string light_field = {};  ///< name of a layer that answers rays where it saw them
     double strength = 1;           ///< of the environment or light field
     int rays = 0;                  ///< by which diffuse surfaces gather it, each sample
   };
   /// How what a light field shows receives the shadows of geometry.
   struct ReceivedShadows {
-    double strength = 1;   ///< a share of what is taken away
-    double reach_m = 0.5;  ///< within which meshes take away light that comes from everywhere
-    int rays = 64;         ///< a pixel, for that; 0: it is not taken away
+    double strength = 1;  ///< a share of what is taken away
+    double occlusion_distance_m =
+        0.5;        ///< within which meshes take away light that comes from everywhere
+    int rays = 64;  ///< a pixel, for that; 0: it is not taken away
   };
   struct Layer {
     std::string name;
@@ -186,12 +187,12 @@ struct ShotDocument {
   Camera camera;
   /// How layers cover each other.
   enum class Merge {
-    kStated,  ///< each those before it
-    kDepth    ///< the nearer the farther, at every pixel
+    kLayerOrder,  ///< each those before it
+    kDepth        ///< the nearer the farther, at every pixel
   };
   std::vector<Layer> layers;  ///< the rearmost first; at least one
   std::vector<Light> lights;  ///< of all geometry
-  Merge merge = Merge::kStated;
+  Merge merge = Merge::kLayerOrder;
   Output output;
 };
 

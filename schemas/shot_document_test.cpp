@@ -7,7 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -70,7 +70,7 @@ TEST(ShotCameraDocument, ReadsEveryField) {
   EXPECT_EQ(camera.file->rotation_order, "ZXY");
   EXPECT_EQ(camera.file->frame_offset, 12);
   EXPECT_EQ(camera.orbit->axis, (std::array<double, 3>{0, 2, 0}));
-  EXPECT_EQ(camera.vertigo->frame, 20);
+  EXPECT_EQ(camera.dolly_zoom->frame, 20);
   EXPECT_EQ(camera.stereo->convergence_m, 5);
 }
 
@@ -185,7 +185,7 @@ TEST(ShotLayerDocument, LayersOfEveryKindComeBack) {
   EXPECT_TRUE(document.layers[2].holdout);
   EXPECT_FALSE(document.layers[1].shadows);
   EXPECT_EQ(document.layers[2].shadows->strength, 0.5);
-  EXPECT_EQ(document.layers[2].shadows->reach_m, 2);
+  EXPECT_EQ(document.layers[2].shadows->occlusion_distance_m, 2);
   EXPECT_EQ(document.layers[2].shadows->rays, 0);
   EXPECT_EQ(document.layers[3].plate->frame_offset, -3);
   EXPECT_EQ(document.layers[3].plate->depth_m, 7);

@@ -13,15 +13,15 @@ using Material = ShotDocument::Material;
 using TransformKey = ShotDocument::TransformKey;
 using Three = std::array<double, 3>;
 
-Material material_from(const Located& object) {
+Material material_from(const JsonNode& object) {
   Material material;
   material.kind = object.get("kind", material.kind);
   material.color = object.get_if<Three>("color");
-  if (object.has("texture")) material.texture = path_text(object.at("texture"));
+  if (object.has("texture")) material.texture = path_from(object.at("texture"));
   material.roughness = object.get("roughness", material.roughness);
   if (object.has("roughness") && material.kind != "glossy") {
     throw object.at("roughness")
-        .refuse("only glossy materials have this", "Remove it, or write \"kind\": \"glossy\"");
+        .input_error("only glossy materials have this", "Remove it, or write \"kind\": \"glossy\"");
   }
   return material;
 }
@@ -34,7 +34,7 @@ ordered_json json_from(const Material& material) {
   return object;
 }
 
-TransformKey transform_key_from(const Located& object) {
+TransformKey transform_key_from(const JsonNode& object) {
   TransformKey key;
   key.frame = object.at("frame").get<double>();
   key.position = object.get_if<Three>("position");
@@ -53,16 +53,16 @@ ordered_json json_from(const TransformKey& key) {
 
 }  // namespace
 
-Geometry shot_geometry_from(const Located& object) {
+Geometry shot_geometry_from(const JsonNode& object) {
   Geometry geometry;
-  geometry.file = path_text(object.at("file"));
+  geometry.file = path_from(object.at("file"));
   if (object.has("material")) geometry.material = material_from(object.at("material"));
   if (object.has("keys")) {
-    const Located keys = object.at("keys");
+    const JsonNode keys = object.at("keys");
     for (std::size_t i = 0; i < keys.size(); ++i) {
       geometry.keys.push_back(transform_key_from(keys.at(i)));
       if (i == 0 || geometry.keys[i].frame > geometry.keys[i - 1].frame) continue;
-      throw keys.at(i).at("frame").refuse(
+      throw keys.at(i).at("frame").input_error(
           fmt::format("found {} after {}", geometry.keys[i].frame, geometry.keys[i - 1].frame),
           "Order keys by frame, each frame once");
     }
@@ -82,11 +82,11 @@ ordered_json json_from(const Geometry& geometry) {
   return object;
 }
 
-Light shot_light_from(const Located& object) {
+Light shot_light_from(const JsonNode& object) {
   const int kinds = (object.has("ambient") ? 1 : 0) + (object.has("direction") ? 1 : 0) +
                     (object.has("environment") ? 1 : 0) + (object.has("light_field") ? 1 : 0);
   if (kinds != 1) {
-    throw object.refuse(
+    throw object.input_error(
         "found not exactly one of \"ambient\", \"direction\", \"environment\" and \"light_field\"",
         "Say what kind of light it is; use one light for each");
   }
@@ -97,7 +97,7 @@ Light shot_light_from(const Located& object) {
     }
     for (const char* word : words) {
       if (!object.has(word)) continue;
-      throw object.at(word).refuse(
+      throw object.at(word).input_error(
           fmt::format("only a light with \"{}\" has this",
                       fmt::join(kinds_with.begin(), kinds_with.end(), "\" or \"")),
           "Remove it");
@@ -110,12 +110,13 @@ Light shot_light_from(const Located& object) {
   light.ambient = object.get_if<Three>("ambient");
   light.direction = object.get_if<Three>("direction");
   if (light.direction == Three{0, 0, 0}) {
-    throw object.at("direction").refuse("found a direction of length 0", "Say where light goes");
+    throw object.at("direction")
+        .input_error("found a direction of length 0", "Say where light goes");
   }
   light.color = object.get("color", light.color);
   light.shadows = object.get("shadows", light.shadows);
-  if (object.has("environment")) light.environment = path_text(object.at("environment"));
-  light.turn_deg = object.get("turn_deg", light.turn_deg);
+  if (object.has("environment")) light.environment = path_from(object.at("environment"));
+  light.rotation_deg = object.get("turn_deg", light.rotation_deg);
   light.light_field = object.get("light_field", light.light_field);
   light.strength = object.get("strength", light.strength);
   light.rays = object.get("rays", light.rays);
@@ -131,7 +132,7 @@ ordered_json json_from(const Light& light) {
     return {{"light_field", light.light_field}, {"strength", light.strength}, {"rays", light.rays}};
   }
   return {{"environment", light.environment},
-          {"turn_deg", light.turn_deg},
+          {"turn_deg", light.rotation_deg},
           {"strength", light.strength},
           {"rays", light.rays}};
 }

@@ -7,10 +7,10 @@
 
 namespace raystage {
 
-ShotDocument::Geometry shot_geometry_from(const Located& object);
+ShotDocument::Geometry shot_geometry_from(const JsonNode& object);
 nlohmann::ordered_json json_from(const ShotDocument::Geometry& geometry);
 
-ShotDocument::Light shot_light_from(const Located& object);
+ShotDocument::Light shot_light_from(const JsonNode& object);
 nlohmann::ordered_json json_from(const ShotDocument::Light& light);
 
 }  // namespace raystage

@@ -16,11 +16,11 @@ using nlohmann::ordered_json;
 using FocalPlane = ShotDocument::FocalPlane;
 using Layer = ShotDocument::Layer;
 
-std::ptrdiff_t count_of(const Located& object, std::initializer_list<const char*> words) {
+std::ptrdiff_t count_of(const JsonNode& object, std::initializer_list<const char*> words) {
   return std::ranges::count_if(words, [&](const char* word) { return object.has(word); });
 }
 
-FocalPlane focal_plane_from(const Located& plane) {
+FocalPlane focal_plane_from(const JsonNode& plane) {
   if (plane.value == "best") return {.kind = FocalPlane::Kind::kBest};
   if (plane.value == "infinity") return {.kind = FocalPlane::Kind::kInfinity};
   if (plane.value == "camera") return {.kind = FocalPlane::Kind::kCamera};
@@ -29,25 +29,25 @@ FocalPlane focal_plane_from(const Located& plane) {
   }
   if (plane.has("keys")) {
     FocalPlane result{.kind = FocalPlane::Kind::kKeys};
-    const Located keys = plane.at("keys");
+    const JsonNode keys = plane.at("keys");
     for (std::size_t i = 0; i < keys.size(); ++i) {
-      const Located key = keys.at(i);
+      const JsonNode key = keys.at(i);
       const double frame = key.at("frame").get<double>();
       if (!result.keys.empty() && !(frame > result.keys.back().frame)) {
-        throw key.at("frame").refuse("found a key that does not come after the one before it",
-                                     "Order the keys by frame");
+        throw key.at("frame").input_error("found a key that does not come after the one before it",
+                                          "Order the keys by frame");
       }
       result.keys.push_back({frame, key.at("depth_m").get<double>()});
     }
     return result;
   }
-  const Located equation = plane.at("equation");
+  const JsonNode equation = plane.at("equation");
   FocalPlane result{.kind = FocalPlane::Kind::kEquation};
   result.equation = equation.get<std::array<double, 4>>();
   const auto& e = result.equation;
   if (e[0] == 0 && e[1] == 0 && e[2] == 0) {
-    throw equation.refuse("found a plane without a normal: a, b and c are 0",
-                          "Write \"infinity\" for the plane at infinity");
+    throw equation.input_error("found a plane without a normal: a, b and c are 0",
+                               "Write \"infinity\" for the plane at infinity");
   }
   return result;
 }
@@ -75,7 +75,7 @@ ordered_json json_from(const FocalPlane& plane) {
   return "best";
 }
 
-ShotDocument::Solid solid_from(const Located& object) {
+ShotDocument::Solid solid_from(const JsonNode& object) {
   ShotDocument::Solid solid{.color = object.at("color").get<std::array<double, 3>>()};
   solid.alpha = object.get("alpha", solid.alpha);
   solid.depth_m = object.get_if<double>("depth_m");
@@ -88,8 +88,8 @@ ordered_json json_from(const ShotDocument::Solid& solid) {
   return object;
 }
 
-ShotDocument::Plate plate_from(const Located& object) {
-  ShotDocument::Plate plate{.file = path_text(object.at("file"))};
+ShotDocument::Plate plate_from(const JsonNode& object) {
+  ShotDocument::Plate plate{.file = path_from(object.at("file"))};
   plate.frame_offset = object.get("frame_offset", plate.frame_offset);
   plate.depth_m = object.get_if<double>("depth_m");
   plate.space = object.get("space", plate.space);
@@ -104,10 +104,10 @@ ordered_json json_from(const ShotDocument::Plate& plate) {
   return object;
 }
 
-ShotDocument::Clip clip_from(const Located& object) {
+ShotDocument::Clip clip_from(const JsonNode& object) {
   if (count_of(object, {"plane", "box", "screen"}) != 1) {
-    throw object.refuse("found not exactly one of \"plane\", \"box\" and \"screen\"",
-                        "Use one clip for each; a layer is cut to all of its clips");
+    throw object.input_error("found not exactly one of \"plane\", \"box\" and \"screen\"",
+                             "Use one clip for each; a layer is cut to all of its clips");
   }
   ShotDocument::Clip clip;
   clip.feather = object.get("feather", clip.feather);
@@ -117,26 +117,26 @@ ShotDocument::Clip clip_from(const Located& object) {
   if (clip.plane) {
     const auto& p = *clip.plane;
     if (p[0] == 0 && p[1] == 0 && p[2] == 0) {
-      throw object.at("plane").refuse("found a plane without a normal: a, b and c are 0",
-                                      "Give the direction of the side that is kept");
+      throw object.at("plane").input_error("found a plane without a normal: a, b and c are 0",
+                                           "Give the direction of the side that is kept");
     }
   }
   if (clip.box) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if ((*clip.box)[0][axis] < (*clip.box)[1][axis]) continue;
-      throw object.at("box").refuse("found a box without an inside",
-                                    "Give the corner of the least x, y and z first");
+      throw object.at("box").input_error("found a box without an inside",
+                                         "Give the corner of the least x, y and z first");
     }
   }
   if (object.has("screen")) {
-    const Located screen = object.at("screen");
+    const JsonNode screen = object.at("screen");
     clip.screen.left = screen.get("left", clip.screen.left);
     clip.screen.right = screen.get("right", clip.screen.right);
     clip.screen.top = screen.get("top", clip.screen.top);
     clip.screen.bottom = screen.get("bottom", clip.screen.bottom);
     if (clip.screen.left > clip.screen.right || clip.screen.top > clip.screen.bottom) {
-      throw screen.refuse("found a part of the picture that has no inside",
-                          "Give left below right and top below bottom");
+      throw screen.input_error("found a part of the picture that has no inside",
+                               "Give left below right and top below bottom");
     }
   }
   return clip;
@@ -159,8 +159,8 @@ ordered_json json_from(const ShotDocument::Clip& clip) {
   return object;
 }
 
-void read_light_field(const Located& object, Layer& layer) {
-  layer.take = path_text(object.at("take"));
+void read_light_field(const JsonNode& object, Layer& layer) {
+  layer.take = path_from(object.at("take"));
   layer.method = object.get("method", layer.method);
   if (object.has("options")) layer.options = options_from(object.at("options"));
   if (object.has("focal_plane")) layer.focal_plane = focal_plane_from(object.at("focal_plane"));
@@ -169,36 +169,37 @@ void read_light_field(const Located& object, Layer& layer) {
   layer.speed = object.get("speed", layer.speed);
   layer.volume = object.get("volume", layer.volume);
   if (object.has("receives_shadows")) {
-    const Located from = object.at("receives_shadows");
+    const JsonNode from = object.at("receives_shadows");
     ShotDocument::ReceivedShadows shadows;
     shadows.strength = from.get("strength", shadows.strength);
-    shadows.reach_m = from.get("reach_m", shadows.reach_m);
+    shadows.occlusion_distance_m = from.get("reach_m", shadows.occlusion_distance_m);
     shadows.rays = from.get("rays", shadows.rays);
     layer.shadows = shadows;
   }
   if (object.has("matte")) layer.matte = matte_settings_from(object.at("matte"));
   if (layer.matte && layer.fill != HoleFill::kNone) {
-    throw object.at("fill").refuse("what a matte makes transparent would be filled again",
-                                   "Use one of \"fill\" and \"matte\"");
+    throw object.at("fill").input_error("what a matte makes transparent would be filled again",
+                                        "Use one of \"fill\" and \"matte\"");
   }
 }
 
 /// What only a light field has must not stand beside something else, where it would do nothing.
-void refuse_light_field_words(const Located& object) {
+void refuse_light_field_words(const JsonNode& object) {
   for (const char* word : {"method", "options", "focal_plane", "fill", "start_seconds", "speed",
                            "matte", "volume", "receives_shadows"}) {
     if (!object.has(word)) continue;
-    throw object.at(word).refuse("only light fields have this, and the layer is none",
-                                 "Remove it, or give the layer a take instead");
+    throw object.at(word).input_error("only light fields have this, and the layer is none",
+                                      "Remove it, or give the layer a take instead");
   }
 }
 
 }  // namespace
 
-Layer shot_layer_from(const Located& object) {
+Layer shot_layer_from(const JsonNode& object) {
   if (count_of(object, {"take", "geometry", "plate", "solid"}) != 1) {
-    throw object.refuse("found not exactly one of \"take\", \"geometry\", \"plate\" and \"solid\"",
-                        "Say what the layer shows");
+    throw object.input_error(
+        "found not exactly one of \"take\", \"geometry\", \"plate\" and \"solid\"",
+        "Say what the layer shows");
   }
   Layer layer;
   layer.name = object.get("name", layer.name);
@@ -211,7 +212,7 @@ Layer shot_layer_from(const Located& object) {
     if (object.has("geometry")) layer.geometry = shot_geometry_from(object.at("geometry"));
   }
   if (object.has("clips")) {
-    const Located clips = object.at("clips");
+    const JsonNode clips = object.at("clips");
     for (std::size_t i = 0; i < clips.size(); ++i) layer.clips.push_back(clip_from(clips.at(i)));
   }
   layer.holdout = object.get("holdout", layer.holdout);
@@ -220,9 +221,9 @@ Layer shot_layer_from(const Located& object) {
   layer.last_frame = object.get_if<int>("last_frame");
   if (layer.first_frame && layer.last_frame && *layer.first_frame > *layer.last_frame) {
     throw object.at("last_frame")
-        .refuse(fmt::format("found {}, allowed: first_frame, which is {}, or later",
-                            *layer.last_frame, *layer.first_frame),
-                "Correct the range");
+        .input_error(fmt::format("found {}, allowed: first_frame, which is {}, or later",
+                                 *layer.last_frame, *layer.first_frame),
+                     "Correct the range");
   }
   return layer;
 }
@@ -246,7 +247,7 @@ ordered_json json_from(const Layer& layer) {
     if (!layer.volume.empty()) object["volume"] = layer.volume;
     if (layer.shadows) {
       object["receives_shadows"] = {{"strength", layer.shadows->strength},
-                                    {"reach_m", layer.shadows->reach_m},
+                                    {"reach_m", layer.shadows->occlusion_distance_m},
                                     {"rays", layer.shadows->rays}};
     }
     if (layer.matte) object["matte"] = json_from(*layer.matte);

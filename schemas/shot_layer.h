@@ -7,7 +7,7 @@
 
 namespace raystage {
 
-ShotDocument::Layer shot_layer_from(const Located& object);
+ShotDocument::Layer shot_layer_from(const JsonNode& object);
 nlohmann::ordered_json json_from(const ShotDocument::Layer& layer);
 
 }  // namespace raystage

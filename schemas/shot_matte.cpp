@@ -15,39 +15,39 @@ using Kind = MatteSettings::Kind;
 
 constexpr std::array kKindNames{"blue_screen", "green_screen", "difference", "files"};
 
-std::vector<Box> boxes_from(const Located& object, const char* name) {
+std::vector<Box> boxes_from(const JsonNode& object, const char* name) {
   std::vector<Box> boxes;
   if (!object.has(name)) return boxes;
-  const Located list = object.at(name);
+  const JsonNode list = object.at(name);
   for (std::size_t i = 0; i < list.size(); ++i) {
     boxes.push_back(list.at(i).get<Box>());
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if (boxes.back()[0][axis] < boxes.back()[1][axis]) continue;
-      throw list.at(i).refuse("found a box without an inside",
-                              "Give the corner of the least x, y and z first");
+      throw list.at(i).input_error("found a box without an inside",
+                                   "Give the corner of the least x, y and z first");
     }
   }
   return boxes;
 }
 
-void refuse_words(const Located& object, std::initializer_list<const char*> words,
+void refuse_words(const JsonNode& object, std::initializer_list<const char*> words,
                   const char* whose) {
   for (const char* word : words) {
     if (!object.has(word)) continue;
-    throw object.at(word).refuse(fmt::format("only {} has this", whose),
-                                 "Remove it, or choose another \"kind\"");
+    throw object.at(word).input_error(fmt::format("only {} has this", whose),
+                                      "Remove it, or choose another \"kind\"");
   }
 }
 
-void check_order(const Located& object, const char* upper_name, double lower, double upper) {
+void check_order(const JsonNode& object, const char* upper_name, double lower, double upper) {
   if (lower < upper) return;
-  throw object.refuse(fmt::format("\"{}\" is {}, allowed: above {}", upper_name, upper, lower),
-                      "Leave both out for what is usual");
+  throw object.input_error(fmt::format("\"{}\" is {}, allowed: above {}", upper_name, upper, lower),
+                           "Leave both out for what is usual");
 }
 
 }  // namespace
 
-MatteSettings matte_settings_from(const Located& object) {
+MatteSettings matte_settings_from(const JsonNode& object) {
   MatteSettings matte;
   const auto kind = object.at("kind").get<std::string>();
   for (std::size_t i = 0; i < kKindNames.size(); ++i) {
@@ -63,22 +63,22 @@ MatteSettings matte_settings_from(const Located& object) {
     refuse_words(object, {"empty_take"}, "a matte that is made from pictures");
   }
   if (matte.kind == Kind::kDifference && !object.has("empty_take")) {
-    throw object.refuse("a difference matte needs \"empty_take\"",
-                        "Name a take of the same array, taken with nobody before it");
+    throw object.input_error("a difference matte needs \"empty_take\"",
+                             "Name a take of the same array, taken with nobody before it");
   }
   matte.screen_color = object.get_if<std::array<double, 3>>("screen_color");
-  if (object.has("empty_take")) matte.empty_take = path_text(object.at("empty_take"));
-  if (matte.screen_color && !matte.empty_take.empty()) {
-    throw object.refuse("found both \"screen_color\" and \"empty_take\"",
-                        "One of them says what the screen looks like");
+  if (object.has("empty_take")) matte.clean_plate_take = path_from(object.at("empty_take"));
+  if (matte.screen_color && !matte.clean_plate_take.empty()) {
+    throw object.input_error("found both \"screen_color\" and \"empty_take\"",
+                             "One of them says what the screen looks like");
   }
   if (matte.screen_color) {
     const auto& c = *matte.screen_color;
     const std::size_t primary = matte.kind == Kind::kGreenScreen ? 1 : 2;
     if (c[primary] <= c[0] || c[primary] <= c[3 - primary]) {
       throw object.at("screen_color")
-          .refuse(fmt::format("the screen is not {}", primary == 1 ? "green" : "blue"),
-                  "Give its colour as R, G, B of linear light, or choose another \"kind\"");
+          .input_error(fmt::format("the screen is not {}", primary == 1 ? "green" : "blue"),
+                       "Give its colour as R, G, B of linear light, or choose another \"kind\"");
     }
   }
   matte.balance = object.get("balance", matte.balance);
@@ -96,7 +96,7 @@ MatteSettings matte_settings_from(const Located& object) {
 
 ordered_json json_from(const MatteSettings& matte) {
   ordered_json object{{"kind", kKindNames[static_cast<std::size_t>(matte.kind)]}};
-  if (!matte.empty_take.empty()) object["empty_take"] = matte.empty_take;
+  if (!matte.clean_plate_take.empty()) object["empty_take"] = matte.clean_plate_take;
   if (matte.kind == Kind::kBlueScreen || matte.kind == Kind::kGreenScreen) {
     add_optional(object, "screen_color", matte.screen_color);
     object["balance"] = matte.balance;

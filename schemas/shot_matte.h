@@ -7,7 +7,7 @@
 
 namespace raystage {
 
-MatteSettings matte_settings_from(const Located& object);
+MatteSettings matte_settings_from(const JsonNode& object);
 nlohmann::ordered_json json_from(const MatteSettings& matte);
 
 }  // namespace raystage

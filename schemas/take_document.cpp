@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "schemas/take_document.h"
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "schemas/document.h"
 
 namespace raystage {
 
 TakeDocument parse_take(std::string_view text, std::string_view name) {
   const nlohmann::json json = parse_document("take", text, name);
-  const Located document{json, name, ""};
+  const JsonNode document{json, name, ""};
   TakeDocument take;
   take.name = document.get("name", take.name);
   take.created_by = document.get("created_by", take.created_by);
   if (document.has("derived_from")) {
-    const Located derived = document.at("derived_from");
+    const JsonNode derived = document.at("derived_from");
     take.derived_from = {derived.at("take").get<std::string>(),
                          derived.at("by").get<std::string>()};
   }
@@ -21,16 +21,16 @@ TakeDocument parse_take(std::string_view text, std::string_view name) {
   take.nominal_fps = document.at("nominal_fps").get<double>();
   take.color_space = document.at("color_space").get<std::string>();
   take.clock = document.get("clock", take.clock);
-  take.time_marks = document.get("time_marks", take.time_marks);
+  take.timestamp_event = document.get("time_marks", take.timestamp_event);
   take.arbitrary_scale = document.get<std::string>("scale", "metres") == "arbitrary";
   take.depth_range = depth_range_from(document);
-  const Located cameras = document.at("cameras");
+  const JsonNode cameras = document.at("cameras");
   std::set<std::string, std::less<>> seen;
   for (std::size_t i = 0; i < cameras.size(); ++i) {
-    const Located object = cameras.at(i);
-    take.cameras.push_back({.id = unique_id(object, seen),
-                            .archive = inner_path(object.at("archive")),
-                            .journal = inner_path(object.at("journal")),
+    const JsonNode object = cameras.at(i);
+    take.cameras.push_back({.id = unique_id_from(object, seen),
+                            .archive = relative_path_from(object.at("archive")),
+                            .journal = relative_path_from(object.at("journal")),
                             .node = object.get<std::string>("node", "")});
     if (object.has("archive_epoch_utc")) {
       take.cameras.back().archive_epoch_utc = utc_from(object.at("archive_epoch_utc"));
@@ -40,7 +40,7 @@ TakeDocument parse_take(std::string_view text, std::string_view name) {
 }
 
 std::string format_take(const TakeDocument& take) {
-  nlohmann::ordered_json json = new_document("take");
+  nlohmann::ordered_json json = make_document("take");
   json["name"] = take.name;
   json["created_by"] = take.created_by;
   if (take.derived_from) {
@@ -50,7 +50,7 @@ std::string format_take(const TakeDocument& take) {
   json["nominal_fps"] = take.nominal_fps;
   json["color_space"] = take.color_space;
   json["clock"] = take.clock;
-  json["time_marks"] = take.time_marks;
+  json["time_marks"] = take.timestamp_event;
   if (take.arbitrary_scale) json["scale"] = "arbitrary";
   add_depth_range(take.depth_range, json);
   auto& cameras = json["cameras"] = nlohmann::ordered_json::array();

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
+#include "base/time.h"
 #include "schemas/geometry.h"
-#include "schemas/time.h"
 
 namespace raystage {
 
@@ -33,9 +33,9 @@ struct TakeDocument {
   std::optional<Derived> derived_from;
   Nanoseconds epoch_utc = 0;  ///< time 0 of every archive, since 1970
   double nominal_fps = 0;
-  std::string color_space;             ///< of the JPEG codes: "srgb_texture"
-  std::string clock = "host";          ///< "host" | "device" | "simulated" | "manifest"
-  std::string time_marks = "unknown";  ///< "exposure_start|middle|end", "arrival", "unknown"
+  std::string color_space;                  ///< of the JPEG codes: "srgb_texture"
+  std::string clock = "host";               ///< "host" | "device" | "simulated" | "manifest"
+  std::string timestamp_event = "unknown";  ///< "exposure_start|middle|end", "arrival", "unknown"
   bool arbitrary_scale = false;
   std::optional<DepthRange> depth_range;
   std::vector<Camera> cameras;

@@ -212,16 +212,16 @@ void SchemaValidator::check_plain(const Json& schema, const Json& value, const P
     good = good && std::find(rule->begin(), rule->end(), value) != rule->end();
   }
   if (good) return;
-  throw bad_value(place.name, place.pointer,
-                  fmt::format("found {}, allowed: {}", found(value), allowed(schema)),
-                  "Correct the value");
+  throw json_value_error(place.name, place.pointer,
+                         fmt::format("found {}, allowed: {}", found(value), allowed(schema)),
+                         "Correct the value");
 }
 
 void SchemaValidator::check_array(const Json& schema, const Json& value, const Place& place) const {
   const auto items = schema.find("items");
   if (items == schema.end()) return;
   for (std::size_t i = 0; i < value.size(); ++i) {
-    check(*items, value[i], {place.name, pointer_to(place.pointer, i)});
+    check(*items, value[i], {place.name, append_json_pointer(place.pointer, i)});
   }
 }
 
@@ -235,16 +235,17 @@ void SchemaValidator::check_object(const Json& schema, const Json& value,
       const auto& key = entry.get_ref<const std::string&>();
       if (value.contains(key)) continue;
       const auto property = properties.find(key);
-      throw bad_value(place.name, place.pointer,
-                      fmt::format("the property \"{}\" is missing, allowed there: {}", key,
-                                  property == properties.end() ? "anything" : allowed(*property)),
-                      "Add it");
+      throw json_value_error(
+          place.name, place.pointer,
+          fmt::format("the property \"{}\" is missing, allowed there: {}", key,
+                      property == properties.end() ? "anything" : allowed(*property)),
+          "Add it");
     }
   }
   const auto prefixes = schema.find("patternProperties");
   for (const auto& [key, child] : value.items()) {
     if (const auto property = properties.find(key); property != properties.end()) {
-      check(*property, child, {place.name, pointer_to(place.pointer, key)});
+      check(*property, child, {place.name, append_json_pointer(place.pointer, key)});
       continue;
     }
     bool free = !schema.contains("additionalProperties");
@@ -254,8 +255,9 @@ void SchemaValidator::check_object(const Json& schema, const Json& value,
       }
     }
     if (free) continue;
-    throw bad_value(place.name, pointer_to(place.pointer, key), unknown_property(key, properties),
-                    "Remove it, or let a remark of yours begin with \"x_\" or \"comment\"");
+    throw json_value_error(place.name, append_json_pointer(place.pointer, key),
+                           unknown_property(key, properties),
+                           "Remove it, or let a remark of yours begin with \"x_\" or \"comment\"");
   }
 }
 
@@ -279,9 +281,9 @@ void SchemaValidator::check_choice(const Json& schema, const Json& branches, boo
       nearest->what_happened().find("unknown property") == std::string::npos) {
     throw Error(*nearest);
   }
-  throw bad_value(place.name, place.pointer,
-                  fmt::format("found {}, allowed: {}", found(value), allowed(schema)),
-                  "Correct the value");
+  throw json_value_error(place.name, place.pointer,
+                         fmt::format("found {}, allowed: {}", found(value), allowed(schema)),
+                         "Correct the value");
 }
 
 std::string SchemaValidator::allowed(const Json& unresolved) const {

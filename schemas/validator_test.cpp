@@ -6,8 +6,8 @@
 
 #include <stdexcept>
 
+#include "base/error.h"
 #include "schemas/embedded_schemas.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {

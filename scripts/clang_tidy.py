@@ -1,14 +1,14 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Runs clang-tidy on sources, except on those that passed before with the same content.
+"""Runs clang-tidy on translation units, except on those that passed before with the same content.
 
-Usage: clang_tidy.py [--record-only] COMMANDS_FOLDER CACHE_FOLDER SOURCE...
+Usage: clang_tidy.py COMMANDS_FOLDER CACHE_FOLDER SOURCE...
 
-COMMANDS_FOLDER holds compile_commands.json. A source's key is a hash of its text, of every header of the
-project that it includes directly or through others, of its compiler flags, of .clang-tidy and of the
-versions of clang-tidy and of the packages that the project stands on. CACHE_FOLDER holds an empty file
-for each key that passed; keys that nobody used for 60 days are removed. With --record-only nothing is run
-and all sources count as passed.
+COMMANDS_FOLDER holds compile_commands.json of a unity build: one clang-tidy run checks several sources, which
+costs a fifth of a run for each. Only units that compile one of the SOURCEs are checked; every SOURCE must be in
+one. The key of a unit is a hash of the texts of its sources and of all project headers that they include, of its
+compiler flags, of .clang-tidy and of the versions of clang-tidy and of the packages in scripts/packages.txt.
+CACHE_FOLDER holds an empty file for each key that passed; keys that were not used for 60 days are removed.
 
 Exit code 1: clang-tidy has complaints, which it has printed.
 """
@@ -40,6 +40,12 @@ def package_versions() -> str:
     return found.stdout
 
 
+def included_by(text: str) -> list[str]:
+    """Project files that a source includes, relative to the project."""
+    names = re.findall(r'^#\s*include "([^"]+)"', text, flags=re.MULTILINE)
+    return [os.path.relpath(name, ROOT) if os.path.isabs(name) else name for name in names]
+
+
 class Sources:
     """The texts of the project's files, and what they include."""
 
@@ -53,12 +59,11 @@ class Sources:
             path = ROOT / (file + ".in")  # CMake writes the header from it
         text = path.read_bytes() if path.is_file() else b""
         self._digests[file] = hashlib.sha256(text).digest()
-        self._includes[file] = re.findall(r'^#\s*include "([^"]+)"', text.decode(errors="replace"),
-                                          flags=re.MULTILINE)
+        self._includes[file] = included_by(text.decode(errors="replace"))
 
-    def digest(self, source: str) -> bytes:
-        """Of a source and of everything of the project that it includes."""
-        reached, waiting = {source}, [source]
+    def digest(self, sources: list[str]) -> bytes:
+        """Of sources and of everything of the project that they include."""
+        reached, waiting = set(sources), list(sources)
         while waiting:
             file = waiting.pop()
             if file not in self._includes:
@@ -73,16 +78,23 @@ class Sources:
         return total.digest()
 
 
-def flags_of(commands: pathlib.Path) -> dict[str, str]:
-    """Compiler flags by source, without the places of checkout and build."""
-    flags = {}
-    for entry in json.loads((commands / "compile_commands.json").read_text(encoding="utf-8")):
+class Unit:
+    """A translation unit: its file, the project's sources in it, and its compiler flags."""
+
+    def __init__(self, entry: dict[str, str], commands: pathlib.Path) -> None:
+        self.file = os.path.join(entry["directory"], entry["file"])
         command = entry.get("command") or " ".join(entry["arguments"])
         for folder in (str(commands.resolve()), str(ROOT)):
             command = command.replace(folder, "")
-        source = os.path.relpath(os.path.join(entry["directory"], entry["file"]), ROOT)
-        flags[source] = command
-    return flags
+        self.flags = command
+        is_unity = os.path.basename(self.file).startswith("unity_")
+        text = pathlib.Path(self.file).read_text(encoding="utf-8") if is_unity else ""
+        self.sources = included_by(text) if is_unity else [os.path.relpath(self.file, ROOT)]
+
+
+def units_of(commands: pathlib.Path) -> list[Unit]:
+    entries = json.loads((commands / "compile_commands.json").read_text(encoding="utf-8"))
+    return [Unit(entry, commands) for entry in entries]
 
 
 def remove_old(cache: pathlib.Path) -> None:
@@ -92,33 +104,33 @@ def remove_old(cache: pathlib.Path) -> None:
 
 
 def main() -> int:
-    arguments = sys.argv[1:]
-    record_only = arguments[:1] == ["--record-only"]
-    if record_only:
-        arguments = arguments[1:]
-    commands, cache, names = pathlib.Path(arguments[0]), pathlib.Path(arguments[1]), arguments[2:]
+    commands, cache, names = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), sys.argv[3:]
     cache.mkdir(parents=True, exist_ok=True)
     remove_old(cache)
     common = hashlib.sha256("\0".join(
         [output_of(TOOL, "--version"), (ROOT / ".clang-tidy").read_text(encoding="utf-8"),
          package_versions()]).encode()).digest()
-    flags, sources = flags_of(commands), Sources()
-    todo = []
+    units, sources = units_of(commands), Sources()
+    compiled = {source for unit in units for source in unit.sources}
     for name in names:
-        if name not in flags:
+        if name not in compiled:
             sys.exit(f"{name}: no target compiles it. Add it to the CMakeLists.txt of its folder.")
-        key = hashlib.sha256(common + flags[name].encode() + sources.digest(name)).hexdigest()
-        stamp = cache / key
-        if stamp.exists() or record_only:
+    wanted = set(names)
+    todo: list[tuple[Unit, pathlib.Path]] = []
+    for unit in units:
+        if wanted.isdisjoint(unit.sources):
+            continue
+        stamp = cache / hashlib.sha256(common + unit.flags.encode() + sources.digest(unit.sources)).hexdigest()
+        if stamp.exists():
             stamp.touch()
         else:
-            todo.append((name, stamp))
-    print(f"clang-tidy: {len(names)} files, {len(todo)} of them not known to pass", flush=True)
+            todo.append((unit, stamp))
+    print(f"clang-tidy: {len(names)} files; {len(todo)} units are not known to pass", flush=True)
 
-    def check(pair: tuple[str, pathlib.Path]) -> bool:
-        name, stamp = pair
+    def check(pair: tuple[Unit, pathlib.Path]) -> bool:
+        unit, stamp = pair
         run = subprocess.run([TOOL, "--quiet", "--extra-arg=-Wno-unknown-warning-option", "-p",
-                              str(commands), name], cwd=ROOT, capture_output=True, text=True)
+                              str(commands), unit.file], cwd=ROOT, capture_output=True, text=True)
         if run.returncode == 0:
             stamp.touch()
         else:
@@ -127,7 +139,7 @@ def main() -> int:
 
     with concurrent.futures.ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         failed = list(pool.map(check, todo)).count(False)
-    print(f"clang-tidy: {failed} files with complaints" if failed else "clang-tidy has no complaint")
+    print(f"clang-tidy: {failed} units with complaints" if failed else "clang-tidy has no complaint")
     return 1 if failed else 0
 
 

@@ -12,7 +12,7 @@
 #include <string_view>
 #include <vector>
 
-#include "schemas/time.h"
+#include "base/time.h"
 #include "store/remote_frames.h"
 
 namespace raystage {

@@ -5,11 +5,11 @@
 
 #include <algorithm>
 
-#include "schemas/test_folder.h"
 #include "store/archive_index.h"
-#include "store/archive_test_data.h"
 #include "store/journal.h"
 #include "store/matroska.h"
+#include "testing/store/archive_test_data.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {

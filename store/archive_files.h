@@ -8,10 +8,10 @@
 #include <span>
 #include <vector>
 
-#include "schemas/error.h"
+#include "base/error.h"
+#include "base/posix_file.h"
 #include "store/archive.h"
 #include "store/matroska.h"
-#include "store/posix_file.h"
 
 namespace raystage {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/journal.h"
 #include "store/matroska.h"
 

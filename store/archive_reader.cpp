@@ -8,10 +8,10 @@
 #include <string>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
+#include "base/posix_file.h"
 #include "store/archive.h"
 #include "store/archive_index.h"
-#include "store/posix_file.h"
 
 namespace raystage {
 

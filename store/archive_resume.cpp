@@ -5,7 +5,7 @@
 #include <optional>
 #include <utility>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "store/archive_files.h"
 #include "store/archive_index.h"
 #include "store/journal.h"

@@ -16,13 +16,13 @@
 #include <set>
 #include <thread>
 
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "store/archive_test_data.h"
+#include "base/error.h"
 #include "store/journal.h"
 #include "store/matroska.h"
+#include "testing/store/archive_test_data.h"
+#include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::archive_resume_test {
 namespace {
 
 using test::bytes_of;
@@ -288,4 +288,4 @@ TEST_F(Resume, FlushFromAnotherThread) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::archive_resume_test

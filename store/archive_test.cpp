@@ -18,14 +18,14 @@
 #include <sstream>
 #include <thread>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "store/archive_test_data.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/little_endian.h"
+#include "base/posix_file.h"
 #include "store/journal.h"
-#include "store/little_endian.h"
 #include "store/matroska.h"
-#include "store/posix_file.h"
+#include "testing/store/archive_test_data.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {

@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/archive_files.h"
 #include "store/journal.h"
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "base/transfer_function.h"
 #include "schemas/take_document.h"
-#include "schemas/transfer_function.h"
 
 namespace raystage {
 

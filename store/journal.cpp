@@ -7,8 +7,8 @@
 #include <cassert>
 #include <string>
 
-#include "schemas/error.h"
-#include "store/little_endian.h"
+#include "base/error.h"
+#include "base/little_endian.h"
 
 namespace raystage::journal {
 namespace {

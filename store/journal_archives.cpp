@@ -4,9 +4,9 @@
 #include <string>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
+#include "base/posix_file.h"
 #include "store/journal.h"
-#include "store/posix_file.h"
 
 namespace raystage {
 namespace {

@@ -7,12 +7,12 @@
 
 #include <array>
 
-#include "schemas/error.h"
-#include "store/archive_test_data.h"
-#include "store/little_endian.h"
+#include "base/error.h"
+#include "base/little_endian.h"
 #include "store/matroska.h"
-#include "store/take_test_data.h"
 #include "store/timeline_file.h"
+#include "testing/store/archive_test_data.h"
+#include "testing/store/take_test_data.h"
 
 namespace raystage {
 namespace {

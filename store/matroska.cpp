@@ -8,7 +8,7 @@
 #include <cstring>
 #include <limits>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/ebml.h"
 
 // Element identifiers: RFC 9559 (Matroska), section 5.

@@ -4,8 +4,8 @@
 #include <filesystem>
 #include <vector>
 
+#include "base/time.h"
 #include "schemas/recording_document.h"
-#include "schemas/time.h"
 #include "store/take.h"
 
 namespace raystage {

@@ -7,7 +7,7 @@
 #include <optional>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "schemas/rig_document.h"
 
 namespace raystage {

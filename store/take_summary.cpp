@@ -6,7 +6,7 @@
 #include <limits>
 #include <set>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "schemas/rig_document.h"
 #include "store/jpeg/layout.h"
 #include "store/recordings.h"

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "schemas/test_folder.h"
-#include "store/take_test_data.h"
+#include "testing/store/take_test_data.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {

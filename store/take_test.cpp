@@ -7,12 +7,12 @@
 #include <algorithm>
 #include <thread>
 
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "schemas/test_user.h"
-#include "store/take_test_data.h"
+#include "base/error.h"
+#include "testing/store/take_test_data.h"
+#include "testing/test_folder.h"
+#include "testing/test_permissions.h"
 
-namespace raystage {
+namespace raystage::take_test {
 namespace {
 
 using testing::HasSubstr;
@@ -99,12 +99,12 @@ TEST_F(TakeFolder, FolderWithoutPermission) {
     }
     return "accepted";
   };
-  open_to_all(folder.path());
-  const std::string closed = closed_to_others(folder.path());
+  make_world_writable(folder.path());
+  const std::string closed = unprivileged_access_error(folder.path());
   if (!closed.empty()) GTEST_SKIP() << closed;
-  EXPECT_EQ(without_root(outcome), "accepted");  // so that a refusal is the lock's
-  const LockedFolder locked(folder.path());
-  const std::string refused = without_root(outcome);
+  EXPECT_EQ(run_unprivileged(outcome), "accepted");  // so that a refusal is the lock's
+  const ReadOnlyFolder locked(folder.path());
+  const std::string refused = run_unprivileged(outcome);
   EXPECT_THAT(refused, HasSubstr("exit code 1, "));
   EXPECT_THAT(refused, HasSubstr("ermission denied"));
   EXPECT_EQ(entries(), 0u);
@@ -201,4 +201,4 @@ TEST_F(TakeFolder, ManyThreadsOpenArchivesAtOnce) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::take_test

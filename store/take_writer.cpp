@@ -13,9 +13,9 @@
 #include <system_error>
 #include <utility>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "store/posix_file.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/posix_file.h"
 #include "store/take.h"
 
 namespace raystage {

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "schemas/time.h"
+#include "base/time.h"
 
 namespace raystage {
 

@@ -6,13 +6,13 @@
 #include <limits>
 #include <string>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/tick_phase.h"
 
 namespace raystage {
 namespace {
 
-constexpr double kMaxTicks = 10'000'000;  // 92 hours at 30 frames a second
+constexpr double kMaxComputedTicks = 10'000'000;  // 92 hours at 30 frames a second
 
 std::vector<std::vector<Nanoseconds>> frame_times(const Take& take) {
   std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
@@ -184,7 +184,7 @@ Timeline assign_ticks(const std::vector<std::vector<Nanoseconds>>& times, double
   const Ticks ticks(tick_at ? static_cast<double>(*tick_at) : best_tick_phase(times, period),
                     period);
   const std::int64_t first = ticks.nearest(range.begin), last = ticks.nearest(range.end);
-  if (static_cast<double>(last - first) >= kMaxTicks) {
+  if (static_cast<double>(last - first) >= kMaxComputedTicks) {
     throw Error::bad_input("the timeline would have " + std::to_string(last - first + 1) + " ticks",
                            std::string(name), "Give the rate of the cameras, in frames a second");
   }

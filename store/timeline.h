@@ -10,7 +10,7 @@
 #include <string_view>
 #include <vector>
 
-#include "schemas/time.h"
+#include "base/time.h"
 #include "store/take.h"
 
 namespace raystage {

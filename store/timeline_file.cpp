@@ -14,10 +14,10 @@
 #include <optional>
 #include <string>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/little_endian.h"
 #include "store/journal.h"
-#include "store/little_endian.h"
 
 namespace raystage {
 namespace {
@@ -29,7 +29,7 @@ constexpr std::size_t kVersionAt = 8, kCamerasAt = 12, kFingerprintAt = 16, kFps
 constexpr std::size_t kClockBytes = 48, kStepBytes = 16;
 constexpr std::uint32_t kFittedFlag = 1;
 constexpr int kLevel = 9;
-constexpr std::uint64_t kMaxTicks = 100'000'000;
+constexpr std::uint64_t kMaxFileTicks = 100'000'000;
 constexpr std::uint32_t kMaxSteps = 1'000'000;
 
 struct DecompressorDeleter {
@@ -237,7 +237,7 @@ Timeline decode_timeline(std::span<const std::byte> file, std::optional<std::uin
   timeline.tolerance = load_little_endian<std::int64_t>(payload, kToleranceAt);
   const auto ticks = load_little_endian<std::uint64_t>(payload, kTicksAt);
   if (!std::isfinite(timeline.fps) || timeline.fps <= 0 || timeline.tolerance < 0 ||
-      ticks > kMaxTicks) {
+      ticks > kMaxFileTicks) {
     throw damaged();
   }
   const auto count = static_cast<std::size_t>(ticks);

@@ -11,12 +11,12 @@
 #include <random>
 #include <set>
 
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "store/take_test_data.h"
+#include "base/error.h"
 #include "store/timeline_file.h"
+#include "testing/store/take_test_data.h"
+#include "testing/test_folder.h"
 
-namespace raystage {
+namespace raystage::timeline_test {
 namespace {
 
 using testing::HasSubstr;
@@ -382,4 +382,4 @@ TEST_F(TimelineFile, DamageIsRefused) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::timeline_test

@@ -1,11 +1,20 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the sources to the house: arrows run down only, no source is without its licence line, and
-no link in the documentation leads nowhere.
+"""Checks the sources against the structure that CMake builds, and the links in the documentation.
 
-Reads every #include "folder/..." of our own, and in every Markdown file the links to files and
-headings of ours.
+Usage: house_test.py HOUSE_JSON [--write-readme]
+
+HOUSE_JSON is house.json in the build folder: CMake writes the libraries and commands of each folder and what they
+link. Checked are:
+  * every #include "folder/..." of a library's folder: the library links the included folder, publicly where a header
+    includes it. Tests and tests/ may include from every folder, testing/ from those of the product;
+  * the graph of libraries and that of top-level folders have no cycle;
+  * the diagram in README.md is the one that this script draws from HOUSE_JSON (--write-readme replaces it);
+  * each source starts with its licence line;
+  * each link in a Markdown file leads to a file and heading of the project.
 """
+import collections
+import json
 import pathlib
 import posixpath
 import re
@@ -13,67 +22,75 @@ import subprocess
 import sys
 import urllib.parse
 
-# Top to bottom. A folder may include from itself and from what stands below it.
-HOUSE = ["tests", "cli", "farm", "replay", "compose", "calibrate", "render", "ingest", "images", "store", "rig",
-         "charts", "schemas"]
-# Folders in folders: their own little house, bottom last.
-ROOMS = {
-    "rig/calibration": ["rig"],
-    "store/fixity": ["store", "store/jpeg"],
-    "store/frames": ["store", "store/jpeg"],
-    "store/jpeg": [],
-    "store/mattes": ["store", "store/frames", "store/jpeg"],
-    "store/sync": ["store", "store/jpeg"],
-    "store/retime": ["store", "store/jpeg"],
-    "store": ["store/jpeg"],
-    "render/view": [],
-    "render/sampling": ["render/view"],
-    "render/matching": [],
-    "render/quality": ["render/view"],
-    "render/fill": ["render/view"],
-    "render/fragments": [],
-    "render/planar": ["render/sampling", "render/view"],
-    "render/automatic": ["render/depth", "render/matching", "render/planar", "render/quality",
-                         "render/sweep", "render/view"],
-    "render/sweep": ["render/matching", "render/sampling", "render/view"],
-    "render/slabs": ["render/sampling", "render/view"],
-    "render/lumigraph": ["render/depth", "render/sampling", "render/view"],
-    "render/hull": ["render/lumigraph", "render/view"],
-    "render/confidence": ["render/sampling", "render/sweep", "render/view"],
-    "render/rays": ["render/lumigraph", "render/sampling", "render/view"],
-    "render/depth": ["render/matching", "render/sampling", "render/sweep", "render/view"],
-    "render": ["render/automatic", "render/confidence", "render/depth", "render/fill", "render/fragments",
-               "render/hull", "render/lumigraph", "render/matching", "render/planar", "render/quality", "render/rays",
-               "render/sampling", "render/slabs", "render/sweep", "render/view"],
-    "render/evaluation": ["render", "render/quality", "render/view"],
-    "farm/ranks": ["farm"],
-    "images/exr": [],
-    "ingest/simulated": [],
-    "ingest/record": ["ingest/sources"],
-    "ingest/sources": ["ingest/simulated"],
-    "compose/camera": [],
-    "compose/color": [],
-    "compose/exr": [],
-    "compose/layers": ["compose/camera", "compose/exr"],
-    "compose/geometry": ["compose/camera", "compose/exr", "compose/layers"],
-    "compose": ["compose/camera", "compose/color", "compose/exr", "compose/geometry", "compose/layers"],
-    "compose/preview": ["compose", "compose/camera", "compose/color", "compose/exr", "compose/geometry", "compose/layers"],
-}
+TEST_FOLDERS = {"testing", "tests"}
+DIAGRAM = re.compile(r"(<!-- house: .*?-->\n```mermaid\n)(.*?)(```\n)", re.DOTALL)
 
 
-def room_of(path: pathlib.PurePosixPath) -> str:
-    parts = path.parts
-    two = "/".join(parts[:2])
-    return two if two in ROOMS else parts[0]
+class House:
+    """Libraries and commands by folder, and which folders each may include from."""
+
+    def __init__(self, targets: list[dict[str, str]]) -> None:
+        self.folder_of = {target["target"]: target["folder"] for target in targets}
+        self.links: dict[str, set[str]] = collections.defaultdict(set)    # of folders
+        self.exposed: dict[str, set[str]] = collections.defaultdict(set)  # the public ones
+        self.libraries: dict[str, set[str]] = {}
+        for target in targets:
+            public, private = target["public"].split(), target["private"].split()
+            self.libraries[target["target"]] = {name for name in public + private if name in self.folder_of}
+            linked = {self.folder_of.get(name, "") for name in public + private}
+            self.links[target["folder"]] |= linked
+            # The headers of a command are its own.
+            is_command = not target["target"].startswith("raystage_")
+            self.exposed[target["folder"]] |= (
+                linked if is_command else {self.folder_of.get(name, "") for name in public})
+
+    def floors(self) -> dict[str, set[str]]:
+        """Top-level folders and those that they link, test support left out."""
+        graph: dict[str, set[str]] = {folder.split("/")[0]: set() for folder in self.links}
+        for folder, linked in self.links.items():
+            floor = folder.split("/")[0]
+            graph[floor] |= {other.split("/")[0] for other in linked if other} - {floor}
+        return {floor: linked for floor, linked in graph.items() if floor not in TEST_FOLDERS}
 
 
-def may_see(user: str, used: str) -> bool:
-    if user == used:
-        return True
-    user_floor, used_floor = user.split("/")[0], used.split("/")[0]
-    if user_floor == used_floor:
-        return used in ROOMS.get(user, [])
-    return HOUSE.index(user_floor) < HOUSE.index(used_floor)
+def cycle_in(graph: dict[str, set[str]]) -> list[str]:
+    """Returns the names along one cycle, or nothing."""
+    finished: set[str] = set()
+
+    def visit(name: str, path: list[str]) -> list[str]:
+        if name in path:
+            return path[path.index(name):] + [name]
+        if name in finished:
+            return []
+        for following in sorted(graph.get(name, ())):
+            found = visit(following, path + [name])
+            if found:
+                return found
+        finished.add(name)
+        return []
+
+    return next((found for name in sorted(graph) if (found := visit(name, []))), [])
+
+
+def reachable(graph: dict[str, set[str]], start: str) -> set[str]:
+    found: set[str] = set()
+    waiting = [start]
+    while waiting:
+        for following in graph[waiting.pop()]:
+            if following not in found:
+                found.add(following)
+                waiting.append(following)
+    return found
+
+
+def diagram_of(graph: dict[str, set[str]]) -> str:
+    """A Mermaid flow chart without the arrows that follow from others."""
+    lines = ["flowchart TD"]
+    for floor in sorted(graph):
+        for linked in sorted(graph[floor]):
+            if not any(linked in reachable(graph, other) for other in graph[floor] - {linked}):
+                lines.append(f"  {floor} --> {linked}")
+    return "\n".join(lines) + "\n"
 
 
 def without_blocks(markdown: str) -> str:
@@ -129,14 +146,49 @@ def broken_links(root: pathlib.Path, name: str, known: set[str]) -> tuple[int, l
     return len(links), complaints
 
 
+def include_complaints(house: House, name: str, text: str) -> tuple[int, list[str]]:
+    """The number of includes of ours in a source, and those that its library does not link."""
+    folder = posixpath.dirname(name)
+    is_header = name.endswith(".h")
+    may_use_tests = name.endswith("_test.cpp") or folder.split("/")[0] in TEST_FOLDERS
+    count, complaints = 0, []
+    for number, line in enumerate(text.split("\n"), 1):
+        match = re.match(r'#include "([a-z_]+(?:/[a-z_]+)*)/[^"/]+"', line)
+        if not match:
+            continue
+        count += 1
+        used = match.group(1)
+        if used == folder or may_use_tests:
+            continue
+        if used not in house.links.get(folder, ()):
+            complaints.append(f"{name}:{number}: no library of {folder}/ links one of {used}/ (CMakeLists.txt)")
+        elif is_header and used not in house.exposed[folder]:
+            complaints.append(f"{name}:{number}: a header includes {used}/: link it as PUBLIC in {folder}/CMakeLists.txt")
+    return count, complaints
+
+
 def main() -> int:
     root = pathlib.Path(__file__).resolve().parent.parent
+    house = House(json.loads(pathlib.Path(sys.argv[1]).read_text(encoding="utf-8")))
+    readme = root / "README.md"
+    diagram = diagram_of(house.floors())
+    if "--write-readme" in sys.argv[2:]:
+        text = readme.read_text(encoding="utf-8")
+        readme.write_text(DIAGRAM.sub(lambda found: found[1] + diagram + found[3], text), encoding="utf-8")
+    complaints = []
+    for graph, kind in ((house.libraries, "libraries"), (house.floors(), "folders")):
+        cycle = cycle_in(graph)
+        if cycle:
+            complaints.append(f"cycle of {kind}: {' -> '.join(cycle)}")
+    drawn = DIAGRAM.search(readme.read_text(encoding="utf-8"))
+    if not drawn or drawn[2] != diagram:
+        complaints.append("README.md: the diagram of the folders differs from the CMake targets. Run "
+                          "tests/house_test.py BUILD/house.json --write-readme")
     listed = subprocess.run(["git", "-C", root, "ls-files", "-co", "--exclude-standard"],
                             capture_output=True, text=True, check=True).stdout.split("\n")
     known = {name for name in listed if name and (root / name).is_file()}
     known |= {str(folder) for name in known for folder in pathlib.PurePosixPath(name).parents}
-    complaints = []
-    arrows = links = 0
+    includes = links = 0
     for name in listed:
         path = pathlib.PurePosixPath(name)
         file = root / name
@@ -149,27 +201,16 @@ def main() -> int:
         text = file.read_text(encoding="utf-8")
         if "SPDX-License-Identifier: Apache-2.0" not in "\n".join(text.split("\n")[:3]):
             complaints.append(f"{name}: no SPDX line at the top")
-        if path.suffix not in {".cpp", ".h"}:
-            continue
-        is_test = path.stem.endswith("_test")
-        for number, line in enumerate(text.split("\n"), 1):
-            match = re.match(r'#include "([a-z_]+/[^"]+)"', line)
-            if not match:
-                continue
-            used = room_of(pathlib.PurePosixPath(match.group(1)))
-            if used.split("/")[0] not in HOUSE:
-                complaints.append(f"{name}:{number}: '{used}' is no folder of the house")
-                continue
-            arrows += 1
-            user = room_of(path)
-            if not may_see(user, used) and not (is_test and user.split("/")[0] != "schemas"):
-                complaints.append(f"{name}:{number}: {user}/ may not look up to {used}/")
-    if arrows < 20:
-        complaints.append(f"only {arrows} includes found: this check no longer sees the house")
+        if path.suffix in {".cpp", ".h"}:
+            count, unlinked = include_complaints(house, name, text)
+            includes += count
+            complaints += unlinked
+    if includes < 20:
+        complaints.append(f"only {includes} includes found: this check no longer sees the sources")
     if links < 20:
         complaints.append(f"only {links} links found: this check no longer sees the documentation")
     print("\n".join(complaints) or
-          f"{arrows} arrows, all running down; {links} links, all leading somewhere")
+          f"{includes} includes, all linked; {links} links in documents, all valid; no cycle")
     return 1 if complaints else 0
 
 

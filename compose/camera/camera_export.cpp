@@ -15,7 +15,7 @@ double vertical_fov(const VirtualCamera& view) {
 
 }  // namespace
 
-std::string camera_as_chan(const ShotCamera& camera, std::span<const int> frames, Eye eye,
+std::string camera_to_chan(const ShotCamera& camera, std::span<const int> frames, Eye eye,
                            RotationOrder order) {
   std::vector<ChanLine> lines;
   for (const int frame : frames) {
@@ -26,7 +26,7 @@ std::string camera_as_chan(const ShotCamera& camera, std::span<const int> frames
   return format_chan(lines, order);
 }
 
-std::string camera_as_gltf(const ShotCamera& camera, const ShotDocument& shot,
+std::string camera_to_gltf(const ShotCamera& camera, const ShotDocument& shot,
                            std::span<const int> frames, Eye eye, const std::string& name) {
   std::vector<GltfCameraKey> keys;
   for (const int frame : frames) {

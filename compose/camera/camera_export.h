@@ -10,11 +10,11 @@
 namespace raystage {
 
 /// One eye's camera at frames of its shot as a .chan file. A shifted lens is not told.
-std::string camera_as_chan(const ShotCamera& camera, std::span<const int> frames, Eye eye,
+std::string camera_to_chan(const ShotCamera& camera, std::span<const int> frames, Eye eye,
                            RotationOrder order);
 
 /// The same as a .gltf document called `name`; time 0 is the shot's first frame.
-std::string camera_as_gltf(const ShotCamera& camera, const ShotDocument& shot,
+std::string camera_to_gltf(const ShotCamera& camera, const ShotDocument& shot,
                            std::span<const int> frames, Eye eye, const std::string& name);
 
 }  // namespace raystage

@@ -10,7 +10,7 @@ double CameraState::horizontal_fov() const {
   return 2 * std::atan(film_back_mm / (2 * focal_length_mm));
 }
 
-CameraState for_eye(const CameraState& state, const StereoSettings& stereo, Eye eye) {
+CameraState stereo_eye_state(const CameraState& state, const StereoSettings& stereo, Eye eye) {
   if (eye == Eye::kBoth) return state;
   CameraState result = state;
   const double side = eye == Eye::kLeft ? -stereo.interaxial_m / 2 : stereo.interaxial_m / 2;
@@ -22,12 +22,12 @@ CameraState for_eye(const CameraState& state, const StereoSettings& stereo, Eye 
   return result;
 }
 
-VirtualCamera virtual_camera(const CameraState& state, int width, int height) {
+VirtualCamera make_virtual_camera(const CameraState& state, int width, int height) {
   const double focal = width * state.focal_length_mm / state.film_back_mm;
   return {width, height, {focal, focal, width * (0.5 - state.shift), height / 2.0, {}}, state.pose};
 }
 
-Eigen::Matrix3d rotation_towards(const Eigen::Vector3d& from, const Eigen::Vector3d& target) {
+Eigen::Matrix3d look_at_rotation(const Eigen::Vector3d& from, const Eigen::Vector3d& target) {
   const Eigen::Vector3d back = (from - target).normalized();
   const Eigen::Vector3d level = Eigen::Vector3d::UnitY().cross(back);
   constexpr double kPole = 1e-9;  // radians beside straight up or down

@@ -3,7 +3,7 @@
 
 #include <optional>
 
-#include "render/view/view.h"
+#include "render/common/view.h"
 #include "rig/pose.h"
 
 namespace raystage {
@@ -36,13 +36,13 @@ struct StereoSettings {
 };
 
 /// The state of one eye; of kBoth the state itself.
-CameraState for_eye(const CameraState& state, const StereoSettings& stereo, Eye eye);
+CameraState stereo_eye_state(const CameraState& state, const StereoSettings& stereo, Eye eye);
 
 /// Square pixels.
-VirtualCamera virtual_camera(const CameraState& state, int width, int height);
+VirtualCamera make_virtual_camera(const CameraState& state, int width, int height);
 
 /// Looks from one point at another with its x axis level: y is up as far as that allows. Straight
 /// up or down, where no axis is nearer to level than others, x stays the world's.
-Eigen::Matrix3d rotation_towards(const Eigen::Vector3d& from, const Eigen::Vector3d& target);
+Eigen::Matrix3d look_at_rotation(const Eigen::Vector3d& from, const Eigen::Vector3d& target);
 
 }  // namespace raystage

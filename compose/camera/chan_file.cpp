@@ -9,7 +9,7 @@
 #include <numbers>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -86,7 +86,7 @@ double nearest_turn(double angle, double to) {
 
 }  // namespace
 
-std::optional<RotationOrder> rotation_order_named(std::string_view name) {
+std::optional<RotationOrder> parse_rotation_order(std::string_view name) {
   for (const auto& [known, order] : kOrders) {
     if (known == name) return order;
   }

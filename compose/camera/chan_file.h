@@ -17,7 +17,7 @@ namespace raystage {
 enum class RotationOrder { kXyz, kXzy, kYxz, kYzx, kZxy, kZyx };
 
 /// "ZXY" and its like; none: no such order.
-std::optional<RotationOrder> rotation_order_named(std::string_view name);
+std::optional<RotationOrder> parse_rotation_order(std::string_view name);
 
 /// A line of a .chan file: Nuke's camera at a frame, x right, y up, looking down -z.
 struct ChanLine {

@@ -7,7 +7,7 @@
 
 #include <numbers>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -134,8 +134,8 @@ TEST(ChanFile, SaysWhichLineIsWrong) {
 }
 
 TEST(ChanFile, KnowsTheOrdersByName) {
-  EXPECT_EQ(rotation_order_named("ZXY"), RotationOrder::kZxy);
-  EXPECT_FALSE(rotation_order_named("zxy").has_value());
+  EXPECT_EQ(parse_rotation_order("ZXY"), RotationOrder::kZxy);
+  EXPECT_FALSE(parse_rotation_order("zxy").has_value());
 }
 
 }  // namespace

@@ -12,9 +12,9 @@
 #include <optional>
 #include <utility>
 
-#include "compose/camera/curves.h"
+#include "base/atomic_file.h"
+#include "compose/camera/animation_curves.h"
 #include "compose/camera/gltf_file.h"
-#include "schemas/atomic_file.h"
 #include "schemas/json_text.h"
 
 namespace raystage {
@@ -45,7 +45,7 @@ class Sampler {
   double last_seconds() const { return times_.back(); }
 
   std::vector<double> at(double seconds) const {
-    const auto [from, to, u] = place_between(times_, seconds);
+    const auto [from, to, u] = find_key_interval(times_, seconds);
     std::vector<double> result = key(from);
     if (u > 0 && kind_ == Kind::kLinear) {
       result = rotation_ ? slerp(result, key(to), u) : blend(result, key(to), u);
@@ -105,8 +105,8 @@ std::vector<double> list_of(const GltfFile& file, const json& object, const char
     }
     if (numbers.size() == otherwise.size() && at->size() == otherwise.size()) return numbers;
   }
-  throw file.refuse(fmt::format("found {}, allowed: {} numbers", found(*at), otherwise.size()),
-                    where + "/" + key, kExportAgain);
+  throw file.input_error(fmt::format("found {}, allowed: {} numbers", found(*at), otherwise.size()),
+                         where + "/" + key, kExportAgain);
 }
 
 /// A node's own transform; what is animated comes from samplers.
@@ -132,7 +132,7 @@ struct Node {
 };
 
 Node node_from(const GltfFile& file, std::size_t index) {
-  const json& object = file.item("nodes", index);
+  const json& object = file.element("nodes", index);
   Node node;
   node.path = fmt::format("/nodes/{}", index);
   node.translation = list_of(file, object, "translation", {0, 0, 0}, node.path);
@@ -150,18 +150,18 @@ std::vector<Node> nodes_above(const GltfFile& file, std::size_t index) {
   const std::size_t count = file.count("nodes");
   std::vector<std::optional<std::size_t>> parent(count);
   for (std::size_t i = 0; i < count; ++i) {
-    const json& node = file.item("nodes", i);
+    const json& node = file.element("nodes", i);
     if (!node.contains("children") || !node["children"].is_array()) continue;
     for (const json& child : node["children"]) {
-      file.item("nodes", child);
+      file.element("nodes", child);
       parent[child.get<std::size_t>()] = i;
     }
   }
   std::vector<Node> chain;
   for (std::optional<std::size_t> at = index; at; at = parent[*at]) {
     if (chain.size() > count) {
-      throw file.refuse("the node is its own ancestor", fmt::format("/nodes/{}", index),
-                        kExportAgain);
+      throw file.input_error("the node is its own ancestor", fmt::format("/nodes/{}", index),
+                             kExportAgain);
     }
     chain.push_back(node_from(file, *at));
   }
@@ -181,7 +181,7 @@ Sampler sampler_from(const GltfFile& file, const json& object, const std::string
                              : name == "CUBICSPLINE" ? Sampler::Kind::kCubic
                                                      : Sampler::Kind::kLinear;
   if (!object.contains("input") || !object.contains("output")) {
-    throw file.refuse("the sampler has no input or no output", where, kExportAgain);
+    throw file.input_error("the sampler has no input or no output", where, kExportAgain);
   }
   const bool rotation = target.ends_with("/rotation");
   const std::size_t width = rotation ? 4 : target.ends_with("/yfov") ? 1 : 3;
@@ -189,12 +189,12 @@ Sampler sampler_from(const GltfFile& file, const json& object, const std::string
   auto values = file.numbers(object["output"], width);
   const std::size_t parts = kind == Sampler::Kind::kCubic ? 3 : 1;
   if (values.size() != times.size() * width * parts) {
-    throw file.refuse(fmt::format("the sampler has {} times and {} values", times.size(),
-                                  values.size() / width / parts),
-                      where, kExportAgain);
+    throw file.input_error(fmt::format("the sampler has {} times and {} values", times.size(),
+                                       values.size() / width / parts),
+                           where, kExportAgain);
   }
   if (std::ranges::adjacent_find(times, std::greater_equal<>()) != times.end()) {
-    throw file.refuse("the sampler's times do not rise", where, kExportAgain);
+    throw file.input_error("the sampler's times do not rise", where, kExportAgain);
   }
   return {kind, std::move(times), std::move(values), width, rotation};
 }
@@ -218,7 +218,7 @@ std::string target_of(const json& channel) {
 SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& wanted) {
   SamplerOf samplers;
   for (std::size_t a = 0; a < file.count("animations"); ++a) {
-    const json& animation = file.item("animations", a);
+    const json& animation = file.element("animations", a);
     const json channels = animation.value("channels", json::array());
     const json all = animation.value("samplers", json::array());
     for (std::size_t c = 0; c < channels.size(); ++c) {
@@ -227,12 +227,13 @@ SamplerOf samplers_of(const GltfFile& file, const std::vector<std::string>& want
       const std::string where = fmt::format("/animations/{}/channels/{}", a, c);
       const json index = channels[c].value("sampler", json());
       if (!index.is_number_unsigned() || index.get<std::size_t>() >= all.size()) {
-        throw file.refuse("the channel has no sampler", where, kExportAgain);
+        throw file.input_error("the channel has no sampler", where, kExportAgain);
       }
       const auto added = samplers.emplace(
           target, sampler_from(file, all[index.get<std::size_t>()], target, where));
       if (!added.second) {
-        throw file.refuse(target + " is animated twice", where, "Keep one animation in the file");
+        throw file.input_error(target + " is animated twice", where,
+                               "Keep one animation in the file");
       }
     }
   }
@@ -244,14 +245,15 @@ Pose rigid(const GltfFile& file, const Matrix4d& world_from_node, const std::str
   for (int i = 0; i < 3; ++i) {
     const double length = axes.col(i).norm();
     if (!(length > 0 && std::isfinite(length))) {
-      throw file.refuse("the node has a scale of 0 or without end", path, "Give it another scale");
+      throw file.input_error("the node has a scale of 0 or without end", path,
+                             "Give it another scale");
     }
     axes.col(i) /= length;
   }
   const bool skewed = !((axes.transpose() * axes - Matrix3d::Identity()).norm() <= kRigid);
   if (skewed || axes.determinant() < 0) {
-    throw file.refuse("the camera's node is mirrored or skewed by those above it", path,
-                      "Freeze its transform, or remove uneven scales above it");
+    throw file.input_error("the camera's node is mirrored or skewed by those above it", path,
+                           "Freeze its transform, or remove uneven scales above it");
   }
   return {Quaterniond(axes).normalized().toRotationMatrix(),
           world_from_node.topRightCorner<3, 1>()};
@@ -266,9 +268,9 @@ Found find_camera(const GltfFile& file, const std::string& name) {
   std::vector<Found> cameras;
   std::string names;
   for (std::size_t i = 0; i < file.count("nodes"); ++i) {
-    const json& node = file.item("nodes", i);
+    const json& node = file.element("nodes", i);
     if (!node.contains("camera")) continue;
-    const json& camera = file.item("cameras", node["camera"]);
+    const json& camera = file.element("cameras", node["camera"]);
     std::string node_name = text_of(node, "name"), camera_name = text_of(camera, "name");
     if (!name.empty() && node_name != name && camera_name != name) {
       names += (names.empty() ? "" : ", ") + (node_name.empty() ? camera_name : node_name);
@@ -279,15 +281,15 @@ Found find_camera(const GltfFile& file, const std::string& name) {
   }
   if (cameras.size() == 1) return cameras.front();
   if (cameras.empty()) {
-    throw file.refuse(name.empty() || names.empty()
-                          ? std::string("there is no camera")
-                          : fmt::format("there is no camera \"{}\", only {}", name, names),
-                      "/nodes", "Export the file with its camera, or correct the name");
+    throw file.input_error(name.empty() || names.empty()
+                               ? std::string("there is no camera")
+                               : fmt::format("there is no camera \"{}\", only {}", name, names),
+                           "/nodes", "Export the file with its camera, or correct the name");
   }
-  throw file.refuse(name.empty()
-                        ? fmt::format("there are {} cameras: {}", cameras.size(), names)
-                        : fmt::format("{} cameras are called \"{}\"", cameras.size(), name),
-                    "/nodes", "Say which one by its name");
+  throw file.input_error(name.empty()
+                             ? fmt::format("there are {} cameras: {}", cameras.size(), names)
+                             : fmt::format("{} cameras are called \"{}\"", cameras.size(), name),
+                         "/nodes", "Say which one by its name");
 }
 
 }  // namespace
@@ -300,18 +302,19 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
                              const std::string& name) {
   const auto file = std::make_shared<const GltfFile>(bytes, path);
   const Found chosen = find_camera(*file, name);
-  const json& index = file->item("nodes", chosen.node)["camera"];
-  const json& camera = file->item("cameras", index);
+  const json& index = file->element("nodes", chosen.node)["camera"];
+  const json& camera = file->element("cameras", index);
   const std::string camera_path = fmt::format("/cameras/{}", index.get<std::size_t>());
   if (text_of(camera, "type") != "perspective" || !camera.contains("perspective") ||
       !camera["perspective"].is_object()) {
-    throw file->refuse("the camera has no perspective", camera_path, "Export a perspective camera");
+    throw file->input_error("the camera has no perspective", camera_path,
+                            "Export a perspective camera");
   }
   const json yfov = camera["perspective"].value("yfov", json());
   const auto in_range = [](double v) { return v > 0 && v < std::numbers::pi; };
   if (!yfov.is_number() || !in_range(yfov.get<double>())) {
-    throw file->refuse(fmt::format("found {}, allowed: between 0 and pi", found(yfov)),
-                       camera_path + "/perspective/yfov", "Correct the field of view");
+    throw file->input_error(fmt::format("found {}, allowed: between 0 and pi", found(yfov)),
+                            camera_path + "/perspective/yfov", "Correct the field of view");
   }
 
   const std::vector<Node> nodes = nodes_above(*file, chosen.node);
@@ -339,7 +342,7 @@ GltfCamera parse_gltf_camera(std::string_view bytes, const std::filesystem::path
     const auto sampler = samplers->find(fov_target);
     const double fov = sampler == samplers->end() ? still : sampler->second.at(seconds).front();
     if (!in_range(fov)) {
-      throw file->refuse(
+      throw file->input_error(
           fmt::format("the field of view is {} at {} s, allowed: between 0 and pi", fov, seconds),
           fov_target, "Correct its animation");
     }

@@ -10,10 +10,10 @@
 #include <nlohmann/json.hpp>
 #include <numbers>
 
-#include "schemas/atomic_file.h"
-#include "schemas/base64.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/atomic_file.h"
+#include "base/base64.h"
+#include "base/error.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -32,7 +32,7 @@ std::string bytes_of(const std::vector<float>& numbers) {
 }
 
 std::string data_uri(const std::string& bytes) {
-  return "data:application/octet-stream;base64," + base64(std::as_bytes(std::span(bytes)));
+  return "data:application/octet-stream;base64," + encode_base64(std::as_bytes(std::span(bytes)));
 }
 
 /// Two seconds: the boom turns a quarter to the left while the camera at its end rides up 1 m.
@@ -101,7 +101,7 @@ TEST_F(GltfCameras, MovesWithTheNodesAboveIt) { expect_boom(read(boom())); }
 TEST_F(GltfCameras, ReadsBuffersBesideTheFileAndBinaryFiles) {
   json document = boom();
   const std::string uri = document["buffers"][0]["uri"];
-  const std::string bytes = *bytes_from_base64(uri.substr(uri.find(',') + 1));
+  const std::string bytes = *decode_base64(uri.substr(uri.find(',') + 1));
   document["buffers"][0]["uri"] = "my%20buffer.bin";
   write_file_atomically(folder_.path() / "my buffer.bin", bytes);
   expect_boom(read(document));

@@ -6,8 +6,8 @@
 #include <cstring>
 #include <optional>
 
+#include "base/base64.h"
 #include "compose/camera/gltf_camera.h"
-#include "schemas/base64.h"
 #include "schemas/json_text.h"
 
 namespace raystage {
@@ -48,7 +48,7 @@ class Buffer {
     document["bufferViews"] = views_;
     document["buffers"] = {{{"byteLength", bytes_.size()},
                             {"uri", "data:application/octet-stream;base64," +
-                                        base64(std::as_bytes(std::span(bytes_)))}}};
+                                        encode_base64(std::as_bytes(std::span(bytes_)))}}};
   }
 
  private:

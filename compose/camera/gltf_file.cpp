@@ -12,8 +12,8 @@
 #include <optional>
 #include <utility>
 
-#include "schemas/atomic_file.h"
-#include "schemas/base64.h"
+#include "base/atomic_file.h"
+#include "base/base64.h"
 #include "schemas/json_text.h"
 
 namespace raystage {
@@ -114,7 +114,7 @@ GltfFile::GltfFile(std::string_view bytes, const std::filesystem::path& file) : 
   if (asset == nullptr || !asset->is_object() || !asset->contains("version") ||
       !(*asset)["version"].is_string() ||
       !(*asset)["version"].get_ref<const std::string&>().starts_with("2.")) {
-    throw refuse("this is no glTF 2.0 file", "/asset", "Export the camera as glTF 2.0");
+    throw input_error("this is no glTF 2.0 file", "/asset", "Export the camera as glTF 2.0");
   }
   load_buffers();
 }
@@ -124,14 +124,15 @@ void GltfFile::load_glb(std::string_view bytes) {
   constexpr std::size_t kHeader = 12, kChunk = 8;
   if (bytes.size() < kHeader + kChunk || word_at(bytes, 4) != 2 ||
       word_at(bytes, 8) > bytes.size()) {
-    throw refuse("the file is cut off, or not of version 2", "", kExportFileAgain);
+    throw input_error("the file is cut off, or not of version 2", "", kExportFileAgain);
   }
   bytes = bytes.substr(0, word_at(bytes, 8));
   for (std::size_t at = kHeader; at + kChunk <= bytes.size();) {
     const std::size_t size = word_at(bytes, at);
     const std::uint32_t kind = word_at(bytes, at + 4);
     if (size > bytes.size() - at - kChunk) {
-      throw refuse("a chunk ends beyond the file", fmt::format("@byte {}", at), kExportFileAgain);
+      throw input_error("a chunk ends beyond the file", fmt::format("@byte {}", at),
+                        kExportFileAgain);
     }
     const std::string_view chunk = bytes.substr(at + kChunk, size);
     if (kind == kJson && json_.is_null()) json_ = parse_json(chunk, file_.string());
@@ -143,59 +144,60 @@ void GltfFile::load_glb(std::string_view bytes) {
   }
 }
 
-std::string GltfFile::buffer_from(const json& buffer, std::size_t index) const {
+std::string GltfFile::load_buffer(const json& buffer, std::size_t index) const {
   const std::string where = fmt::format("/buffers/{}", index);
-  if (!buffer.is_object()) throw refuse("found no object", where, kExportFileAgain);
+  if (!buffer.is_object()) throw input_error("found no object", where, kExportFileAgain);
   if (!buffer.contains("uri")) {
     if (index == 0 && has_embedded_) return embedded_;
-    throw refuse("the buffer's bytes are nowhere", where, kExportFileAgain);
+    throw input_error("the buffer's bytes are nowhere", where, kExportFileAgain);
   }
-  if (!buffer["uri"].is_string()) throw refuse("its uri is no text", where, kExportFileAgain);
+  if (!buffer["uri"].is_string()) throw input_error("its uri is no text", where, kExportFileAgain);
   const std::string& uri = buffer["uri"].get_ref<const std::string&>();
   if (!uri.starts_with("data:")) {
     return read_file(file_.parent_path() / file_name_from_uri(uri));
   }
   const std::size_t comma = uri.find(',');
   if (comma != std::string::npos && uri.substr(0, comma).ends_with(";base64")) {
-    if (auto bytes = bytes_from_base64(std::string_view(uri).substr(comma + 1))) return *bytes;
+    if (auto bytes = decode_base64(std::string_view(uri).substr(comma + 1))) return *bytes;
   }
-  throw refuse("its data URI is not base64", where, kExportFileAgain);
+  throw input_error("its data URI is not base64", where, kExportFileAgain);
 }
 
 void GltfFile::load_buffers() {
   for (std::size_t i = 0; i < count("buffers"); ++i) {
-    buffers_.push_back(buffer_from(json_["buffers"][i], i));
+    buffers_.push_back(load_buffer(json_["buffers"][i], i));
   }
 }
 
 std::size_t GltfFile::count(const char* list) const {
   const auto at = json_.find(list);
   if (at == json_.end()) return 0;
-  if (!at->is_array()) throw refuse("found no list", fmt::format("/{}", list), kExportFileAgain);
+  if (!at->is_array())
+    throw input_error("found no list", fmt::format("/{}", list), kExportFileAgain);
   return at->size();
 }
 
-const json& GltfFile::item(const char* list, const json& index) const {
+const json& GltfFile::element(const char* list, const json& index) const {
   if (!index.is_number_integer() || index.get<std::int64_t>() < 0 ||
       index.get<std::uint64_t>() >= count(list)) {
-    throw refuse(
+    throw input_error(
         fmt::format("something refers to {} of the {} in {}", found(index), count(list), list),
         fmt::format("/{}", list), kExportFileAgain);
   }
   const json& result = json_[list][index.get<std::size_t>()];
   if (!result.is_object()) {
-    throw refuse("found no object", fmt::format("/{}/{}", list, index.get<std::size_t>()),
-                 kExportFileAgain);
+    throw input_error("found no object", fmt::format("/{}/{}", list, index.get<std::size_t>()),
+                      kExportFileAgain);
   }
   return result;
 }
 
 std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t width) const {
-  const json& accessor = item("accessors", accessor_index);
+  const json& accessor = element("accessors", accessor_index);
   const std::string where = fmt::format("/accessors/{}", accessor_index.get<std::size_t>());
   if (accessor.contains("sparse")) {
-    throw refuse("the accessor is sparse, which is not read for cameras", where,
-                 "Export it without sparse accessors");
+    throw input_error("the accessor is sparse, which is not read for cameras", where,
+                      "Export it without sparse accessors");
   }
   const auto type = accessor.find("type");
   const auto component = std::ranges::find(
@@ -203,10 +205,10 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
   if (type == accessor.end() || !type->is_string() ||
       width_of(type->get_ref<const std::string&>()) != width || component == kComponents.end() ||
       !accessor.contains("bufferView")) {
-    throw refuse(fmt::format("the accessor is not one of {} numbers for each element", width),
-                 where, kExportFileAgain);
+    throw input_error(fmt::format("the accessor is not one of {} numbers for each element", width),
+                      where, kExportFileAgain);
   }
-  const json& view = item("bufferViews", accessor["bufferView"]);
+  const json& view = element("bufferViews", accessor["bufferView"]);
   const std::int64_t buffer = whole(view, "buffer", -1);
   const std::int64_t in_buffer = whole(view, "byteOffset", 0);
   const std::int64_t length = whole(view, "byteLength", -1);
@@ -220,8 +222,8 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
       in_view + (count - 1) * stride + packed > length ||
       in_buffer + length >
           static_cast<std::int64_t>(buffers_[static_cast<std::size_t>(buffer)].size())) {
-    throw refuse("the accessor reaches beyond its buffer, or says no size", where,
-                 kExportFileAgain);
+    throw input_error("the accessor reaches beyond its buffer, or says no size", where,
+                      kExportFileAgain);
   }
   const bool normalised = accessor.value("normalized", json(false)) == json(true);
   const char* begin = buffers_[static_cast<std::size_t>(buffer)].data() + in_buffer + in_view;
@@ -233,7 +235,7 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
           number_at(begin + i * stride + static_cast<std::int64_t>(k * component->bytes),
                     component->type, normalised);
       if (!std::isfinite(value)) {
-        throw refuse(fmt::format("element {} is not finite", i), where, kExportFileAgain);
+        throw input_error(fmt::format("element {} is not finite", i), where, kExportFileAgain);
       }
       numbers.push_back(value);
     }
@@ -241,8 +243,8 @@ std::vector<double> GltfFile::numbers(const json& accessor_index, std::size_t wi
   return numbers;
 }
 
-Error GltfFile::refuse(std::string what_happened, std::string_view where,
-                       std::string what_to_do) const {
+Error GltfFile::input_error(std::string what_happened, std::string_view where,
+                            std::string what_to_do) const {
   return Error::bad_input(std::move(what_happened), fmt::format("{}#{}", file_.string(), where),
                           std::move(what_to_do));
 }

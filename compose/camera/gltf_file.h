@@ -9,7 +9,7 @@
 #include <string_view>
 #include <vector>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 
@@ -24,7 +24,7 @@ class GltfFile {
 
   /// Of a list at the top of the document, by index. Throws Error (bad input) where it is not
   /// there.
-  const nlohmann::json& item(const char* list, const nlohmann::json& index) const;
+  const nlohmann::json& element(const char* list, const nlohmann::json& index) const;
   std::size_t count(const char* list) const;
 
   /// The numbers of an accessor, `width` for each element, finite; normalised integers as -1 to 1
@@ -32,12 +32,13 @@ class GltfFile {
   std::vector<double> numbers(const nlohmann::json& accessor_index, std::size_t width) const;
 
   /// Bad input in this file; `where` is what it is about, such as "/nodes/3".
-  Error refuse(std::string what_happened, std::string_view where, std::string what_to_do) const;
+  Error input_error(std::string what_happened, std::string_view where,
+                    std::string what_to_do) const;
 
  private:
   void load_glb(std::string_view bytes);
   void load_buffers();
-  std::string buffer_from(const nlohmann::json& buffer, std::size_t index) const;
+  std::string load_buffer(const nlohmann::json& buffer, std::size_t index) const;
 
   std::filesystem::path file_;
   nlohmann::json json_;

@@ -7,10 +7,10 @@
 #include <memory>
 #include <numbers>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "compose/camera/chan_file.h"
 #include "compose/camera/gltf_camera.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -18,7 +18,7 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-Vector3d vector_of(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+Vector3d eigen_vector(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
 
 /// Focal length in half picture widths from a vertical angle.
 double focal_from_vertical(double fov, double height_by_width) {
@@ -28,7 +28,7 @@ double focal_from_vertical(double fov, double height_by_width) {
 CameraChannels channels_from_chan(const ShotDocument::CameraFile& source,
                                   const std::filesystem::path& file, double height_by_width) {
   const RotationOrder order =
-      rotation_order_named(source.rotation_order).value_or(RotationOrder::kZxy);
+      parse_rotation_order(source.rotation_order).value_or(RotationOrder::kZxy);
   std::vector<CurveKey<Vector3d>> positions;
   std::vector<CurveKey<Quaterniond>> orientations;
   std::vector<CurveKey<double>> focals;
@@ -77,15 +77,16 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
       where_(shot_file.string() + "#/camera"),
       channels_(channels_from_keys(shot.camera, where_)),
       orbit_(shot.camera.orbit),
-      vertigo_(shot.camera.vertigo) {
+      vertigo_(shot.camera.dolly_zoom) {
   const double height_by_width = static_cast<double>(height_) / width_;
   if (const auto& source = shot.camera.file) {
     const std::filesystem::path base = folder.empty() ? shot_file.parent_path() : folder;
     const std::filesystem::path file = (base / source->path).lexically_normal();
     files_.push_back(file);
-    channels_ = together(is_chan(file) ? channels_from_chan(*source, file, height_by_width)
-                                       : channels_from_gltf(shot, *source, file, height_by_width),
-                         channels_, where_);
+    channels_ =
+        merge_channels(is_chan(file) ? channels_from_chan(*source, file, height_by_width)
+                                     : channels_from_gltf(shot, *source, file, height_by_width),
+                       channels_, where_);
   }
   const auto refuse = [&](const char* what, const char* what_to_do) {
     throw Error::bad_input(what, where_, what_to_do);
@@ -107,8 +108,8 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
   }
   if (vertigo_) {
     const double frame = vertigo_->frame.value_or(shot.first_frame);
-    const Pose pose = moved_pose(frame);
-    const double depth = -pose.camera_from_world(vector_of(vertigo_->target)).z();
+    const Pose pose = animated_pose(frame);
+    const double depth = -pose.camera_from_world(eigen_vector(vertigo_->target)).z();
     if (!(depth > 0)) {
       refuse("vertigo's target lies behind the camera at the frame that sets its size",
              "Move the target, or give another frame");
@@ -117,7 +118,7 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
   }
 }
 
-Pose ShotCamera::moved_pose(double frame) const {
+Pose ShotCamera::animated_pose(double frame) const {
   Pose pose;
   pose.position = channels_.position(frame);
   if (channels_.target) {
@@ -127,7 +128,7 @@ Pose ShotCamera::moved_pose(double frame) const {
           fmt::format("at frame {} the camera stands where it is to look", frame), where_,
           "Move the target or the camera");
     }
-    pose.world_from_camera_rotation = rotation_towards(pose.position, target);
+    pose.world_from_camera_rotation = look_at_rotation(pose.position, target);
   } else if (channels_.orientation) {
     pose.world_from_camera_rotation = channels_.orientation(frame).toRotationMatrix();
   }
@@ -136,9 +137,9 @@ Pose ShotCamera::moved_pose(double frame) const {
         Eigen::AngleAxisd(-channels_.roll(frame), Vector3d::UnitZ()).toRotationMatrix();
   }
   if (orbit_) {
-    const Vector3d centre = vector_of(orbit_->center);
+    const Vector3d centre = eigen_vector(orbit_->center);
     const Eigen::Matrix3d turn =
-        Eigen::AngleAxisd(channels_.orbit(frame), vector_of(orbit_->axis).normalized())
+        Eigen::AngleAxisd(channels_.orbit(frame), eigen_vector(orbit_->axis).normalized())
             .toRotationMatrix();
     pose.position = centre + turn * (pose.position - centre);
     pose.world_from_camera_rotation = turn * pose.world_from_camera_rotation;
@@ -149,12 +150,12 @@ Pose ShotCamera::moved_pose(double frame) const {
 double ShotCamera::focal_at(double frame, const Pose& pose) const {
   if (!vertigo_) return channels_.focal(frame);
   // Thesis eq. 7.1: tan(fov / 2) goes with the inverse of the target's distance.
-  return vertigo_focal_per_metre_ * -pose.camera_from_world(vector_of(vertigo_->target)).z();
+  return vertigo_focal_per_metre_ * -pose.camera_from_world(eigen_vector(vertigo_->target)).z();
 }
 
 CameraState ShotCamera::state(double frame) const {
   CameraState state;
-  state.pose = moved_pose(frame);
+  state.pose = animated_pose(frame);
   state.film_back_mm = film_back_mm_;
   state.focal_length_mm = focal_at(frame, state.pose) * film_back_mm_ / 2;
   if (channels_.focus) state.focus_m = channels_.focus(frame);
@@ -177,7 +178,8 @@ CameraState ShotCamera::state(double frame) const {
 
 VirtualCamera ShotCamera::camera(double frame, Eye eye) const {
   const CameraState both = state(frame);
-  return virtual_camera(stereo_ ? for_eye(both, *stereo_, eye) : both, width_, height_);
+  return make_virtual_camera(stereo_ ? stereo_eye_state(both, *stereo_, eye) : both, width_,
+                             height_);
 }
 
 std::vector<Eye> ShotCamera::eyes() const {

@@ -6,14 +6,14 @@
 #include <string>
 #include <vector>
 
+#include "compose/camera/camera_channels.h"
 #include "compose/camera/camera_state.h"
-#include "compose/camera/channels.h"
 #include "schemas/shot_document.h"
 
 namespace raystage {
 
 /// The virtual camera of a shot, at any fractional frame: its keys or its file, then its orbit,
-/// then its vertigo. Before the first and after the last key it rests.
+/// then its dolly_zoom. Before the first and after the last key it rests.
 class ShotCamera {
  public:
   /// `shot_file`: what errors name. `folder`: what paths are relative to; empty: the shot file's.
@@ -37,7 +37,7 @@ class ShotCamera {
   const std::vector<std::filesystem::path>& files() const { return files_; }
 
  private:
-  Pose moved_pose(double frame) const;
+  Pose animated_pose(double frame) const;
   double focal_at(double frame, const Pose& pose) const;
 
   int width_, height_;
@@ -45,7 +45,7 @@ class ShotCamera {
   std::string where_;
   CameraChannels channels_;
   std::optional<ShotDocument::Orbit> orbit_;
-  std::optional<ShotDocument::Vertigo> vertigo_;
+  std::optional<ShotDocument::DollyZoom> vertigo_;
   double vertigo_focal_per_metre_ = 0;
   std::optional<StereoSettings> stereo_;
   std::vector<std::filesystem::path> files_;

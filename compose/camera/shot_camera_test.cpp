@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {

@@ -10,8 +10,8 @@
 #include <cmath>
 #include <utility>
 
+#include "base/error.h"
 #include "compose/color/built_in_config.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -63,11 +63,11 @@ std::string names_of_spaces(const OCIO::Config& config) {
 
 struct ColorTransform::State {
   OCIO::ConstCPUProcessorRcPtr processor;
-  bool is_linear = false, changes_nothing = false;
+  bool is_linear = false, is_no_op = false;
 
   explicit State(OCIO::ConstCPUProcessorRcPtr of_config) : processor(std::move(of_config)) {
     is_linear = check_linear();
-    changes_nothing = processor->isNoOp();
+    is_no_op = processor->isNoOp();
   }
 
   std::array<float, 3> of(std::array<float, 3> rgb) const {
@@ -97,7 +97,7 @@ struct ColorTransform::State {
 };
 
 void ColorTransform::apply(std::span<float> rgba) const {
-  if (state_->changes_nothing || rgba.empty()) return;
+  if (state_->is_no_op || rgba.empty()) return;
   const bool divide = !state_->is_linear;
   const auto scale = [&](bool back) {
     for (std::size_t i = 0; divide && i < rgba.size(); i += 4) {
@@ -112,14 +112,14 @@ void ColorTransform::apply(std::span<float> rgba) const {
   scale(true);
 }
 
-void ColorTransform::apply_to_opaque(std::span<float> rgb) const {
-  if (state_->changes_nothing || rgb.empty()) return;
+void ColorTransform::apply_rgb(std::span<float> rgb) const {
+  if (state_->is_no_op || rgb.empty()) return;
   OCIO::PackedImageDesc image(rgb.data(), static_cast<long>(rgb.size() / 3), 1, 3);
   state_->processor->apply(image);
 }
 
 bool ColorTransform::is_linear() const { return state_->is_linear; }
-bool ColorTransform::changes_nothing() const { return state_->changes_nothing; }
+bool ColorTransform::is_no_op() const { return state_->is_no_op; }
 
 struct ColorConfig::State {
   OCIO::ConstConfigRcPtr config;
@@ -238,7 +238,7 @@ std::string ColorConfig::interop_id(const std::string& space) const {
   return "unknown";
 }
 
-std::string ColorConfig::space_of_interop_id(std::string_view id) const {
+std::string ColorConfig::space_from_interop_id(std::string_view id) const {
   return space_by_interop_id(*state_->config, id);
 }
 

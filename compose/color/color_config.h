@@ -22,10 +22,10 @@ class ColorTransform {
   /// multiplied after, unless the transform is a matrix, to which that makes no difference.
   void apply(std::span<float> rgba) const;
   /// R, G, B a pixel that are not premultiplied.
-  void apply_to_opaque(std::span<float> rgb) const;
+  void apply_rgb(std::span<float> rgb) const;
   /// Whether twice the light becomes twice the light, and colours add up as before.
   bool is_linear() const;
-  bool changes_nothing() const;
+  bool is_no_op() const;
 
  private:
   friend class ColorConfig;
@@ -61,7 +61,7 @@ class ColorConfig {
   /// lin_ap1_scene, lin_ap0_scene; else "unknown".
   std::string interop_id(const std::string& space) const;
   /// The config's own name for a space of a file's colorInteropID; empty where it has none.
-  std::string space_of_interop_id(std::string_view id) const;
+  std::string space_from_interop_id(std::string_view id) const;
 
  private:
   struct State;

@@ -8,10 +8,10 @@
 #include <cmath>
 #include <fstream>
 
+#include "base/error.h"
+#include "base/transfer_function.h"
 #include "compose/color/built_in_config.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "schemas/transfer_function.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -45,7 +45,7 @@ TEST(ColorConfigs, TheBuiltInOneTurnsRec709IntoAces) {
   EXPECT_NEAR(red[0], 0.6131F, 1e-4F);
   EXPECT_NEAR(red[1], 0.0702F, 1e-4F);
   EXPECT_NEAR(red[2], 0.0206F, 1e-4F);
-  EXPECT_TRUE(config.to_space("lin_rec709_scene").changes_nothing());
+  EXPECT_TRUE(config.to_space("lin_rec709_scene").is_no_op());
   EXPECT_FALSE(config.to_space("srgb_texture").is_linear());
   EXPECT_EQ(config.interop_id("ACEScg"), "lin_ap1_scene");
   EXPECT_EQ(config.interop_id("lin_ap0_scene"), "lin_ap0_scene");
@@ -79,17 +79,17 @@ TEST(ColorConfigs, ThePlainViewOfSrgbIsItsCurve) {
       ColorConfig::built_in().to_display("lin_rec709_scene", "sRGB", "Plain");
   for (float light = 0; light <= 1; light += 0.01F) {
     std::vector<float> rgb{light, 0.5F * light, light};
-    shown.apply_to_opaque(rgb);
+    shown.apply_rgb(rgb);
     EXPECT_NEAR(rgb[0], srgb_from_linear(static_cast<double>(light)), 1e-4F);
     EXPECT_NEAR(rgb[1], srgb_from_linear(0.5 * static_cast<double>(light)), 1e-4F);
   }
   // Default names lead to the same.
   std::vector<float> grey{0.18F, 0.18F, 0.18F};
-  ColorConfig::built_in().to_display("lin_rec709_scene", "", "").apply_to_opaque(grey);
+  ColorConfig::built_in().to_display("lin_rec709_scene", "", "").apply_rgb(grey);
   EXPECT_NEAR(grey[0], srgb_from_linear(0.18), 1e-4F);
   // The ACES view rolls off.
   std::vector<float> bright{4, 4, 4};
-  ColorConfig::built_in().to_display("ACEScg", "sRGB", "ACES 1.0 SDR").apply_to_opaque(bright);
+  ColorConfig::built_in().to_display("ACEScg", "sRGB", "ACES 1.0 SDR").apply_rgb(bright);
   EXPECT_GT(bright[0], 0.9F);
   EXPECT_LE(bright[0], 1);
 }
@@ -126,7 +126,7 @@ TEST_F(StudioConfigs, MayNameRec709AsTheyLike) {
   EXPECT_NO_THROW(ColorConfig::from_file(file("ours"), "ours"));
   EXPECT_THROW(ColorConfig::from_file(file("ours"), "theirs"), Error);
   const ColorConfig ours = ColorConfig::from_file(file("ours"), "ours");
-  EXPECT_TRUE(ours.to_space("lin_rec709_scene").changes_nothing());
+  EXPECT_TRUE(ours.to_space("lin_rec709_scene").is_no_op());
   EXPECT_EQ(ours.interop_id("ours"), "lin_rec709_scene");
 }
 

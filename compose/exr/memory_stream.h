@@ -43,7 +43,7 @@ class MemoryStream final : public Imf::OStream {
 };
 
 /// What half cannot hold is cut to +-65504, a NaN becomes 0.
-inline half finite_half(float value) {
+inline half clamp_to_half(float value) {
   constexpr float kLargest = 65504.0F;  // of half
   if (std::isnan(value)) return half(0.0F);
   return half(std::clamp(value, -kLargest, kLargest));

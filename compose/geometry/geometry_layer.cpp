@@ -7,7 +7,9 @@
 #include <fstream>
 #include <numbers>
 
-#include "schemas/error.h"
+#include "base/error.h"
+#include "compose/geometry/frustum_culling.h"
+#include "compose/geometry/geometry_scene.h"
 
 namespace raystage {
 namespace {
@@ -52,7 +54,7 @@ std::string fingerprint_of(const Mesh& mesh) {
   add_values(print, "normals", mesh.normals);
   add_values(print, "uvs", mesh.uvs);
   add_values(print, "corners", mesh.corners);
-  add_values(print, "object_of", mesh.object_of);
+  add_values(print, "object_of", mesh.triangle_objects);
   for (const Mesh::Object& object : mesh.objects) {
     print.text("object", object.name).integer("material", object.material);
   }
@@ -64,12 +66,31 @@ std::string fingerprint_of(const Mesh& mesh) {
   return print.hex();
 }
 
+/// Renders the layer's mesh among the others of a frame.
+class MeshRenderer final : public LayerRenderer {
+ public:
+  explicit MeshRenderer(int samples) : samples_(samples) {}
+
+  bool may_show(const LayerView& view) const override {
+    if (view.mesh < 0) return false;
+    return may_intersect_frustum(view.scene->meshes[static_cast<std::size_t>(view.mesh)],
+                                 view.camera.view);
+  }
+  LayerImage render(const LayerView& view) const override {
+    return render_geometry(*view.scene, static_cast<std::size_t>(view.mesh), view.camera.view,
+                           samples_, view.object_ids);
+  }
+
+ private:
+  int samples_;
+};
+
 }  // namespace
 
 GeometryLayer::GeometryLayer(const ShotDocument::Geometry& geometry,
                              const std::filesystem::path& folder, const std::string& where,
                              Textures& textures)
-    : placement_(geometry, where), samples_(geometry.samples) {
+    : transform_(geometry, where), samples_(geometry.samples) {
   const std::filesystem::path file = (folder / geometry.file).lexically_normal();
   Mesh mesh = read_mesh(file);
   for (Material& material : mesh.materials) {
@@ -80,21 +101,37 @@ GeometryLayer::GeometryLayer(const ShotDocument::Geometry& geometry,
     textures_.push_back(material.texture.empty() ? nullptr : textures.open(material.texture));
   }
   fingerprint_ = fingerprint_of(mesh);
-  scene_ = std::make_unique<const MeshScene>(std::move(mesh), file.string());
+  scene_ = std::make_unique<const EmbreeMesh>(std::move(mesh), file.string());
 }
 
-PlacedMesh GeometryLayer::placed(double frame) const {
-  const Eigen::Affine3d world_from_object = placement_.world_from_object(frame);
+MeshInstance GeometryLayer::placed(double frame) const {
+  const Eigen::Affine3d world_from_object = transform_.world_from_object(frame);
   return {scene_.get(), textures_, world_from_object, world_from_object.inverse()};
 }
 
-void GeometryLayer::add_to(Fingerprint& print, double frame) const {
+void GeometryLayer::add_to_fingerprint(Fingerprint& print, int frame,
+                                       const ShownTick& /*shown*/) const {
   print.text("geometry", fingerprint_).integer("samples", samples_);
-  const Eigen::Affine3d placed = placement_.world_from_object(frame);
+  const Eigen::Affine3d placed = transform_.world_from_object(frame);
   for (const double value : placed.matrix().reshaped()) print.number("placed", value);
 }
 
-Lights lights_from(const std::vector<ShotDocument::Light>& lights,
+std::vector<std::string> GeometryLayer::object_names(const std::string& layer) const {
+  std::vector<std::string> names;
+  for (const Mesh::Object& object : mesh().objects) names.push_back(layer + "/" + object.name);
+  return names;
+}
+
+std::size_t GeometryLayer::aov_bytes_per_pixel() const {
+  return std::size_t{9} * sizeof(float);  // P, N and albedo
+}
+
+std::unique_ptr<const LayerRenderer> GeometryLayer::make_renderer(
+    const LayerRendererSettings& /*settings*/) const {
+  return std::make_unique<const MeshRenderer>(samples_);
+}
+
+Lights make_lights(const std::vector<ShotDocument::Light>& lights,
                    const std::filesystem::path& folder, Textures& textures) {
   struct Environment {
     Textures::Handle picture;
@@ -111,18 +148,18 @@ Lights lights_from(const std::vector<ShotDocument::Light>& lights,
       result.directional.push_back({-Eigen::Vector3d(d[0], d[1], d[2]).stableNormalized(),
                                     color_from(light.color), light.shadows});
     } else if (!light.light_field.empty()) {
-      result.gathered_rays = std::max(result.gathered_rays, light.rays);
+      result.gather_rays = std::max(result.gather_rays, light.rays);
     } else {
-      const double turn = light.turn_deg * std::numbers::pi / 180;
+      const double turn = light.rotation_deg * std::numbers::pi / 180;
       environments.push_back({textures.open((folder / light.environment).lexically_normal()),
                               static_cast<float>(light.strength), std::sin(turn), std::cos(turn)});
-      result.gathered_rays = std::max(result.gathered_rays, light.rays);
+      result.gather_rays = std::max(result.gather_rays, light.rays);
     }
   }
   if (environments.empty()) return result;
-  result.surroundings = [environments, &textures](std::span<const WorldRay> rays,
-                                                  std::span<const float> spread,
-                                                  std::span<Vector3f> seen) {
+  result.environment_radiance = [environments, &textures](std::span<const WorldRay> rays,
+                                                          std::span<const float> spread,
+                                                          std::span<Vector3f> seen) {
     for (std::size_t i = 0; i < rays.size(); ++i) {
       seen[i].setZero();
       const Eigen::Vector3d& d = rays[i].direction;
@@ -136,15 +173,15 @@ Lights lights_from(const std::vector<ShotDocument::Light>& lights,
   return result;
 }
 
-void add_to(Fingerprint& print, const std::vector<ShotDocument::Light>& lights,
-            const std::filesystem::path& folder) {
+void add_to_fingerprint(Fingerprint& print, const std::vector<ShotDocument::Light>& lights,
+                        const std::filesystem::path& folder) {
   for (const ShotDocument::Light& light : lights) {
     for (const auto& values : {light.ambient, light.direction, std::optional(light.color)}) {
       for (const double value : values.value_or(std::array<double, 3>{})) {
         print.number("light", value);
       }
     }
-    print.integer("shadows", light.shadows ? 1 : 0).number("turn", light.turn_deg);
+    print.integer("shadows", light.shadows ? 1 : 0).number("turn", light.rotation_deg);
     print.number("strength", light.strength).integer("rays", light.rays);
     print.text("light_field", light.light_field);
     if (!light.environment.empty()) add_file(print, folder / light.environment);

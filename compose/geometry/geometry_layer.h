@@ -7,48 +7,53 @@
 #include <string>
 #include <vector>
 
+#include "compose/geometry/animated_transform.h"
+#include "compose/geometry/embree_mesh.h"
 #include "compose/geometry/lights.h"
-#include "compose/geometry/mesh_scene.h"
-#include "compose/geometry/placement.h"
-#include "compose/geometry/surface.h"
+#include "compose/geometry/surface_point.h"
 #include "compose/geometry/textures.h"
-#include "compose/layers/fingerprint.h"
+#include "compose/layers/layer.h"
 #include "schemas/shot_document.h"
 
 namespace raystage {
 
 /// A mesh in a shot: read and checked before rendering.
-class GeometryLayer {
+class GeometryLayer final : public Layer {
  public:
-  /// `where`: the layer, for errors. `textures`: opened here as needed; must live on. Throws Error
-  /// (bad input): mesh or texture missing or wrong, keys that cannot be used.
+  /// `where`: named by errors. `textures`: opens textures as needed; referred to. Throws Error (bad
+  /// input) if the mesh or a texture is missing or wrong, or for unusable keys.
   GeometryLayer(const ShotDocument::Geometry& geometry, const std::filesystem::path& folder,
                 const std::string& where, Textures& textures);
 
-  PlacedMesh placed(double frame) const;
+  MeshInstance placed(double frame) const;
   int samples() const { return samples_; }
   const Mesh& mesh() const { return scene_->mesh(); }
-  std::size_t bytes() const { return scene_->bytes(); }
 
-  /// What determines its pixels at a frame: contents of the mesh's and textures' files, materials,
-  /// place, samples.
-  void add_to(Fingerprint& print, double frame) const;
+  /// Adds the contents of the mesh's and textures' files, materials, transform and samples.
+  void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
+  /// "LAYER/OBJECT".
+  std::vector<std::string> object_names(const std::string& layer) const override;
+  std::size_t shared_bytes() const override { return scene_->bytes(); }
+  std::size_t aov_bytes_per_pixel() const override;
+  LayerStage stage() const override { return LayerStage::kGeometry; }
+  std::unique_ptr<const LayerRenderer> make_renderer(
+      const LayerRendererSettings& settings) const override;
 
  private:
-  Placement placement_;
+  AnimatedTransform transform_;
   int samples_ = 16;
-  std::unique_ptr<const MeshScene> scene_;
+  std::unique_ptr<const EmbreeMesh> scene_;
   std::vector<Textures::Handle> textures_;  ///< of each material
   std::string fingerprint_;
 };
 
-/// Lights of a shot as rays see them, but for light fields. `textures` must live on. Throws Error
-/// (bad input), with `where` in it, where an environment cannot be read.
-Lights lights_from(const std::vector<ShotDocument::Light>& lights,
+/// Returns the lights of a shot except light fields. `textures`: referred to. Throws Error (bad
+/// input) if an environment cannot be read.
+Lights make_lights(const std::vector<ShotDocument::Light>& lights,
                    const std::filesystem::path& folder, Textures& textures);
 
-/// What determines them.
-void add_to(Fingerprint& print, const std::vector<ShotDocument::Light>& lights,
-            const std::filesystem::path& folder);
+/// Adds everything that determines the lights.
+void add_to_fingerprint(Fingerprint& print, const std::vector<ShotDocument::Light>& lights,
+                        const std::filesystem::path& folder);
 
 }  // namespace raystage

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "render/view/world_ray.h"
+#include "render/common/world_ray.h"
 
 namespace raystage {
 
@@ -21,18 +21,18 @@ struct DirectionalLight {
 /// What rays see that leave the geometry: radiance, scene-linear, R, G, B. `spread`: of each ray,
 /// radians, so that pictures are looked at in no more detail than that. Called from many threads
 /// with many rays at a time.
-using Surroundings = std::function<void(std::span<const WorldRay> rays,
-                                        std::span<const float> spread, std::span<Eigen::Vector3f>)>;
+using EnvironmentRadiance = std::function<void(
+    std::span<const WorldRay> rays, std::span<const float> spread, std::span<Eigen::Vector3f>)>;
 
 /// What lights the geometry of a shot.
 struct Lights {
   /// The same from everywhere: for diffuse surfaces that do not gather, and for rays that leave
-  /// where there are no surroundings.
+  /// where there are no environment_radiance.
   Eigen::Vector3f ambient = Eigen::Vector3f::Zero();
   std::vector<DirectionalLight> directional;
-  Surroundings surroundings;  ///< null: `ambient` all around
-  /// Rays by which a diffuse surface gathers light from its surroundings; 0: it does not.
-  int gathered_rays = 0;
+  EnvironmentRadiance environment_radiance;  ///< null: `ambient` all around
+  /// Rays by which a diffuse surface gathers light from its environment_radiance; 0: it does not.
+  int gather_rays = 0;
 };
 
 }  // namespace raystage

@@ -10,7 +10,7 @@
 #include <assimp/Importer.hpp>
 #include <cmath>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -92,7 +92,7 @@ void add_node(const aiScene& scene, const aiNode& node, const Eigen::Affine3d& p
       if (face.mNumIndices != 3) continue;  // points and lines
       mesh.corners.push_back(
           {first + face.mIndices[0], first + face.mIndices[1], first + face.mIndices[2]});
-      mesh.object_of.push_back(static_cast<std::uint32_t>(mesh.objects.size() - 1));
+      mesh.triangle_objects.push_back(static_cast<std::uint32_t>(mesh.objects.size() - 1));
     }
   }
   for (unsigned i = 0; i < node.mNumChildren; ++i) {
@@ -105,7 +105,7 @@ void add_node(const aiScene& scene, const aiNode& node, const Eigen::Affine3d& p
 std::size_t Mesh::bytes() const {
   return positions.size() * sizeof(Eigen::Vector3d) + normals.size() * sizeof(Eigen::Vector3f) +
          uvs.size() * sizeof(Eigen::Vector2f) +
-         corners.size() * (sizeof(corners[0]) + sizeof(object_of[0]));
+         corners.size() * (sizeof(corners[0]) + sizeof(triangle_objects[0]));
 }
 
 Mesh read_mesh(const std::filesystem::path& file) {

@@ -35,7 +35,7 @@ struct Mesh {
   std::vector<Eigen::Vector3f> normals;  ///< of each position, unit; empty: faces' own
   std::vector<Eigen::Vector2f> uvs;      ///< of each position, (0, 0) lower left; empty: none
   std::vector<std::array<std::uint32_t, 3>> corners;  ///< of each triangle
-  std::vector<std::uint32_t> object_of;               ///< of each triangle
+  std::vector<std::uint32_t> triangle_objects;        ///< of each triangle
   std::vector<Object> objects;
   std::vector<Material> materials;
 

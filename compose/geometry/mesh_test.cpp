@@ -7,8 +7,8 @@
 #include <algorithm>
 #include <fstream>
 
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/error.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -42,15 +42,15 @@ TEST_F(MeshFile, ObjWithMaterialsAndObjects) {
                                     "o cup\nusemtl red\nf 1 2 5\n"));
   EXPECT_EQ(mesh.corners.size(), 3U);  // the square as two
   ASSERT_EQ(mesh.objects.size(), 2U);
-  const auto material_of = [&](const std::string& name) {
+  const auto make_material = [&](const std::string& name) {
     const auto object = std::ranges::find(mesh.objects, name, &Mesh::Object::name);
     return object == mesh.objects.end()
                ? Material{.kind = Material::Kind::kMirror}
                : mesh.materials[static_cast<std::size_t>(object->material)];
   };
-  const Material wood = material_of("table");
+  const Material wood = make_material("table");
   EXPECT_EQ(wood.texture, folder_.path() / "maps/wood.png");
-  const Material red = material_of("cup");
+  const Material red = make_material("cup");
   EXPECT_TRUE(red.texture.empty());
   EXPECT_NEAR(red.color.x(), 0.8F, 1e-6F);
   EXPECT_EQ(red.kind, Material::Kind::kDiffuse);

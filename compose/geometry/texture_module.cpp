@@ -13,9 +13,9 @@
 #include <string_view>
 #include <vector>
 
+#include "base/error.h"
+#include "base/transfer_function.h"
 #include "compose/geometry/texture_lookup.h"
-#include "schemas/error.h"
-#include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {

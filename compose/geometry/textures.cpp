@@ -3,7 +3,7 @@
 
 #include <dlfcn.h>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {

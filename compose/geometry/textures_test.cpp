@@ -11,11 +11,11 @@
 #include <functional>
 #include <numbers>
 
-#include "compose/geometry/geometry_view.h"
-#include "compose/geometry/test_meshes.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "schemas/transfer_function.h"
+#include "base/error.h"
+#include "base/transfer_function.h"
+#include "compose/geometry/geometry_scene.h"
+#include "testing/compose/test_meshes.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -104,13 +104,14 @@ TEST_F(TextureFiles, AroundIsLatitudeByLongitude) {
 }
 
 TEST_F(TextureFiles, ColourASurface) {
-  using testing::material_of;
+  using testing::make_material;
   const auto texture = textures_.open(write_ppm(64, 64, [](int x, int) -> Code {
     return x < 32 ? Code{255, 0, 0} : Code{0, 0, 255};
   }));
-  const MeshScene scene(testing::square(1, material_of(Material::Kind::kDiffuse, 0.5F)), "square");
+  const EmbreeMesh scene(testing::square(1, make_material(Material::Kind::kDiffuse, 0.5F)),
+                         "square");
   const std::array<Textures::Handle, 1> of_materials{texture};
-  GeometryScene geometry{{testing::placed_at(scene, {0, 0, -4})}, &textures_, {}};
+  GeometryScene geometry{{testing::make_instance(scene, {0, 0, -4})}, &textures_, {}};
   geometry.meshes[0].textures = of_materials;
   geometry.lights.ambient.setOnes();
   const LayerImage image =

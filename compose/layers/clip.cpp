@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/parallel.h"
 #include "rig/camera_model.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -99,7 +99,7 @@ void apply(std::span<const Clip> clips, const VirtualCamera& camera, LayerImage&
   });
 }
 
-bool keeps_something(std::span<const Clip> clips) {
+bool keeps_any_pixel(std::span<const Clip> clips) {
   return std::ranges::none_of(clips, [](const Clip& clip) {
     const auto* screen = std::get_if<ScreenClip>(&clip.shape);
     if (screen == nullptr) return false;

@@ -6,46 +6,45 @@
 #include <variant>
 
 #include "compose/layers/layer_image.h"
-#include "render/view/view.h"
+#include "render/common/view.h"
 
 namespace raystage {
 
-/// Keeps what lies on the side of a plane that its normal points to.
+/// Keeps the side of a plane that its normal points to.
 struct PlaneClip {
   Eigen::Vector4d plane{0, 0, 1, 0};  ///< a x + b y + c z + d = 0, world, metres
-  double feather = 0;                 ///< metres over which it fades, half on either side
+  double feather = 0;                 ///< width of the ramp, metres, half of it on each side
 };
 
-/// Keeps what lies within an upright box.
+/// Keeps the inside of an axis-aligned box.
 struct BoxClip {
   Eigen::Vector3d least{0, 0, 0}, most{0, 0, 0};  ///< world, metres
   double feather = 0;
 };
 
-/// Keeps a part of the picture, in shares of its width and height from the top left.
+/// Keeps a rectangle of the picture, in shares of its width and height from the top left.
 struct ScreenClip {
   double left = 0, right = 1, top = 0, bottom = 1;
-  double feather = 0;  ///< share of the picture's width over which an inner edge fades
+  double feather = 0;  ///< width of the ramp at inner edges, share of the picture's width
 };
 
 struct Clip {
   std::variant<PlaneClip, BoxClip, ScreenClip> shape;
-  bool inverted = false;  ///< keeps the rest instead
+  bool inverted = false;  ///< keeps the outside instead
 };
 
-/// How much of a point or a pixel is kept, 0 to 1, along a straight ramp. A layer clipped so over
-/// one that is not leaves no seam; two clips that differ in `inverted` alone add up to 1. `pixel`:
-/// in pixels from the top left; `point`: world, metres, or a direction where the pixel shows what
-/// is infinitely far.
+/// Returns the share of a point that is kept, 0 to 1, along a linear ramp. Two clips that differ
+/// only in `inverted` add up to 1, so that complementary layers leave no seam. `pixel`: position
+/// from the top left, pixels; `point`: world, metres, or a direction if the pixel shows something
+/// at infinity.
 double kept(const Clip& clip, const VirtualCamera& camera, const Eigen::Vector2d& pixel,
             const Eigen::Vector3d& point, bool is_direction);
 
-/// Multiplies colours and alpha by what all clips keep; where that is nothing, Z and AOVs tell of
-/// nothing. World points are those at the image's Z.
+/// Multiplies colours and alpha by the shares that all clips keep. Where that is 0, Z and AOVs get
+/// their empty values. World points follow from the image's Z.
 void apply(std::span<const Clip> clips, const VirtualCamera& camera, LayerImage& image);
 
-/// Whether some pixel may be kept: false only where the clips say no everywhere, by the screen
-/// alone.
-bool keeps_something(std::span<const Clip> clips);
+/// Returns false if the screen clips alone remove every pixel.
+bool keeps_any_pixel(std::span<const Clip> clips);
 
 }  // namespace raystage

@@ -26,7 +26,7 @@ VirtualCamera camera() {
 
 /// White, at one depth.
 LayerImage wall(float z) {
-  LayerImage image = empty_image(kWidth, kHeight);
+  LayerImage image = transparent_layer_image(kWidth, kHeight);
   image.rgba.assign(image.pixels() * 4, 1.0F);
   image.z.assign(image.pixels(), z);
   image.aovs.push_back({"lf", {"coverage"}, false, 0, PixelValues(image.pixels(), 1.0F)});
@@ -108,11 +108,11 @@ TEST(Clip, SeveralMultiply) {
 }
 
 TEST(Clip, KnowsWhenNothingCanBeKept) {
-  EXPECT_TRUE(keeps_something({}));
-  EXPECT_TRUE(keeps_something({{Clip{ScreenClip{.left = 0.4, .right = 0.5}}}}));
-  EXPECT_FALSE(keeps_something({{Clip{ScreenClip{.left = 0.5, .right = 0.5}}}}));
-  EXPECT_FALSE(keeps_something({{Clip{ScreenClip{}, true}}}));
-  EXPECT_TRUE(keeps_something({{Clip{PlaneClip{}}}}));
+  EXPECT_TRUE(keeps_any_pixel({}));
+  EXPECT_TRUE(keeps_any_pixel({{Clip{ScreenClip{.left = 0.4, .right = 0.5}}}}));
+  EXPECT_FALSE(keeps_any_pixel({{Clip{ScreenClip{.left = 0.5, .right = 0.5}}}}));
+  EXPECT_FALSE(keeps_any_pixel({{Clip{ScreenClip{}, true}}}));
+  EXPECT_TRUE(keeps_any_pixel({{Clip{PlaneClip{}}}}));
 }
 
 }  // namespace

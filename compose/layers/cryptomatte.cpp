@@ -56,7 +56,7 @@ std::string cryptomatte_key() {
   return fmt::format("{:08x}", murmur3_32(kCryptomatteName)).substr(0, 7);
 }
 
-void make_one_object(LayerImage& image, float id) {
+void assign_object_id(LayerImage& image, float id) {
   image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
   for (std::size_t pixel = 0; pixel < image.pixels(); ++pixel) {
     image.ids[2 * kIdRanks * pixel] = id;

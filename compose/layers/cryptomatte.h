@@ -12,27 +12,27 @@
 
 namespace raystage {
 
-/// MurmurHash3_x86_32 with seed 0 (Appleby), which names things in Cryptomattes.
+/// Returns MurmurHash3_x86_32 with seed 0 (Appleby), the hash of names in Cryptomatte.
 std::uint32_t murmur3_32(std::string_view text);
 
-/// The id of an object: its name's hash as the bits of a float, made a normal number (Friedman and
+/// Returns the id of an object: the hash of its name as the bits of a normal float (Friedman and
 /// Jones, "Fully automatic ID mattes with support for motion blur and transparency", SIGGRAPH 2015;
 /// Cryptomatte's specification 1.2).
 float object_id(std::string_view name);
 
-/// Objects of a file, as `cryptomatte/<key>/manifest` has them: {"name": "hash in hex", ...}.
+/// Returns the value of `cryptomatte/<key>/manifest`: {"name": "hash in hex", ...}.
 std::string cryptomatte_manifest(std::span<const std::string> names);
 
-/// First 7 hex digits of the hash of "CryptoObject": the key of its attributes.
+/// Returns the key of the attributes: the first 7 hex digits of the hash of "CryptoObject".
 std::string cryptomatte_key();
 inline constexpr const char* kCryptomatteName = "CryptoObject";
 
-/// Makes all of an image one object.
-void make_one_object(LayerImage& image, float id);
+/// Assigns all of an image to one object.
+void assign_object_id(LayerImage& image, float id);
 
-/// The image's ids as channels: CryptoObject00 to 02, each R = id, G = coverage, B, A the same of
-/// the next, by falling coverage, which is the object's share of the pixel. Where there is nothing,
-/// 0.
+/// Returns the ids of an image as channels CryptoObject00 to 02: R = id, G = coverage (the object's
+/// share of the pixel), B and A the same of the next object, by falling coverage; 0 if there are no
+/// more.
 std::vector<Aov> cryptomatte_aovs(const LayerImage& image);
 
 }  // namespace raystage

@@ -40,9 +40,9 @@ TEST(Cryptomatte, TheManifestNamesTheIdsInTheFile) {
 }
 
 TEST(Cryptomatte, CoverageIsTheShareOfThePixel) {
-  LayerImage image = empty_image(2, 1);
+  LayerImage image = transparent_layer_image(2, 1);
   image.rgba = {0, 0, 0, 0.5F, 0, 0, 0, 0};
-  make_one_object(image, 7);
+  assign_object_id(image, 7);
   image.ids[1] = 0.75F;
   image.ids[2] = 9;
   image.ids[3] = 0.25F;

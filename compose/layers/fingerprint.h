@@ -8,8 +8,8 @@
 
 namespace raystage {
 
-/// Collects everything that determines a file's contents into one XXH3-128. Each value goes in with
-/// a label and its length, so that neighbours cannot run into each other.
+/// Hashes everything that determines the contents of a file into one XXH3-128. Each value is hashed
+/// with a label and its length, so that adjacent values cannot be confused.
 class Fingerprint {
  public:
   Fingerprint();
@@ -19,9 +19,9 @@ class Fingerprint {
 
   Fingerprint& text(std::string_view label, std::string_view value);
   Fingerprint& integer(std::string_view label, std::int64_t value);
-  /// By its bits, so no digit is lost; -0 counts as 0.
+  /// Hashes the bits of the value; -0 counts as 0.
   Fingerprint& number(std::string_view label, double value);
-  /// 32 hex digits.
+  /// Returns 32 hex digits.
   std::string hex() const;
 
  private:

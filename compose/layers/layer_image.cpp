@@ -11,7 +11,7 @@ constexpr float kNowhere = std::numeric_limits<float>::infinity();
 
 }  // namespace
 
-LayerImage empty_image(int width, int height) {
+LayerImage transparent_layer_image(int width, int height) {
   LayerImage image;
   image.width = width;
   image.height = height;
@@ -20,7 +20,7 @@ LayerImage empty_image(int width, int height) {
   return image;
 }
 
-LayerImage layer_image(RenderedView view) {
+LayerImage make_layer_image(RenderedView view) {
   LayerImage image;
   image.width = view.width;
   image.height = view.height;

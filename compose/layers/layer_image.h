@@ -5,31 +5,31 @@
 #include <string>
 #include <vector>
 
-#include "compose/exr/layout.h"
-#include "render/view/view.h"
+#include "compose/exr/exr_layout.h"
+#include "render/common/view.h"
 
 namespace raystage {
 
-/// Values of a picture beside its colours and depth, interleaved pixel by pixel.
+/// Arbitrary output variable: values of a picture besides colour and depth, interleaved by pixel.
 struct Aov {
   std::string layer;                  ///< as EXR files name it: "lf", "N", "albedo" ...
   std::vector<std::string> channels;  ///< "coverage"; "X", "Y", "Z"; ...
   bool is_colour = false;
-  float nothing = 0;  ///< where there is nothing to tell
+  float nothing = 0;  ///< value of pixels without data
   PixelValues values;
 };
 
-/// Objects that are told apart in one pixel: six, as Cryptomatte's readers expect.
+/// Largest number of objects per pixel: six, as readers of Cryptomatte expect.
 inline constexpr std::size_t kIdRanks = 6;
 
-/// What a layer shows of a frame, row-major from the top left.
+/// A picture of a layer, row-major from the top left.
 struct LayerImage {
   int width = 0, height = 0;
   PixelValues rgba;  ///< scene-linear, in the working space, premultiplied
-  PixelValues z;     ///< planar depth, metres; +infinity where A is 0 or nothing has a depth
+  PixelValues z;     ///< planar depth, metres; +infinity where A is 0 or there is no depth
   std::vector<Aov> aovs;
-  /// Not asked for: empty. Else kIdRanks pairs a pixel: an object's id, and its share of A; by
-  /// falling share, 0 where there are no more.
+  /// Empty unless requested. kIdRanks pairs per pixel: id of an object and its share of A, by
+  /// falling share; 0 if there are no more.
   PixelValues ids;
   RenderStatistics statistics;
   std::vector<std::string> notes;
@@ -39,13 +39,13 @@ struct LayerImage {
   }
 };
 
-/// A picture of nothing.
-LayerImage empty_image(int width, int height);
+/// Returns a transparent picture.
+LayerImage transparent_layer_image(int width, int height);
 
-/// A light field's view, with its coverage, and its cameras and nearest rays where it has them.
-LayerImage layer_image(RenderedView view);
+/// Returns a view of a light field as a layer's picture, with its coverage measures as AOVs.
+LayerImage make_layer_image(RenderedView view);
 
-/// As an EXR file's view: the picture, `depth`, and the AOVs. Refers to the image.
+/// Returns the picture, `depth` and the AOVs as a view of an EXR file. Refers to the image.
 ExrView exr_view(const LayerImage& image, const std::string& name);
 
 }  // namespace raystage

@@ -6,9 +6,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "render/automatic/automatic.h"
 #include "render/methods.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -18,7 +19,7 @@ bool has_option(const Method& method, std::string_view name) {
 }
 
 /// How deep the scene is: as the method's options say, else as the take does.
-std::optional<DepthRange> scene_of(const Reconstruction& reconstruction, const Take& take) {
+std::optional<DepthRange> scene_of(const ReconstructionSettings& reconstruction, const Take& take) {
   const Method& method = method_named(reconstruction.method);
   const MethodOptions options(method.options(), reconstruction.options, reconstruction.method);
   DepthRange scene = take.document().depth_range.value_or(DepthRange{0, 0});
@@ -27,17 +28,17 @@ std::optional<DepthRange> scene_of(const Reconstruction& reconstruction, const T
   return scene.near > 0 && scene.far > 0 ? std::optional(scene) : std::nullopt;
 }
 
-Reconstruction reconstruction_of(const ShotDocument::Layer& layer, const Take& take,
-                                 const std::string& where, std::optional<HoleFill> fill,
-                                 const OptionValues& target) {
+ReconstructionSettings reconstruction_of(const ShotDocument::Layer& layer, const Take& take,
+                                         const std::string& where, std::optional<HoleFill> fill,
+                                         const OptionValues& target) {
   const Method* of_layer = find_method(layer.method);
   if (of_layer == nullptr) {
     throw Error::bad_input("there is no reconstruction method \"" + layer.method + "\"",
                            where + "/method", "Use one of " + method_names());
   }
   of_layer->check({of_layer->options(), layer.options, where + "/options"}, take);
-  Reconstruction reconstruction;
-  reconstruction.method = target.empty() ? layer.method : "auto";
+  ReconstructionSettings reconstruction;
+  reconstruction.method = target.empty() ? layer.method : std::string(automatic_method().name());
   reconstruction.options = target.empty() ? layer.options : target;
   const Method& method = method_named(reconstruction.method);
   // How deep the layer's scene is stays true whoever renders it.
@@ -71,16 +72,16 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
     case Kind::kCamera:  // until a camera is there
       return {0, 0, 0, 1};
     case Kind::kDepth:
-      return plane_in_front_of(rig, plane.depth);
+      return fronto_parallel_plane(rig, plane.depth);
     case Kind::kKeys:
-      return plane_in_front_of(rig, plane.keys.front().depth);
+      return fronto_parallel_plane(rig, plane.keys.front().depth);
     case Kind::kBest:
       if (!depth_range) {
         throw Error::bad_input("the best focal plane is unknown: the take has no depth range",
                                where,
                                "Give the plane's depth in metres, or add depth_range to take.json");
       }
-      return plane_in_front_of(rig, best_focal_depth(*depth_range));
+      return fronto_parallel_plane(rig, optimal_focal_depth(*depth_range));
     case Kind::kEquation:
       break;
   }
@@ -95,10 +96,65 @@ Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, cons
   return equation / normal;
 }
 
+namespace {
+
+/// Renders the views of a take.
+class TakeRenderer final : public LayerRenderer {
+ public:
+  TakeRenderer(const LightFieldLayer& layer, const LayerRendererSettings& settings)
+      : layer_(layer), renderer_(layer.take(), renderer_settings(layer, settings)) {}
+
+  LayerImage render(const LayerView& view) const override {
+    const VirtualCamera& camera = view.camera.view;
+    if (!view.shown.tick) return transparent_layer_image(camera.width, camera.height);
+    return make_layer_image(renderer_.render(camera, layer_.tick(view.shown),
+                                             layer_.reconstruction_for(view.camera, view.frame)));
+  }
+
+  std::optional<LayerRays> rays(const LayerView& view) const override {
+    if (!view.shown.tick) return std::nullopt;
+    return LayerRays{[this, &tick = layer_.tick(view.shown),
+                      how = layer_.reconstruction_for(view.camera, view.frame)](
+                         std::span<const WorldRay> rays, std::span<RaySample> samples) {
+                       renderer_.query(rays, tick, how, samples);
+                     },
+                     layer_.take().rig().mean_viewing_direction()};
+  }
+
+  void read_ahead(const ShownTick& shown) const override {
+    if (shown.tick) renderer_.read_ahead(layer_.tick(shown));
+  }
+  int frames_read_ahead() const override { return renderer_.frames_read_ahead(); }
+  DecodeCosts decode_costs() const override { return renderer_.decode_costs(); }
+  std::size_t decoded_bytes_cached() const override { return renderer_.decoded_bytes_cached(); }
+
+ private:
+  static RendererSettings renderer_settings(const LightFieldLayer& layer,
+                                            const LayerRendererSettings& settings) {
+    RendererSettings result;
+    result.cache_bytes = settings.memory.cache;
+    result.result_cache_bytes = settings.memory.kept;
+    result.working_bytes = settings.memory.working;
+    result.measure_coverage = settings.measure_coverage;
+    result.measure_confidence = settings.measure_confidence;
+    result.ticks = layer.timeline().ticks;
+    result.matte = layer.matte();
+    result.cache_folder = settings.cache_folder;
+    result.stored_data_counts = settings.stored_data_counts;
+    if (settings.hosts != nullptr) settings.hosts->share(layer.take(), result);
+    return result;
+  }
+
+  const LightFieldLayer& layer_;
+  LightFieldRenderer renderer_;
+};
+
+}  // namespace
+
 LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
                                  const std::filesystem::path& shot_file,
                                  const std::filesystem::path& folder, std::optional<HoleFill> fill,
-                                 const OptionValues& target, TakeHosts* hosts)
+                                 const OptionValues& target, DistributedTakes* hosts)
     : index_(index),
       shot_file_(shot_file),
       layer_(shot.layers[index]),
@@ -120,7 +176,8 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
     matte_ = std::make_shared<const TakeMatte>(take_, *layer_.matte, folder);
     if (reconstruction_.fill != HoleFill::kNone) {
       throw Error::bad_input("what a matte makes transparent would be filled again",
-                             pointer_of(shot_file_, index_), "Leave --fill out, or the matte");
+                             pointer_of(shot_file_, index_), "Remove fill, or the matte")
+          .concerning({"fill"});
     }
   }
   if (layer_.focal_plane.kind == ShotDocument::FocalPlane::Kind::kKeys) {
@@ -131,12 +188,13 @@ LightFieldLayer::LightFieldLayer(const ShotDocument& shot, std::size_t index,
   common_ = common_fingerprint();
 }
 
-Reconstruction LightFieldLayer::reconstruction_for(const ExrCamera& camera, int frame) const {
-  Reconstruction result = reconstruction_;
-  if (focus_) result.focal_plane = plane_in_front_of(take_.rig(), focus_(frame));
+ReconstructionSettings LightFieldLayer::reconstruction_for(const ExrCamera& camera,
+                                                           int frame) const {
+  ReconstructionSettings result = reconstruction_;
+  if (focus_) result.focal_plane = fronto_parallel_plane(take_.rig(), focus_(frame));
   OptionValues& options = result.options;
   const bool has_lens_options = method_named(result.method).has_lens();
-  if (focuses_as_camera() && camera.focus_m) {
+  if (focal_plane_follows_camera() && camera.focus_m) {
     const Pose& pose = camera.view.pose;
     const Eigen::Vector3d ahead = -pose.world_from_camera_rotation.col(2);
     const double distance = -ahead.dot(pose.position) - *camera.focus_m;
@@ -172,8 +230,8 @@ std::optional<int> LightFieldLayer::tick_at(int frame) const {
   return static_cast<int>(*tick);
 }
 
-ShownInstant LightFieldLayer::shown_at(int frame, MissingFrames policy) const {
-  ShownInstant shown{tick_at(frame), false};
+ShownTick LightFieldLayer::shown_tick_at(int frame, MissingFrames policy) const {
+  ShownTick shown{tick_at(frame), false};
   if (shown.tick || policy != MissingFrames::kHold) return shown;
   const auto& ticks = timeline_.ticks;
   const auto after =
@@ -198,17 +256,17 @@ std::optional<int> LightFieldLayer::nearest_present(int tick) const {
   return std::nullopt;
 }
 
-std::string LightFieldLayer::length_text() const {
+std::string LightFieldLayer::take_duration_text() const {
   return fmt::format(
       "it lasts {:.3f} s from its first tick",
       static_cast<double>(timeline_.ticks.back().time_ns - timeline_.ticks.front().time_ns) /
           static_cast<double>(kNanosecondsPerSecond));
 }
 
-std::vector<std::filesystem::path> LightFieldLayer::files_read(const ShownInstant& shown) const {
+std::vector<std::filesystem::path> LightFieldLayer::input_files(const ShownTick& shown) const {
   if (!shown.tick) return {};
   const Method& method = method_named(reconstruction_.method);
-  std::vector<std::filesystem::path> files = method.files_read(
+  std::vector<std::filesystem::path> files = method.input_files(
       {method.options(), reconstruction_.options, method.name()}, take_, tick(shown));
   for (std::size_t i = 0; matte_ && i < tick(shown).frame.size(); ++i) {
     if (tick(shown).frame[i] < 0) continue;
@@ -218,13 +276,31 @@ std::vector<std::filesystem::path> LightFieldLayer::files_read(const ShownInstan
   return files;
 }
 
-void LightFieldLayer::check_files(int frame, const ShownInstant& shown) const {
-  for (const auto& file : files_read(shown)) {
+void LightFieldLayer::check_frame(const LayerFrameCheck& check) const {
+  for (const auto& file : input_files(check.shown)) {
     if (std::filesystem::exists(file)) continue;
-    throw Error::bad_input(fmt::format("frame {} needs a file that is not there", frame),
+    throw Error::bad_input(fmt::format("frame {} needs a file that is not there", check.frame),
                            file.string(),
                            "Put it there, or mend the layer in " + shot_file_.string());
   }
+  if (!focal_plane_follows_camera() || check.camera_has_focus) return;
+  throw Error::bad_input("the focal plane is to be the camera's, which has no focus_m",
+                         pointer_of(shot_file_, index_),
+                         "Give focus_m in a key of the camera, or another focal plane");
+}
+
+std::size_t LightFieldLayer::decoded_frame_bytes() const {
+  constexpr std::size_t kBytesPerPixel = 8;  // R, G, B and one more, 16 bits each
+  std::size_t bytes = 0;
+  for (const Rig::Camera& camera : take_.rig().cameras) {
+    bytes += static_cast<std::size_t>(camera.model.width()) *
+             static_cast<std::size_t>(camera.model.height()) * kBytesPerPixel;
+  }
+  return bytes;
+}
+
+bool LightFieldLayer::is_transparent_where_unseen() const {
+  return !matte_ && !method_named(reconstruction_.method).shows_foreground_only();
 }
 
 void LightFieldLayer::add_sources(const FrameSelection& tick, Fingerprint& print) const {
@@ -256,7 +332,7 @@ std::string LightFieldLayer::common_fingerprint() const {
   for (const double value : reconstruction_.focal_plane) {
     if (!focus_) print.number("plane", value);
   }
-  print.integer("focuses as camera", focuses_as_camera() ? 1 : 0);
+  print.integer("focuses as camera", focal_plane_follows_camera() ? 1 : 0);
   print.text("fill", reconstruction_.fill == HoleFill::kPushPull ? "push_pull" : "none");
   print.text("take", read_file(take_.folder() / "take.json"));
   print.text("rig", read_file(take_.folder() / "rig.json"));
@@ -267,14 +343,15 @@ std::string LightFieldLayer::common_fingerprint() const {
   return print.hex();
 }
 
-void LightFieldLayer::add_to(Fingerprint& print, int frame, const ShownInstant& shown) const {
+void LightFieldLayer::add_to_fingerprint(Fingerprint& print, int frame,
+                                         const ShownTick& shown) const {
   print.text("light field", common_);
   if (focus_) print.number("focus", focus_(frame));
   if (!shown.tick) {
     print.text("source", "none");
     return;
   }
-  for (const auto& file : files_read(shown)) print.text("file", read_file(file));
+  for (const auto& file : input_files(shown)) print.text("file", read_file(file));
   print.integer("time", tick(shown).time_ns);
   add_sources(tick(shown), print);
   const Method& method = method_named(reconstruction_.method);
@@ -289,11 +366,11 @@ void LightFieldLayer::add_to(Fingerprint& print, int frame, const ShownInstant& 
   }
 }
 
-void LightFieldLayer::describe(const ShownInstant& shown, ExrMetadata& metadata) const {
+bool LightFieldLayer::fill_metadata(const ShownTick& shown, ExrMetadata& metadata) const {
   metadata.take_name = take_.document().name;
   metadata.method = reconstruction_.method;
-  metadata.method_options = text_of(reconstruction_.options);
-  if (!shown.tick) return;
+  metadata.method_options = options_to_text(reconstruction_.options);
+  if (!shown.tick) return true;
   Nanoseconds utc = 0;
   if (!__builtin_add_overflow(take_.document().epoch_utc, tick(shown).time_ns, &utc)) {
     metadata.capture_utc = utc;
@@ -311,6 +388,12 @@ void LightFieldLayer::describe(const ShownInstant& shown, ExrMetadata& metadata)
       std::abs(speed - 1) < 1e-9) {
     metadata.capture_rate = timeline_.fps;
   }
+  return true;
+}
+
+std::unique_ptr<const LayerRenderer> LightFieldLayer::make_renderer(
+    const LayerRendererSettings& settings) const {
+  return std::make_unique<const TakeRenderer>(*this, settings);
 }
 
 }  // namespace raystage

@@ -8,87 +8,78 @@
 #include <string>
 #include <vector>
 
-#include "compose/camera/curves.h"
-#include "compose/exr/header.h"
-#include "compose/layers/fingerprint.h"
+#include "compose/camera/animation_curves.h"
+#include "compose/exr/exr_header.h"
+#include "compose/layers/layer.h"
 #include "render/renderer.h"
 #include "schemas/hole_fill.h"
 #include "schemas/shot_document.h"
-#include "store/mattes/take_matte.h"
+#include "store/processing/mattes/take_matte.h"
 #include "store/take.h"
 #include "store/timeline.h"
 
 namespace raystage {
 
-/// What to show at a shot frame for which a take has nothing (OpenTimelineIO's policies).
-enum class MissingFrames {
-  kError,  ///< refuse before anything is rendered
-  kHold,   ///< the nearest instant that there is, the earlier first
-  kBlack   ///< a frame with alpha and coverage 0
-};
-
-/// What a frame of the shot shows of a take.
-struct ShownInstant {
-  std::optional<int> tick;  ///< index into Timeline::ticks; none: nothing
-  bool held = false;        ///< not the instant asked for
-};
-
-/// A light field in a shot: its take opened, and everything checked that can be before rendering.
-class LightFieldLayer {
+/// A light field in a shot: opens the take and checks what can be checked before rendering.
+class LightFieldLayer final : public Layer {
  public:
-  /// Throws Error (bad input): take, timeline or an archive missing or wrong, unknown method, a
-  /// focal plane `best` without a depth range. `index`: of the shot's layers. `shot_file`:
-  /// what errors name. `folder`: what paths are relative to. `fill`: in place of what the layer
-  /// says. `target`: not empty, the method `auto` with these options in place of the layer's.
-  /// `hosts`: as ShotPlanOptions.
+  /// `index`: of the shot's layers. `shot_file`: named by errors. `folder`: what paths are relative
+  /// to. `fill`: replaces that of the layer. `target`: if not empty, the method `auto` with these
+  /// options replaces that of the layer. `hosts`: as ShotPlanOptions. Throws Error (bad input) if
+  /// take, timeline or an archive is missing or wrong, the method unknown, or the focal plane is
+  /// `best` without a depth range.
   LightFieldLayer(const ShotDocument& shot, std::size_t index,
                   const std::filesystem::path& shot_file, const std::filesystem::path& folder,
-                  std::optional<HoleFill> fill, const OptionValues& target, TakeHosts* hosts);
-  LightFieldLayer(const LightFieldLayer&) = delete;  // the matte refers to the take
-  LightFieldLayer& operator=(const LightFieldLayer&) = delete;
+                  std::optional<HoleFill> fill, const OptionValues& target,
+                  DistributedTakes* hosts);
 
   std::size_t index() const { return index_; }
   const Take& take() const { return take_; }
   const Timeline& timeline() const { return timeline_; }
-  /// What shows of the take's frames; null: all.
+  /// Matte of the take's frames; null: none.
   const std::shared_ptr<const TakeMatte>& matte() const { return matte_; }
-  const Reconstruction& reconstruction() const { return reconstruction_; }
-  /// At a frame of the shot. As its camera focuses, where the layer's focal plane is to be the
-  /// camera's: there, and `aperture` with its f-number.
-  Reconstruction reconstruction_for(const ExrCamera& camera, int frame) const;
-  bool focuses_as_camera() const {
+  const ReconstructionSettings& reconstruction() const { return reconstruction_; }
+  /// Returns the settings at a frame. If the focal plane follows the camera, it lies at the
+  /// camera's focus distance, and methods with a lens get its f-number.
+  ReconstructionSettings reconstruction_for(const ExrCamera& camera, int frame) const;
+  bool focal_plane_follows_camera() const {
     return layer_.focal_plane.kind == ShotDocument::FocalPlane::Kind::kCamera;
   }
-  const FrameSelection& tick(const ShownInstant& shown) const {
+  const FrameSelection& tick(const ShownTick& shown) const {
     return timeline_.ticks[static_cast<std::size_t>(*shown.tick)];
   }
 
-  /// Time in the take that a frame of the shot shows: first tick + start + (frame - first frame) /
+  /// Returns the time in the take that a frame shows: first tick + start + (frame - first frame) /
   /// fps * speed; nanoseconds since the take's epoch.
   Nanoseconds take_time(int frame) const;
-  /// The tick nearest to take_time(); none where that is more than half a tick outside the timeline
-  /// or no camera has a frame there. A timeline of one tick is a still: shown at every frame.
+  /// Returns the tick nearest to take_time(); none if that is more than half a tick outside the
+  /// timeline, or if no camera has a frame. A timeline of one tick is a still: shown at every
+  /// frame.
   std::optional<int> tick_at(int frame) const;
-  ShownInstant shown_at(int frame, MissingFrames policy) const;
+  ShownTick shown_tick_at(int frame, MissingFrames policy) const;
 
-  /// "the take ... lasts": of where to look, for an error about frames it has nothing for.
-  std::string length_text() const;
+  /// Returns "it lasts N s from its first tick", for messages.
+  std::string take_duration_text() const;
 
-  /// Throws Error (bad input) where a file that the method reads for the frame is missing.
-  void check_files(int frame, const ShownInstant& shown) const;
+  void check_frame(const LayerFrameCheck& check) const override;
+  /// Adds method, take.json and rig.json, and time and XXH3 of each source frame (those of the
+  /// ticks before and after, too, if the method reads them). The timeline counts by what it
+  /// selects, so that a take synchronised anew to the same frames needs no new rendering.
+  void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
+  bool fill_metadata(const ShownTick& shown, ExrMetadata& metadata) const override;
 
-  /// What determines the layer's pixels at a frame: method, take.json and rig.json, and time and
-  /// XXH3 of each source frame (those of the ticks before and after, too, where the method looks at
-  /// them). The timeline counts by what it selects, so that a take synchronised anew to the same
-  /// frames needs no new rendering.
-  void add_to(Fingerprint& print, int frame, const ShownInstant& shown) const;
-
-  /// What the header of a frame tells of the take and of the method.
-  void describe(const ShownInstant& shown, ExrMetadata& metadata) const;
+  std::size_t shared_bytes() const override { return matte_ ? matte_->bytes() : 0; }
+  /// Returns the memory of all frames of an instant, decoded, bytes: the most that a view holds.
+  std::size_t decoded_frame_bytes() const;
+  LayerStage stage() const override { return LayerStage::kLightFields; }
+  bool is_in_scene_space() const override { return true; }
+  bool is_transparent_where_unseen() const override;
+  std::unique_ptr<const LayerRenderer> make_renderer(
+      const LayerRendererSettings& settings) const override;
 
  private:
   std::optional<int> nearest_present(int tick) const;
-  std::vector<std::filesystem::path> files_read(const ShownInstant& shown) const;
+  std::vector<std::filesystem::path> input_files(const ShownTick& shown) const;
   std::string common_fingerprint() const;
   void add_sources(const FrameSelection& tick, Fingerprint& print) const;
 
@@ -99,13 +90,13 @@ class LightFieldLayer {
   Take take_;
   Timeline timeline_;
   std::shared_ptr<const TakeMatte> matte_;
-  Channel<double> focus_;  ///< metres in front of the array; null: it rests
-  Reconstruction reconstruction_;
+  AnimationChannel<double> focus_;  ///< metres in front of the array; null: it rests
+  ReconstructionSettings reconstruction_;
   std::string common_;  ///< fingerprint of what is the same at every frame
 };
 
-/// The plane that a shot's focal plane stands for, for Reconstruction::focal_plane. Throws Error
-/// (bad input), with `where` in it, for kBest without a depth range or a degenerate equation.
+/// Returns the plane of a shot's focal plane, as ReconstructionSettings::focal_plane. Throws Error
+/// (bad input), which names `where`, for kBest without a depth range or a degenerate equation.
 Eigen::Vector4d focal_plane_equation(const ShotDocument::FocalPlane& plane, const Rig& rig,
                                      const std::optional<DepthRange>& depth_range,
                                      const std::string& where);

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "schemas/parallel.h"
+#include "base/parallel.h"
 
 namespace raystage {
 namespace {
@@ -56,7 +56,7 @@ struct Merge {
   void sort(std::size_t pixel, std::vector<int>& front_first) const {
     front_first.resize(layers.size());
     std::iota(front_first.rbegin(), front_first.rend(), 0);
-    if (order == MergeOrder::kStated) return;
+    if (order == MergeOrder::kLayerOrder) return;
     // By insertion: a handful of layers, most often in order already, and nothing to allocate.
     const auto z = [&](int layer) {
       return layers[static_cast<std::size_t>(layer)].image->z[pixel];
@@ -139,7 +139,7 @@ struct Merge {
 
 LayerImage unmerged(std::span<const MergedLayer> layers) {
   const LayerImage& first = *layers.front().image;
-  LayerImage result = empty_image(first.width, first.height);
+  LayerImage result = transparent_layer_image(first.width, first.height);
   result.aovs = all_aovs(layers, result.pixels());
   if (!first.ids.empty()) result.ids.assign(result.pixels() * 2 * kIdRanks, 0.0F);
   for (const MergedLayer& layer : layers) {

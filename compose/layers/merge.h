@@ -7,28 +7,28 @@
 
 namespace raystage {
 
-/// How layers are put together.
+/// Order in which layers are composited.
 enum class MergeOrder {
-  kStated,  ///< each over those before it
-  kDepth    ///< at every pixel the farther first; at one depth as stated
+  kLayerOrder,  ///< each over those before it
+  kDepth        ///< per pixel by depth, the farthest first; equal depths in layer order
 };
 
-/// A layer to be merged, all of one size.
+/// A layer to be merged. All have one size.
 struct MergedLayer {
   const LayerImage* image = nullptr;
-  /// Cuts what lies behind it by its alpha, and shows nothing of itself: its place is filled by
-  /// something that is composited later.
+  /// Attenuates what lies behind it by its alpha and is invisible itself.
   bool is_holdout = false;
 };
 
-/// "Over" of premultiplied colours (Porter and Duff, "Compositing digital images", SIGGRAPH 1984):
-/// C = C_front + (1 - A_front) C_behind, for alphas, too. Z and AOVs are those of the sample behind
-/// which less than half of the pixel's alpha lies: where A is 0, of none. A layer that lacks an AOV
-/// says nothing of it. Ids, which all layers have or none, are all that is seen, each object with
-/// what is seen of it. `layers`: at least one, the rearmost first.
+/// Returns the composite of the layers ("over" of premultiplied colours: Porter and Duff,
+/// "Compositing digital images", SIGGRAPH 1984): C = C_front + (1 - A_front) C_behind, alpha alike.
+/// Z and AOVs of a pixel are those of the first sample from the front that, with those before it,
+/// holds half of the pixel's alpha; where A is 0 they are empty. Layers without an AOV are ignored
+/// for it. Ids, which all layers have or none, are those of all visible objects with their visible
+/// shares. `layers`: at least one, the rearmost first.
 LayerImage merge(std::span<const MergedLayer> layers, MergeOrder order);
 
-/// The slow, obvious way: pixel by pixel, all samples in a list.
+/// Reference of merge(): sorts and composites the samples of each pixel in a list.
 LayerImage merge_reference(std::span<const MergedLayer> layers, MergeOrder order);
 
 }  // namespace raystage

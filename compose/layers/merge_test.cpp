@@ -15,7 +15,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 
 /// One pixel of one colour.
 LayerImage dot(float value, float alpha, float z) {
-  LayerImage image = empty_image(1, 1);
+  LayerImage image = transparent_layer_image(1, 1);
   image.rgba = {value * alpha, value * alpha, value * alpha, alpha};
   image.z = {z};
   return image;
@@ -25,7 +25,7 @@ LayerImage dot(float value, float alpha, float z) {
 LayerImage any_image(int width, int height, unsigned seed, bool with_normals) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<float> share(0, 1);
-  LayerImage image = empty_image(width, height);
+  LayerImage image = transparent_layer_image(width, height);
   for (std::size_t i = 0; i < image.pixels(); ++i) {
     const float any = share(random);
     const float alpha = any < 0.3F ? 0 : any < 0.6F ? 1 : share(random);
@@ -57,7 +57,7 @@ LayerImage any_image(int width, int height, unsigned seed, bool with_normals) {
 
 TEST(Merge, PutsPremultipliedOverPremultiplied) {
   const LayerImage behind = dot(0.5F, 1, 9), front = dot(1, 0.25F, 2);
-  const LayerImage both = merge({{{&behind}, {&front}}}, MergeOrder::kStated);
+  const LayerImage both = merge({{{&behind}, {&front}}}, MergeOrder::kLayerOrder);
   EXPECT_FLOAT_EQ(both.rgba[0], 0.25F + 0.75F * 0.5F);
   EXPECT_FLOAT_EQ(both.rgba[3], 1);
   EXPECT_EQ(both.z[0], 9) << "three quarters of the pixel";
@@ -65,7 +65,7 @@ TEST(Merge, PutsPremultipliedOverPremultiplied) {
 
 TEST(Merge, ByDepthTheNearerIsInFrontHoweverStated) {
   const LayerImage near = dot(1, 1, 2), far = dot(0.5F, 1, 3);
-  EXPECT_EQ(merge({{{&near}, {&far}}}, MergeOrder::kStated).rgba[0], 0.5F);
+  EXPECT_EQ(merge({{{&near}, {&far}}}, MergeOrder::kLayerOrder).rgba[0], 0.5F);
   const LayerImage both = merge({{{&near}, {&far}}}, MergeOrder::kDepth);
   EXPECT_EQ(both.rgba[0], 1);
   EXPECT_EQ(both.z[0], 2);
@@ -75,7 +75,7 @@ TEST(Merge, ByDepthTheNearerIsInFrontHoweverStated) {
 
 TEST(Merge, AHoldoutCutsWhatIsBehindItAndShowsNothing) {
   const LayerImage behind = dot(0.5F, 1, 9), mask = dot(1, 0.75F, 2), front = dot(1, 0.5F, 1);
-  const LayerImage all = merge({{{&behind}, {&mask, true}, {&front}}}, MergeOrder::kStated);
+  const LayerImage all = merge({{{&behind}, {&mask, true}, {&front}}}, MergeOrder::kLayerOrder);
   EXPECT_FLOAT_EQ(all.rgba[3], 0.5F + 0.5F * 0.25F);
   EXPECT_FLOAT_EQ(all.rgba[0], 0.5F + 0.5F * 0.25F * 0.5F);
   EXPECT_EQ(all.z[0], 1);
@@ -109,7 +109,7 @@ TEST(Merge, AgreesWithTheReference) {
   EXPECT_TRUE(rc::check([] {
     const int count = *rc::gen::inRange(1, 6);
     const int width = *rc::gen::inRange(1, 20), height = *rc::gen::inRange(1, 20);
-    const auto order = *rc::gen::element(MergeOrder::kStated, MergeOrder::kDepth);
+    const auto order = *rc::gen::element(MergeOrder::kLayerOrder, MergeOrder::kDepth);
     std::vector<LayerImage> images;
     for (int i = 0; i < count; ++i) {
       images.push_back(

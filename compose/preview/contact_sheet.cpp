@@ -47,7 +47,7 @@ RgbImage contact_sheet(std::span<const RgbImage> pictures, std::span<const int> 
   return sheet;
 }
 
-std::vector<int> spread_evenly(std::span<const int> frames, int count) {
+std::vector<int> evenly_spaced_frames(std::span<const int> frames, int count) {
   const auto total = static_cast<int>(frames.size());
   if (total <= count) return {frames.begin(), frames.end()};
   std::vector<int> chosen;

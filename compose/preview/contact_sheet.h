@@ -14,6 +14,6 @@ RgbImage contact_sheet(std::span<const RgbImage> pictures, std::span<const int> 
 
 /// `count` of `frames`, evenly spread, the first and the last among them (all, where there are no
 /// more).
-std::vector<int> spread_evenly(std::span<const int> frames, int count);
+std::vector<int> evenly_spaced_frames(std::span<const int> frames, int count);
 
 }  // namespace raystage

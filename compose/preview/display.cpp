@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "schemas/transfer_function.h"
+#include "base/transfer_function.h"
 
 namespace raystage {
 namespace {
@@ -78,10 +78,10 @@ std::vector<float> over_background(const ExrImage& image, const DisplaySettings&
 std::string space_of(const ExrImage& image, const DisplaySettings& settings,
                      const ColorConfig& config) {
   if (!settings.space.empty()) return settings.space;
-  std::string by_id = config.space_of_interop_id(image.color_interop_id);
+  std::string by_id = config.space_from_interop_id(image.color_interop_id);
   if (!by_id.empty()) return by_id;
   if (!image.color_space.empty()) return image.color_space;
-  return config.space_of_interop_id(kSceneSpace);
+  return config.space_from_interop_id(kSceneSpace);
 }
 
 }  // namespace
@@ -101,7 +101,7 @@ RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
   }
   const ColorConfig config = settings.colors ? *settings.colors : ColorConfig::built_in();
   config.to_display(space_of(image, settings, config), settings.monitor, settings.view)
-      .apply_to_opaque(light);
+      .apply_rgb(light);
   for (const float code : light) {
     shown.pixels.push_back(
         static_cast<std::uint8_t>(code > 0 ? 255 * std::min(code, 1.0F) + 0.5F : 0.0F));
@@ -109,7 +109,7 @@ RgbImage display(const ExrImage& image, const DisplaySettings& settings) {
   return shown;
 }
 
-ExrImage reduced(const ExrImage& image, int width, int height) {
+ExrImage downscale(const ExrImage& image, int width, int height) {
   ExrImage result;
   result.width = std::min(width, image.width);
   result.height = std::min(height, image.height);

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "compose/color/color_config.h"
-#include "compose/exr/file.h"
+#include "compose/exr/exr_file.h"
 #include "store/jpeg/rgb_image.h"
 
 namespace raystage {
@@ -34,6 +34,6 @@ RgbImage display(const ExrImage& image, const DisplaySettings& settings);
 
 /// The picture at another size, at most its own, each pixel the mean of the area that it covers
 /// (premultiplied linear light).
-ExrImage reduced(const ExrImage& image, int width, int height);
+ExrImage downscale(const ExrImage& image, int width, int height);
 
 }  // namespace raystage

@@ -12,8 +12,8 @@ extern "C" {
 #include <cassert>
 #include <utility>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {

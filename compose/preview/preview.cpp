@@ -10,16 +10,16 @@
 #include <set>
 #include <system_error>
 
-#include "compose/exr/header.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/frame_rate.h"
+#include "compose/exr/exr_header.h"
 #include "compose/frame_range.h"
 #include "compose/preview/contact_sheet.h"
 #include "compose/preview/digits.h"
 #include "compose/preview/movie_writer.h"
 #include "compose/sequence_name.h"
 #include "images/image_file.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/frame_rate.h"
 
 namespace raystage {
 namespace {
@@ -54,10 +54,12 @@ Selection select(const PreviewOptions& options) {
   const bool nothing_to_hold = selection.missing.contains(selection.frames.front());
   if (!selection.missing.empty() && (!options.hold_missing || nothing_to_hold)) {
     const std::vector<int> missing(selection.missing.begin(), selection.missing.end());
-    throw Error::bad_input(fmt::format("{} of {} frames are missing ({})", missing.size(),
-                                       selection.frames.size(), format_frame_range(missing)),
-                           options.sequence,
-                           "Render them, name others with --frames, or use --missing hold");
+    throw Error::bad_input(
+        fmt::format("{} of {} frames are missing ({})", missing.size(), selection.frames.size(),
+                    format_frame_range(missing)),
+        options.sequence,
+        "Render them, choose other frames, or let missing frames repeat the last one")
+        .concerning({"frames", "missing"});
   }
   return selection;
 }
@@ -89,7 +91,7 @@ std::optional<SequenceName> picture_names(const PreviewOptions& options, std::si
 std::string burnt_text(int frame, const ExrImage& image) {
   if (!image.time_code.empty()) return fmt::format("{}  {}", frame, image.time_code);
   return fmt::format("{}  {}", frame,
-                     time_code_text(frame, image.fps_numerator, image.fps_denominator));
+                     format_time_code(frame, image.fps_numerator, image.fps_denominator));
 }
 
 }  // namespace
@@ -104,7 +106,7 @@ std::vector<int> existing_frames(const std::string& sequence) {
   std::vector<int> frames;
   for (std::filesystem::directory_iterator entry(name.folder(), error), end; !error && entry != end;
        entry.increment(error)) {
-    if (const auto frame = name.frame_of(entry->path().filename().string())) {
+    if (const auto frame = name.frame_from_file_name(entry->path().filename().string())) {
       frames.push_back(*frame);
     }
   }
@@ -115,7 +117,7 @@ std::vector<int> existing_frames(const std::string& sequence) {
 PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) {
   const Selection selection = select(options);
   const SequenceName name(options.sequence);
-  const std::vector<int> on_sheet = spread_evenly(selection.frames, options.sheet_frames);
+  const std::vector<int> on_sheet = evenly_spaced_frames(selection.frames, options.sheet_frames);
   const bool want_movie = !options.movie.empty(), want_sheet = !options.contact_sheet.empty();
   const std::optional<SequenceName> pictures = picture_names(options, selection.frames.size());
 
@@ -166,7 +168,7 @@ PreviewReport make_preview(const PreviewOptions& options, std::stop_token stop) 
       const int height = std::max(
           1,
           static_cast<int>(std::lround(static_cast<double>(image.height) * width / image.width)));
-      thumbnails.push_back(display(reduced(image, width, height), options.display));
+      thumbnails.push_back(display(downscale(image, width, height), options.display));
     }
     ++report.frames;
     options.progress(static_cast<double>(++done) /

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "compose/preview/preview.h"
 
-#include "compose/exr/file.h"
-#include "compose/exr/test_exr_view.h"
+#include "compose/exr/exr_file.h"
+#include "testing/compose/test_exr_view.h"
 
 extern "C" {
 #include <libavcodec/avcodec.h>
@@ -13,13 +13,13 @@ extern "C" {
 
 #include <cmath>
 
+#include "base/error.h"
+#include "base/transfer_function.h"
 #include "compose/preview/contact_sheet.h"
 #include "compose/preview/movie_writer.h"
 #include "compose/sequence_name.h"
 #include "images/image_file.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
-#include "schemas/transfer_function.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -256,7 +256,7 @@ TEST(Display, ShowsOtherPrimariesAsTheyLook) {
   };
   image.color_interop_id = "lin_ap1_scene";
   expect_shown({}, 1);
-  EXPECT_EQ(reduced(image, 2, 1).color_interop_id, "lin_ap1_scene");
+  EXPECT_EQ(downscale(image, 2, 1).color_interop_id, "lin_ap1_scene");
   image.color_interop_id = "unknown";
   image.color_space = "ACEScg";
   expect_shown({}, 1);
@@ -279,7 +279,7 @@ TEST(Display, ReducingKeepsTheMeanLight) {
     image.rgba.insert(image.rgba.end(), {static_cast<float>(i), 0, 0, 1});
     sum += i;
   }
-  const ExrImage small = reduced(image, 3, 2);
+  const ExrImage small = downscale(image, 3, 2);
   EXPECT_EQ(small.width, 3);
   EXPECT_EQ(small.height, 2);
   double small_sum = 0;
@@ -288,14 +288,14 @@ TEST(Display, ReducingKeepsTheMeanLight) {
     EXPECT_NEAR(small.rgba[i * 4 + 3], 1, 1e-6);
   }
   EXPECT_NEAR(small_sum / 6, sum / 35, 1e-4);
-  EXPECT_EQ(reduced(image, 100, 100).rgba, image.rgba);
+  EXPECT_EQ(downscale(image, 100, 100).rgba, image.rgba);
 }
 
 TEST(ContactSheet, SpreadsItsFrames) {
   const std::vector<int> frames{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
-  EXPECT_THAT(spread_evenly(frames, 3), ElementsAre(1, 6, 11));
-  EXPECT_THAT(spread_evenly(frames, 1), ElementsAre(1));
-  EXPECT_EQ(spread_evenly(frames, 20), frames);
+  EXPECT_THAT(evenly_spaced_frames(frames, 3), ElementsAre(1, 6, 11));
+  EXPECT_THAT(evenly_spaced_frames(frames, 1), ElementsAre(1));
+  EXPECT_EQ(evenly_spaced_frames(frames, 20), frames);
 }
 
 }  // namespace

@@ -7,8 +7,8 @@
 #include <utility>
 #include <variant>
 
-#include "schemas/error.h"
-#include "schemas/resources.h"
+#include "base/error.h"
+#include "base/resources.h"
 
 namespace raystage::farm {
 namespace {
@@ -121,36 +121,36 @@ OptionValues options_from(const Json& json) {
   return options;
 }
 
-Json json_of(const HostView& view) {
+Json json_of(const DistributedViewRequest& view) {
   const Eigen::Vector4d& plane = view.focal_plane;
   return {{"view", json_of(view.view)},
           {"time", view.frames.time_ns},
           {"frames", view.frames.frame},
-          {"frames beside", view.frames_beside},
+          {"frames beside", view.adjacent_frames},
           {"method", view.method},
           {"options", json_of(view.options)},
           {"plane", {plane[0], plane[1], plane[2], plane[3]}},
           {"supersampling", view.supersampling},
           {"first row", view.first_row},
-          {"whole height", view.whole_height},
-          {"in step", view.in_step}};
+          {"whole height", view.full_height},
+          {"in step", view.is_lockstep}};
 }
 
-HostView host_view_from(const Json& json) {
-  HostView view;
+DistributedViewRequest distributed_view_request_from(const Json& json) {
+  DistributedViewRequest view;
   view.view = view_from(json.at("view"));
   view.frames.time_ns = json.at("time").get<Nanoseconds>();
   view.frames.frame = json.at("frames").get<std::vector<std::int32_t>>();
   view.frames.difference.assign(view.frames.frame.size(), 0);
-  view.frames_beside = json.at("frames beside").get<std::vector<std::vector<int>>>();
+  view.adjacent_frames = json.at("frames beside").get<std::vector<std::vector<int>>>();
   view.method = json.at("method").get<std::string>();
   view.options = options_from(json.at("options"));
   const auto plane = json.at("plane").get<std::array<double, 4>>();
   view.focal_plane = {plane[0], plane[1], plane[2], plane[3]};
   view.supersampling = json.at("supersampling").get<int>();
   view.first_row = json.at("first row").get<int>();
-  view.whole_height = json.at("whole height").get<int>();
-  view.in_step = json.at("in step").get<bool>();
+  view.full_height = json.at("whole height").get<int>();
+  view.is_lockstep = json.at("in step").get<bool>();
   return view;
 }
 
@@ -215,8 +215,8 @@ MessageBytes encode(const Request& r) {
             {"take", r.take},
             {"light field", r.light_field},
             {"folder", Json::binary({r.folder.begin(), r.folder.end()})},  // any bytes
-            {"memory", {r.cache_bytes, r.kept_bytes, r.working_bytes}},
-            {"holders", r.holder_of_camera},
+            {"memory", {r.cache_bytes, r.result_cache_bytes, r.working_bytes}},
+            {"holders", r.camera_owners},
             {"ranks", r.ranks},
             {"number", r.view_number}};
   if (r.kind == Request::Kind::kView) head["view"] = json_of(r.view);
@@ -234,12 +234,12 @@ Request decode_request(std::span<const std::byte> message) {
     const auto& folder = head.at("folder").get_binary();
     r.folder.assign(folder.begin(), folder.end());
     r.cache_bytes = head.at("memory").at(0).get<std::uint64_t>();
-    r.kept_bytes = head.at("memory").at(1).get<std::uint64_t>();
+    r.result_cache_bytes = head.at("memory").at(1).get<std::uint64_t>();
     r.working_bytes = head.at("memory").at(2).get<std::uint64_t>();
-    r.holder_of_camera = head.at("holders").get<std::vector<int>>();
+    r.camera_owners = head.at("holders").get<std::vector<int>>();
     r.ranks = head.at("ranks").get<std::vector<int>>();
     r.view_number = head.at("number").get<std::uint32_t>();
-    if (r.kind == Request::Kind::kView) r.view = host_view_from(head.at("view"));
+    if (r.kind == Request::Kind::kView) r.view = distributed_view_request_from(head.at("view"));
     return r;
   });
 }
@@ -250,7 +250,7 @@ MessageBytes encode(const TakeTable& table) {
   for (const TakeTable::Camera& camera : table.cameras) {
     const ArchiveWriter::Description& d = camera.description;
     cameras.push_back(
-        {camera.is_held, d.camera_id, d.width, d.height, d.epoch_utc, camera.frames.size()});
+        {camera.is_local, d.camera_id, d.width, d.height, d.epoch_utc, camera.frames.size()});
     arrays.push_back(bytes_of(camera.frames));
   }
   return packed({{"cameras", cameras}, {"documents", table.documents}, {"error", table.error}},
@@ -264,7 +264,7 @@ TakeTable decode_take_table(std::span<const std::byte> message) {
     table.error = parts.head.at("error").get<std::string>();
     for (const Json& entry : parts.head.at("cameras")) {
       TakeTable::Camera camera;
-      camera.is_held = entry.at(0).get<bool>();
+      camera.is_local = entry.at(0).get<bool>();
       camera.description = {entry.at(1).get<std::string>(), entry.at(2).get<int>(),
                             entry.at(3).get<int>(), entry.at(4).get<Nanoseconds>()};
       camera.frames = values_of<FrameRecord>(parts, entry.at(5).get<std::size_t>());
@@ -287,7 +287,7 @@ RankCosts decode_rank_costs(std::span<const std::byte> message) {
   });
 }
 
-RankCosts costs_of_this_rank(const MpiWorld& world) {
+RankCosts measure_rank_costs(const MpiWorld& world) {
   const MessageCosts costs = world.costs();
   return {cpu_seconds(), costs.waiting_cpu_seconds, costs.bytes_sent};
 }
@@ -304,7 +304,7 @@ MessageBytes encode(const PartialView& view) {
                  {"statistics", json_of(view.statistics)},
                  {"notes", view.notes},
                  {"counts", {view.counts.fragments, view.counts.samples, view.counts.bytes}},
-                 {"times", {view.slowest.own_ms, view.slowest.add_ms, view.slowest.encode_ms}},
+                 {"times", {view.slowest.local_ms, view.slowest.add_ms, view.slowest.encode_ms}},
                  {"planes", sizes}},
                 arrays);
 }

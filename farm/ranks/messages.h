@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "farm/ranks/mpi_world.h"
-#include "render/fragments/encoding.h"
+#include "render/common/fragment_encoding.h"
 #include "render/renderer.h"
 #include "store/archive.h"
 #include "store/jpeg/decode.h"
@@ -41,11 +41,12 @@ struct Request {
   int take = 0;         ///< number of the take, by order of kOpen
   int light_field = 0;  ///< number of the light field, by order of kShare
   std::string folder;   ///< kOpen: of the take, as rank 0 names it
-  std::uint64_t cache_bytes = 0, kept_bytes = 0, working_bytes = 0;  ///< kShare: RendererSettings
-  std::vector<int> holder_of_camera;                                 ///< kShare: rank; -1: none
-  std::vector<int> ranks;         ///< kShare: that have opened the take, increasing
-  HostView view;                  ///< kView
-  std::uint32_t view_number = 0;  ///< kView
+  std::uint64_t cache_bytes = 0, result_cache_bytes = 0,
+                working_bytes = 0;  ///< kShare: RendererSettings
+  std::vector<int> camera_owners;   ///< kShare: rank; -1: none
+  std::vector<int> ranks;           ///< kShare: that have opened the take, increasing
+  DistributedViewRequest view;      ///< kView
+  std::uint32_t view_number = 0;    ///< kView
 };
 MessageBytes encode(const Request& request);
 Request decode_request(std::span<const std::byte> message);
@@ -53,7 +54,7 @@ Request decode_request(std::span<const std::byte> message);
 /// What a rank has of a take, or why it has nothing.
 struct TakeTable {
   struct Camera {
-    bool is_held = false;
+    bool is_local = false;
     ArchiveWriter::Description description;
     std::vector<FrameRecord> frames;
   };
@@ -72,14 +73,14 @@ struct RankCosts {
 };
 MessageBytes encode(const RankCosts& costs);
 RankCosts decode_rank_costs(std::span<const std::byte> message);
-RankCosts costs_of_this_rank(const MpiWorld& world);
+RankCosts measure_rank_costs(const MpiWorld& world);
 
 /// What a rank took for its part of a view, wall-clock milliseconds.
 struct RankTimes {
-  double own_ms = 0;     ///< decoding and sampling its own cameras
+  double local_ms = 0;   ///< decoding and sampling its own cameras
   double add_ms = 0;     ///< adding the contributions of those below it
   double encode_ms = 0;  ///< encoding fragments
-  double sum_ms() const { return own_ms + add_ms + encode_ms; }
+  double sum_ms() const { return local_ms + add_ms + encode_ms; }
 };
 
 /// What became of a rank's contribution, with those below it in the tree.

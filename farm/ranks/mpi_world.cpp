@@ -14,7 +14,7 @@
 #include <mutex>
 #include <thread>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage::farm {
 namespace {

@@ -10,8 +10,8 @@
 #include <cstring>
 #include <utility>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 
 namespace raystage::farm {
 namespace {
@@ -91,15 +91,15 @@ class FetchedFrames : public RemoteFrames {
 
 }  // namespace
 
-void RankArchives::set_holders(std::vector<int> holder_of_camera,
-                               std::vector<TakeTable::Camera> cameras) {
-  holders_ = std::move(holder_of_camera);
+void RankArchives::set_camera_owners(std::vector<int> camera_owners,
+                                     std::vector<TakeTable::Camera> cameras) {
+  camera_owners_ = std::move(camera_owners);
   cameras_ = std::move(cameras);
 }
 
 std::optional<ArchiveReader> RankArchives::open(int camera) const {
   const auto index = static_cast<std::size_t>(camera);
-  if (index < is_own_.size() && is_own_[index]) return std::nullopt;
+  if (index < is_local_.size() && is_local_[index]) return std::nullopt;
   if (is_missing(camera)) return ArchiveReader({}, {}, nullptr);
   TakeTable::Camera known = index < cameras_.size() ? cameras_[index] : TakeTable::Camera{};
   return ArchiveReader(known.description, std::move(known.frames),
@@ -108,11 +108,11 @@ std::optional<ArchiveReader> RankArchives::open(int camera) const {
 
 bool RankArchives::is_missing(int camera) const {
   const auto index = static_cast<std::size_t>(camera);
-  return index < holders_.size() && holders_[index] < 0;
+  return index < camera_owners_.size() && camera_owners_[index] < 0;
 }
 
 FrameReply RankArchives::fetch(int camera, FrameRequest request) const {
-  const int holder = holders_.at(static_cast<std::size_t>(camera));
+  const int holder = camera_owners_.at(static_cast<std::size_t>(camera));
   request.reply_tag = new_reply_tag();
   request.take = take_number_;
   request.camera = camera;
@@ -138,11 +138,11 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
     for (const auto& camera : take->document().cameras) {
       is_own.push_back(fs::exists(folder / camera.archive));
     }
-    opened.archives->set_own(is_own);
+    opened.archives->set_local_cameras(is_own);
     for (std::size_t i = 0; i < is_own.size(); ++i) {
       TakeTable::Camera camera;
-      camera.is_held = is_own[i];
-      if (camera.is_held) {
+      camera.is_local = is_own[i];
+      if (camera.is_local) {
         const ArchiveReader& archive = take->archive(static_cast<int>(i));
         camera.description = archive.description();
         camera.frames.assign(archive.frames().begin(), archive.frames().end());
@@ -157,7 +157,8 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
   return opened;
 }
 
-fs::path folder_of_this_rank(const std::string& folder, std::span<const PathRule> rules, int rank) {
+fs::path local_take_folder(const std::string& folder, std::span<const PathMappingRule> rules,
+                           int rank) {
   std::string mine = mapped(folder, rules);
   std::array<char, 256> host{};
   if (gethostname(host.data(), host.size() - 1) != 0) host = {};

@@ -29,11 +29,11 @@ class RankArchives : public RemoteArchives {
 
   /// Before the take is used; rank of each camera, -1: none. `frames`: of cameras that this rank
   /// does not hold, where it needs to know them; else empty.
-  void set_holders(std::vector<int> holder_of_camera, std::vector<TakeTable::Camera> cameras);
+  void set_camera_owners(std::vector<int> camera_owners, std::vector<TakeTable::Camera> cameras);
   /// Cameras whose archives are in this rank's folder.
-  void set_own(std::vector<bool> is_own) { is_own_ = std::move(is_own); }
+  void set_local_cameras(std::vector<bool> is_own) { is_local_ = std::move(is_own); }
 
-  const std::vector<int>& holder_of_camera() const { return holders_; }
+  const std::vector<int>& camera_owners() const { return camera_owners_; }
   std::optional<ArchiveReader> open(int camera) const override;
   bool is_missing(int camera) const override;
   FetchCounts fetched() const { return {requests_, bytes_}; }
@@ -44,8 +44,8 @@ class RankArchives : public RemoteArchives {
  private:
   MpiWorld& world_;
   int take_number_;
-  std::vector<bool> is_own_;
-  std::vector<int> holders_;
+  std::vector<bool> is_local_;
+  std::vector<int> camera_owners_;
   std::vector<TakeTable::Camera> cameras_;
   mutable std::atomic<std::int64_t> requests_ = 0, bytes_ = 0;
 };
@@ -62,8 +62,8 @@ RankTake open_rank_take(MpiWorld& world, int number, const std::filesystem::path
 
 /// Where this rank keeps a folder that rank 0 calls `folder`: by the first rule that fits, in which
 /// {rank} and {host} stand for this rank's number and host name.
-std::filesystem::path folder_of_this_rank(const std::string& folder,
-                                          std::span<const PathRule> rules, int rank);
+std::filesystem::path local_take_folder(const std::string& folder,
+                                        std::span<const PathMappingRule> rules, int rank);
 
 /// Answers other ranks' requests for frames, on a thread of its own, as long as it lives.
 class FrameService {

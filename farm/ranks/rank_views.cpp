@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Adds the contributions of ranks along a tree of kChildrenPerStep: with 4, rank r receives from
+// Adds the contributions of ranks along a tree of kReductionRadix: with 4, rank r receives from
 // r + 4^k, r + 2 * 4^k and r + 3 * 4^k for all 4^k that divide r (rank 0: for all), so that n ranks
 // take log4 n steps and each sample crosses at most that often. Sums are in single precision, in
 // one order for a given number of ranks.
@@ -12,7 +12,7 @@
 #include <optional>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage::farm {
 namespace {
@@ -38,12 +38,12 @@ int tag_of_group(std::uint32_t view_number) { return tag_of(view_number) + (1 <<
 
 /// The hosts of a take, in step. The last byte of a message says whether its sender has left the
 /// view: all others learn so in the same exchange, which ends the view for all of them.
-class RankGroup : public HostGroup {
+class MpiCommunicator : public RankCommunicator {
  public:
-  RankGroup(const RankMembers& members, std::uint32_t view_number)
+  MpiCommunicator(const RankSet& members, std::uint32_t view_number)
       : members_(members), tag_(tag_of_group(view_number)) {}
 
-  int host() const override { return host_of(members_.ranks, members_.world.rank()); }
+  int host() const override { return host_index(members_.ranks, members_.world.rank()); }
   int hosts() const override { return static_cast<int>(members_.ranks.size()); }
 
   std::vector<Message> exchange(std::vector<Message> messages) const override {
@@ -76,7 +76,7 @@ class RankGroup : public HostGroup {
 
  private:
   static constexpr std::byte kHere{0}, kLeft{1};
-  RankMembers members_;
+  RankSet members_;
   int tag_;
   mutable bool has_ended_ = false;  ///< a host has left
 };
@@ -118,56 +118,57 @@ struct Failure {
 
 }  // namespace
 
-SumTimes& SumTimes::operator+=(const SumTimes& other) {
-  own_ms += other.own_ms;
+ReduceTimes& ReduceTimes::operator+=(const ReduceTimes& other) {
+  local_ms += other.local_ms;
   wait_ms += other.wait_ms;
   add_ms += other.add_ms;
-  slowest.own_ms += other.slowest.own_ms;
+  slowest.local_ms += other.slowest.local_ms;
   slowest.add_ms += other.slowest.add_ms;
   slowest.encode_ms += other.slowest.encode_ms;
   return *this;
 }
 
-int parent_of(int rank) {
+int parent_rank(int rank) {
   int step = 1;
-  while (rank / step % kChildrenPerStep == 0) step *= kChildrenPerStep;
-  return rank - rank / step % kChildrenPerStep * step;
+  while (rank / step % kReductionRadix == 0) step *= kReductionRadix;
+  return rank - rank / step % kReductionRadix * step;
 }
 
-std::vector<int> children_of(int rank, int ranks) {
+std::vector<int> child_ranks(int rank, int ranks) {
   std::vector<int> children;
-  for (int step = 1; step < ranks && rank / step % kChildrenPerStep == 0;
-       step *= kChildrenPerStep) {
-    for (int i = 1; i < kChildrenPerStep && rank + i * step < ranks; ++i) {
+  for (int step = 1; step < ranks && rank / step % kReductionRadix == 0; step *= kReductionRadix) {
+    for (int i = 1; i < kReductionRadix && rank + i * step < ranks; ++i) {
       children.push_back(rank + i * step);
     }
   }
   return children;
 }
 
-FragmentEncodingSettings encoding_for(const HostView& view, const FragmentEncodingSettings& asked) {
+FragmentEncodingSettings fragment_encoding_for(const DistributedViewRequest& view,
+                                               const FragmentEncodingSettings& asked) {
   FragmentEncodingSettings settings = asked;
-  if (view.in_step && asked.encoding == FragmentEncoding::kJpeg) {
+  if (view.is_lockstep && asked.encoding == FragmentEncoding::kJpeg) {
     settings.encoding = FragmentEncoding::kHalf;
   }
   return settings;
 }
 
-int host_of(std::span<const int> ranks, int rank) {
+int host_index(std::span<const int> ranks, int rank) {
   const auto found = std::ranges::find(ranks, rank);
   return found == ranks.end() ? -1 : static_cast<int>(found - ranks.begin());
 }
 
-std::vector<int> hosts_of(std::span<const int> ranks, std::span<const int> holder_of_camera) {
+std::vector<int> host_indices(std::span<const int> ranks, std::span<const int> camera_owners) {
   std::vector<int> hosts;
-  for (const int holder : holder_of_camera) hosts.push_back(host_of(ranks, holder));
+  for (const int holder : camera_owners) hosts.push_back(host_index(ranks, holder));
   return hosts;
 }
 
-Contribution contribute_as_rank(const RankMembers& members, const HostView& view,
-                                std::uint32_t view_number, const ViewHosts::Contribute& own) {
-  if (!view.in_step) return own(nullptr);
-  const RankGroup group(members, view_number);
+Contribution contribute_as_rank(const RankSet& members, const DistributedViewRequest& view,
+                                std::uint32_t view_number,
+                                const DistributedRenderer::ContributeFunction& own) {
+  if (!view.is_lockstep) return own(nullptr);
+  const MpiCommunicator group(members, view_number);
   try {
     Contribution made = own(&group);
     group.end();
@@ -178,10 +179,10 @@ Contribution contribute_as_rank(const RankMembers& members, const HostView& view
   }
 }
 
-Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_number,
+Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_number,
                             int light_field, const VirtualCamera& view,
                             const std::function<Contribution()>& own, FragmentCounts& counts,
-                            SumTimes& times) {
+                            ReduceTimes& times) {
   Stopwatch watch;
   Contribution sum;
   std::exception_ptr
@@ -191,9 +192,9 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
   } catch (...) {
     own_failure = std::current_exception();
   }
-  times.own_ms += watch.lap_ms();
+  times.local_ms += watch.lap_ms();
   std::optional<Failure> failure;
-  for (const int child : children_of(exchange.world.rank(), exchange.world.size())) {
+  for (const int child : child_ranks(exchange.world.rank(), exchange.world.size())) {
     try {
       const MessageBytes message = exchange.world.receive(child, tag_of(view_number));
       times.wait_ms += watch.lap_ms();
@@ -205,7 +206,7 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
       counts += part.counts;
       keep_slower(part.slowest, times.slowest);
       sum.planes.resize(std::max(sum.planes.size(), part.planes.size()),
-                        PixelValues(values_of_view(view), 0.0F));
+                        PixelValues(view_value_count(view), 0.0F));
       for (std::size_t i = 0; i < part.planes.size(); ++i) {
         add_fragments(part.planes[i], fragment_tag(view_number, light_field, i), view.width,
                       view.height, sum.planes[i]);
@@ -223,10 +224,10 @@ Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_num
 void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
                     const VirtualCamera& view, const std::function<Contribution()>& own) {
   PartialView part;
-  SumTimes times;
+  ReduceTimes times;
   try {
     Contribution sum =
-        sum_of_subtree(exchange, view_number, light_field, view, own, part.counts, times);
+        reduce_subtree(exchange, view_number, light_field, view, own, part.counts, times);
     part.statistics = sum.statistics;
     part.notes = std::move(sum.notes);
     Stopwatch watch;
@@ -237,7 +238,7 @@ void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int
       sum.planes[i] = {};
     }
     part.slowest = times.slowest;
-    keep_slower({times.own_ms, times.add_ms, watch.lap_ms()}, part.slowest);
+    keep_slower({times.local_ms, times.add_ms, watch.lap_ms()}, part.slowest);
   } catch (const Error& error) {
     part = {};
     part.error = error.what();
@@ -248,7 +249,7 @@ void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int
     part = {};
     part.error = "rank " + std::to_string(exchange.world.rank()) + ": " + error.what();
   }
-  exchange.world.send(parent_of(exchange.world.rank()), tag_of(view_number), encode(part));
+  exchange.world.send(parent_rank(exchange.world.rank()), tag_of(view_number), encode(part));
 }
 
 }  // namespace raystage::farm

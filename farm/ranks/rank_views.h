@@ -8,17 +8,17 @@
 
 #include "farm/ranks/messages.h"
 #include "farm/ranks/mpi_world.h"
-#include "render/view/contribution.h"
-#include "render/view_hosts.h"
+#include "render/common/contribution.h"
+#include "render/distributed_rendering.h"
 
 namespace raystage::farm {
 
 /// The tree with rank 0 at its root along which contributions are added: in each step one rank of
-/// kChildrenPerStep receives from the others. A rank's children come in increasing order; so do the
+/// kReductionRadix receives from the others. A rank's children come in increasing order; so do the
 /// sums, whatever the order of arrival.
-inline constexpr int kChildrenPerStep = 4;
-int parent_of(int rank);
-std::vector<int> children_of(int rank, int ranks);
+inline constexpr int kReductionRadix = 4;
+int parent_rank(int rank);
+std::vector<int> child_ranks(int rank, int ranks);
 
 /// How contributions travel.
 struct ViewExchange {
@@ -28,44 +28,46 @@ struct ViewExchange {
 
 /// How a view's contributions travel: those of views in step have values that only floats hold;
 /// what is asked for as JPEG goes as halves there.
-FragmentEncodingSettings encoding_for(const HostView& view, const FragmentEncodingSettings& asked);
+FragmentEncodingSettings fragment_encoding_for(const DistributedViewRequest& view,
+                                               const FragmentEncodingSettings& asked);
 
 /// The ranks that have opened a take: its hosts, numbered in the order of their ranks.
-struct RankMembers {
+struct RankSet {
   MpiWorld& world;
   std::span<const int> ranks;
 };
 /// Returns the number of a rank among them; -1: it is none of them.
-int host_of(std::span<const int> ranks, int rank);
+int host_index(std::span<const int> ranks, int rank);
 /// The same for the holder of each camera.
-std::vector<int> hosts_of(std::span<const int> ranks, std::span<const int> holder_of_camera);
+std::vector<int> host_indices(std::span<const int> ranks, std::span<const int> camera_owners);
 
 /// Calls `own` for a view: with all hosts as its group where the view is made in step. Where it
 /// throws, the other ranks learn that this one has left.
-Contribution contribute_as_rank(const RankMembers& members, const HostView& view,
-                                std::uint32_t view_number, const ViewHosts::Contribute& own);
+Contribution contribute_as_rank(const RankSet& members, const DistributedViewRequest& view,
+                                std::uint32_t view_number,
+                                const DistributedRenderer::ContributeFunction& own);
 
 /// What summing took, wall-clock milliseconds.
-struct SumTimes {
-  double own_ms = 0;   ///< this rank's contribution
-  double wait_ms = 0;  ///< until those below had sent theirs
-  double add_ms = 0;   ///< adding them
-  RankTimes slowest;   ///< of the ranks below
+struct ReduceTimes {
+  double local_ms = 0;  ///< this rank's contribution
+  double wait_ms = 0;   ///< until those below had sent theirs
+  double add_ms = 0;    ///< adding them
+  RankTimes slowest;    ///< of the ranks below
   /// Of the wait, what no rank below worked: requests and fragments on their way, and requests that
   /// wait for their turn.
-  double travel_ms() const { return std::max(0.0, own_ms + wait_ms - slowest.sum_ms()); }
-  SumTimes& operator+=(const SumTimes& other);
+  double travel_ms() const { return std::max(0.0, local_ms + wait_ms - slowest.sum_ms()); }
+  ReduceTimes& operator+=(const ReduceTimes& other);
 };
 
 /// Returns what this rank and those below it in the tree contribute to a view. `own`: what this
 /// rank contributes. Adds what the messages of those below held to `counts`. Throws Error where one
 /// of them, or this one, cannot contribute, when all have answered.
-Contribution sum_of_subtree(const ViewExchange& exchange, std::uint32_t view_number,
+Contribution reduce_subtree(const ViewExchange& exchange, std::uint32_t view_number,
                             int light_field, const VirtualCamera& view,
                             const std::function<Contribution()>& own, FragmentCounts& counts,
-                            SumTimes& times);
+                            ReduceTimes& times);
 
-/// Sends what sum_of_subtree() returns, or why it did not return, to the rank above. Throws
+/// Sends what reduce_subtree() returns, or why it did not return, to the rank above. Throws
 /// std::bad_alloc alone.
 void send_to_parent(const ViewExchange& exchange, std::uint32_t view_number, int light_field,
                     const VirtualCamera& view, const std::function<Contribution()>& own);

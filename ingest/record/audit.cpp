@@ -3,25 +3,25 @@
 
 #include <fmt/format.h>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 
-void audit_session(const RecordingTake& take, const ArchiveFlow& flow,
+void audit_session(const RecordingTake& take, const ArchiveWriterThread& flow,
                    std::span<const CameraCounters> counters, RecordingDocument::Session& session,
-                   std::vector<std::string> complaints) {
+                   std::vector<std::string> problems) {
   for (std::size_t i = 0; i < session.cameras.size(); ++i) {
     RecordingDocument::Camera& camera = session.cameras[i];
     const auto complain = [&](const std::string& what) {
-      complaints.push_back(fmt::format("camera {}: {}", camera.id, what));
+      problems.push_back(fmt::format("camera {}: {}", camera.id, what));
     };
     camera.arrived = counters[i].arrived;
     camera.skipped_by_source = counters[i].skipped_by_source;
-    camera.corrected_times = counters[i].corrected_times;
+    camera.corrected_timestamps = counters[i].corrected_timestamps;
     for (const RecordingEvent& event : counters[i].events()) {
       camera.events.push_back({event.time_utc, event.what});
     }
-    RecordingTake::Counted on_disk;
+    RecordingTake::RecordCounts on_disk;
     try {
       on_disk = take.count(i);
     } catch (const Error& error) {
@@ -53,7 +53,7 @@ void audit_session(const RecordingTake& take, const ArchiveFlow& flow,
                            camera.skipped_by_source, skipped));
     }
   }
-  session.audit = RecordingDocument::Audit{complaints.empty(), std::move(complaints)};
+  session.audit = RecordingDocument::AuditResult{problems.empty(), std::move(problems)};
 }
 
 }  // namespace raystage

@@ -8,12 +8,12 @@
 
 namespace raystage {
 
-void QueuedFrame::become_missing(FrameStatus reason) {
+void QueuedFrame::mark_missing(FrameStatus reason) {
   stage = Stage::kReady;
   status = reason;
   raw = {};
   jpeg = {};
-  memory.resize_down(kRecordMemory);
+  memory.shrink_to(kMissingRecordBytes);
 }
 
 void FrameQueue::push(Frame frame) {
@@ -26,16 +26,16 @@ void FrameQueue::push(Frame frame) {
   frames_.push_back(std::move(frame));
 }
 
-bool FrameQueue::call_encoder() {
+bool FrameQueue::needs_encoder() {
   const std::scoped_lock lock(mutex_);
-  if (encoders_called_ >= waiting_) return false;
-  ++encoders_called_;
+  if (encoders_requested_ >= waiting_) return false;
+  ++encoders_requested_;
   return true;
 }
 
 FrameQueue::Frame FrameQueue::start_encoding() {
   const std::scoped_lock lock(mutex_);
-  if (encoders_called_ > 0) --encoders_called_;
+  if (encoders_requested_ > 0) --encoders_requested_;
   while (!to_encode_.empty()) {
     const Frame frame = std::move(to_encode_.front());
     to_encode_.pop_front();
@@ -52,14 +52,14 @@ void FrameQueue::finish_encoding(const Frame& frame, std::optional<std::vector<s
   const std::scoped_lock lock(mutex_);
   assert(frame->stage == QueuedFrame::Stage::kEncoding);
   if (!jpeg) {
-    frame->become_missing(FrameStatus::kDroppedEncoder);
+    frame->mark_missing(FrameStatus::kDroppedEncoder);
     ++encoder_failures_;
     return;
   }
   std::swap(done, frame->raw);
   frame->jpeg = std::move(*jpeg);
   frame->stage = QueuedFrame::Stage::kReady;
-  frame->memory.resize_down(frame->jpeg.capacity() + kRecordMemory);
+  frame->memory.shrink_to(frame->jpeg.capacity() + kMissingRecordBytes);
 }
 
 std::vector<FrameQueue::Frame> FrameQueue::start_writing(std::size_t most) {
@@ -81,10 +81,10 @@ void FrameQueue::finish_writing(std::size_t written) {
   writing_ = 0;
 }
 
-bool FrameQueue::give_up(bool oldest, FrameStatus reason) {
+bool FrameQueue::drop_one(bool oldest, FrameStatus reason) {
   const std::scoped_lock lock(mutex_);
   const auto waits = [](const Frame& frame) {
-    return frame->holds_picture() && frame->stage != QueuedFrame::Stage::kEncoding;
+    return frame->has_image() && frame->stage != QueuedFrame::Stage::kEncoding;
   };
   // The very front stays, also between two turns of the writer: it is next to be written.
   const std::size_t kept = std::min(frames_.size(), std::max<std::size_t>(writing_, 1));
@@ -96,7 +96,7 @@ bool FrameQueue::give_up(bool oldest, FrameStatus reason) {
   const auto found = oldest ? std::find_if(first, frames_.end(), waits) : newest();
   if (found == frames_.end()) return false;
   if ((*found)->stage == QueuedFrame::Stage::kToEncode) --waiting_;
-  (*found)->become_missing(reason);
+  (*found)->mark_missing(reason);
   return true;
 }
 

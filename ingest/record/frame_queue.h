@@ -10,8 +10,8 @@
 #include <optional>
 #include <vector>
 
+#include "base/time.h"
 #include "ingest/record/memory_budget.h"
-#include "schemas/time.h"
 #include "store/archive.h"
 #include "store/jpeg/raw_image.h"
 
@@ -31,28 +31,28 @@ struct QueuedFrame {
   FrameOrigin origin;
   RawImage raw;
   std::vector<std::byte> jpeg;
-  MemoryBudget::Share memory;
+  MemoryBudget::Reservation memory;
 
-  bool holds_picture() const { return status == FrameStatus::kStored; }
+  bool has_image() const { return status == FrameStatus::kStored; }
   /// Frees the picture; what remains is the record that it is missing.
-  void become_missing(FrameStatus reason);
+  void mark_missing(FrameStatus reason);
 };
 
 /// What one record of a missing frame costs in memory, bytes.
-inline constexpr std::size_t kRecordMemory = sizeof(QueuedFrame) + 64;
+inline constexpr std::size_t kMissingRecordBytes = sizeof(QueuedFrame) + 64;
 
 /// One camera's frames in memory, in the order of their times. Thread-safe: the source's thread
 /// pushes, encoders work on frames in the middle, the writer takes them from the front.
 class FrameQueue {
  public:
-  /// Encoders hold on to what they work on; nobody else touches a frame in kEncoding.
+  /// EncoderPool hold on to what they work on; nobody else touches a frame in kEncoding.
   using Frame = std::shared_ptr<QueuedFrame>;
 
   void push(Frame frame);
 
   /// Whether one more start_encoding() must be arranged for: true until as many are to come as
   /// there are frames in kToEncode. Those that are given up need none.
-  bool call_encoder();
+  bool needs_encoder();
   /// The oldest frame in kToEncode, set to kEncoding; null where there is none.
   Frame start_encoding();
   /// The encoder's result. Without `jpeg` the frame is missing: kDroppedEncoder.
@@ -66,7 +66,7 @@ class FrameQueue {
 
   /// Turns a waiting frame, the oldest or the newest, into a record that it was dropped. False
   /// where no frame can be given up (none there, or all in the hands of encoders or the writer).
-  bool give_up(bool oldest, FrameStatus reason);
+  bool drop_one(bool oldest, FrameStatus reason);
 
   std::uint64_t encoder_failures() const { return encoder_failures_; }
   bool empty() const;
@@ -79,7 +79,7 @@ class FrameQueue {
   std::atomic<std::uint64_t> encoder_failures_ = 0;
   std::deque<Frame> to_encode_;  // those of frames_ that no encoder has taken yet
   std::size_t waiting_ = 0;      // of these so many have not been given up
-  std::size_t encoders_called_ = 0;
+  std::size_t encoders_requested_ = 0;
 };
 
 }  // namespace raystage

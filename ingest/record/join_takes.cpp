@@ -9,8 +9,8 @@
 #include <set>
 #include <utility>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "schemas/recording_document.h"
 #include "schemas/rig_document.h"
 #include "store/journal_archives.h"
@@ -45,8 +45,9 @@ void warn_of_late_nodes(const std::vector<Part>& parts, std::vector<std::string>
       for (const RecordingDocument::Session& session : recording.sessions) {
         if (session.late() == 0) continue;
         warnings.push_back(fmt::format(
-            "node {} began {:.3f} s after its --start-at: the others have frames of that time, it "
-            "has none",
+            "node {} started {:.3f} s after its start time: the other nodes have frames of that "
+            "time, "
+            "it has none",
             recording.node,
             static_cast<double>(session.late()) / static_cast<double>(kNanosecondsPerSecond)));
       }
@@ -109,7 +110,7 @@ RigDocument joined_rig(const std::vector<Part>& parts, std::vector<std::string>&
   RigDocument rig;
   rig.name = parts.front().rig.name;
   rig.topology = parts.front().rig.topology;
-  double row_end = -kGuessedSpacing;
+  double row_end = -kDefaultCameraSpacing;
   const Part* measured = nullptr;
   const Part* guessed = nullptr;
   for (const Part& part : parts) {
@@ -122,13 +123,13 @@ RigDocument joined_rig(const std::vector<Part>& parts, std::vector<std::string>&
   for (const Part& part : parts) {
     for (RigDocument::Camera camera : part.rig.cameras) {
       if (!is_calibrated(part.rig)) {
-        row_end += kGuessedSpacing;
+        row_end += kDefaultCameraSpacing;
         camera.geometry.world_from_camera[3] = row_end;
       }
       rig.cameras.push_back(std::move(camera));
     }
   }
-  if (guessed != nullptr) rig.name = kNotCalibrated;
+  if (guessed != nullptr) rig.name = kUncalibratedRigName;
   if (guessed != nullptr && measured != nullptr) {
     warnings.push_back(
         fmt::format("the rig of {} is not calibrated, that of {} is: the joint rig counts as not "
@@ -157,7 +158,7 @@ TakeDocument joined_document(const std::vector<Part>& parts, const std::string& 
     const TakeDocument& document = part.take.document();
     joined.epoch_utc = std::min(joined.epoch_utc, document.epoch_utc);
     if (document.clock != joined.clock) joined.clock = "host";
-    if (document.time_marks != joined.time_marks) joined.time_marks = "unknown";
+    if (document.timestamp_event != joined.timestamp_event) joined.timestamp_event = "unknown";
     const std::string node = node_of(part);
     for (TakeDocument::Camera camera : document.cameras) {
       if (!ids.insert(camera.id).second) {

@@ -12,8 +12,8 @@ namespace raystage {
 /// Makes one take of the parts that several nodes recorded of the same scene: every camera of every
 /// part, its frames byte for byte, with their times moved to the earliest part's epoch. The nodes'
 /// accounts are kept; each camera says which node recorded it. Every frame is held against its hash
-/// on the way. The parts stay as they are. Cameras whose places were guessed (see kNotCalibrated)
-/// are put in one row, and the joint rig counts as not calibrated then.
+/// on the way. The parts stay as they are. Cameras whose places were guessed (see
+/// kUncalibratedRigName) are put in one row, and the joint rig counts as not calibrated then.
 /// Throws Error: bad input where a camera id occurs twice, the parts differ in colour space or in
 /// scale, lie further apart than a take can hold, the new take would lie within one of them, or a
 /// frame is damaged; failed for the disk or when stopped.

@@ -3,14 +3,14 @@
 
 namespace raystage {
 
-void MemoryBudget::Share::resize_down(std::size_t bytes) {
+void MemoryBudget::Reservation::shrink_to(std::size_t bytes) {
   if (budget_ == nullptr || bytes >= bytes_) return;
   budget_->used_.fetch_sub(bytes_ - bytes, std::memory_order_relaxed);
   bytes_ = bytes;
   if (bytes == 0) budget_ = nullptr;
 }
 
-MemoryBudget::Share MemoryBudget::try_take(std::size_t bytes) {
+MemoryBudget::Reservation MemoryBudget::try_reserve(std::size_t bytes) {
   std::size_t used = used_.load(std::memory_order_relaxed);
   do {
     if (bytes > limit_ || used > limit_ - bytes) return {};
@@ -22,14 +22,14 @@ MemoryBudget::Share MemoryBudget::try_take(std::size_t bytes) {
   // One call at the border, not one per frame.
   if (used <= limit_ / 2 && now > limit_ / 2) {
     { const std::scoped_lock lock(mutex_); }
-    became_tight_.notify_all();
+    pressure_changed_.notify_all();
   }
   return {this, bytes};
 }
 
-void MemoryBudget::wait_while_roomy(const std::stop_token& stop, std::chrono::milliseconds most) {
+void MemoryBudget::wait_for_pressure(const std::stop_token& stop, std::chrono::milliseconds most) {
   std::unique_lock lock(mutex_);
-  became_tight_.wait_for(lock, stop, most, [this] { return is_tight(); });
+  pressure_changed_.wait_for(lock, stop, most, [this] { return is_under_pressure(); });
 }
 
 }  // namespace raystage

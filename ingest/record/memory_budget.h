@@ -17,15 +17,15 @@ class MemoryBudget {
   explicit MemoryBudget(std::size_t limit) : limit_(limit) {}
 
   /// A part of the budget, given back when it goes out of scope.
-  class Share {
+  class Reservation {
    public:
-    Share() = default;
-    ~Share() { resize_down(0); }
-    Share(Share&& other) noexcept
+    Reservation() = default;
+    ~Reservation() { shrink_to(0); }
+    Reservation(Reservation&& other) noexcept
         : budget_(std::exchange(other.budget_, nullptr)), bytes_(std::exchange(other.bytes_, 0)) {}
-    Share& operator=(Share&& other) noexcept {
+    Reservation& operator=(Reservation&& other) noexcept {
       if (this != &other) {
-        resize_down(0);
+        shrink_to(0);
         budget_ = std::exchange(other.budget_, nullptr);
         bytes_ = std::exchange(other.bytes_, 0);
       }
@@ -34,22 +34,22 @@ class MemoryBudget {
     explicit operator bool() const { return budget_ != nullptr; }
     std::size_t bytes() const { return bytes_; }
     /// Gives back what exceeds `bytes`.
-    void resize_down(std::size_t bytes);
+    void shrink_to(std::size_t bytes);
 
    private:
     friend class MemoryBudget;
-    Share(MemoryBudget* budget, std::size_t bytes) : budget_(budget), bytes_(bytes) {}
+    Reservation(MemoryBudget* budget, std::size_t bytes) : budget_(budget), bytes_(bytes) {}
     MemoryBudget* budget_ = nullptr;
     std::size_t bytes_ = 0;
   };
 
-  /// Never waits: an empty Share where there is no room.
-  Share try_take(std::size_t bytes);
+  /// Never waits: an empty Reservation where there is no room.
+  Reservation try_reserve(std::size_t bytes);
 
   /// More than half is used.
-  bool is_tight() const { return used() > limit_ / 2; }
+  bool is_under_pressure() const { return used() > limit_ / 2; }
   /// Returns early when it becomes tight, or at a stop.
-  void wait_while_roomy(const std::stop_token& stop, std::chrono::milliseconds most);
+  void wait_for_pressure(const std::stop_token& stop, std::chrono::milliseconds most);
 
   std::size_t limit() const { return limit_; }
   std::size_t used() const { return used_.load(std::memory_order_relaxed); }
@@ -59,7 +59,7 @@ class MemoryBudget {
   const std::size_t limit_;
   std::atomic<std::size_t> used_ = 0, peak_ = 0;
   std::mutex mutex_;
-  std::condition_variable_any became_tight_;
+  std::condition_variable_any pressure_changed_;
 };
 
 }  // namespace raystage

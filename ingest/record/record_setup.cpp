@@ -5,25 +5,25 @@
 
 #include <algorithm>
 
-#include "schemas/error.h"
-#include "schemas/parallel.h"
+#include "base/error.h"
+#include "base/parallel.h"
 #include "store/matroska.h"
 
 namespace raystage {
 namespace {
 
-using WhenLost = CameraIntake::WhenLost;
+using LostSourcePolicy = CameraCapture::LostSourcePolicy;
 
-WhenLost when_lost_of(const RecordConfig& config) {
+LostSourcePolicy when_lost_of(const RecordConfig& config) {
   switch (config.when_lost) {
-    case RecordConfig::WhenLost::kReconnect:
-      return WhenLost::kReconnect;
-    case RecordConfig::WhenLost::kStop:
-      return WhenLost::kStop;
-    case RecordConfig::WhenLost::kContinue:
+    case RecordConfig::LostSourcePolicy::kReconnect:
+      return LostSourcePolicy::kReconnect;
+    case RecordConfig::LostSourcePolicy::kStop:
+      return LostSourcePolicy::kStop;
+    case RecordConfig::LostSourcePolicy::kContinue:
       break;
   }
-  return WhenLost::kContinue;
+  return LostSourcePolicy::kContinue;
 }
 
 JpegEncodeSettings::Chroma chroma_of(const RecordConfig& config) {
@@ -50,7 +50,8 @@ CameraGeometry uncalibrated(const std::string& id, const SourceDescription& sour
   geometry.intrinsics.cx = source.width / 2.0;
   geometry.intrinsics.cy = source.height / 2.0;
   geometry.world_from_camera = {
-      1, 0, 0, kGuessedSpacing * static_cast<double>(index), 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+      1, 0, 0, kDefaultCameraSpacing * static_cast<double>(index), 0, 1, 0, 0, 0, 0, 1, 0, 0,
+      0, 0, 1};
   return geometry;
 }
 
@@ -100,7 +101,7 @@ std::string common(const std::vector<RecorderCamera>& cameras, std::string Sourc
 
 }  // namespace
 
-std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenSource& open) {
+std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenFrameSource& open) {
   std::vector<RecorderCamera> cameras(config.cameras.size());
   raystage::parallel_for(std::size_t{0}, cameras.size(), [&](std::size_t i) {
     const RecordConfig::Camera& camera = config.cameras[i];
@@ -115,12 +116,12 @@ std::vector<RecorderCamera> open_cameras(const RecordConfig& config, const OpenS
   return cameras;
 }
 
-RecorderSettings settings_from(const RecordConfig& config) {
+RecorderSettings make_recorder_settings(const RecordConfig& config) {
   constexpr double kBytesPerMb = 1e6;
   RecorderSettings settings;
   settings.memory_bytes = static_cast<std::size_t>(config.memory_mb * kBytesPerMb);
   settings.hold = config.hold;
-  settings.drop_oldest = config.when_full == RecordConfig::WhenFull::kDropOldest;
+  settings.drop_oldest = config.when_full == RecordConfig::OverflowPolicy::kDropOldest;
   settings.when_lost = when_lost_of(config);
   settings.lost_after =
       std::chrono::milliseconds(static_cast<std::int64_t>(config.lost_after_seconds * 1000));
@@ -128,11 +129,12 @@ RecorderSettings settings_from(const RecordConfig& config) {
   return settings;
 }
 
-RigDocument rig_for(const RecordConfig& config, const std::filesystem::path& config_folder,
-                    const std::vector<RecorderCamera>& cameras) {
+RigDocument make_recording_rig(const RecordConfig& config,
+                               const std::filesystem::path& config_folder,
+                               const std::vector<RecorderCamera>& cameras) {
   RigDocument rig;
   if (config.rig.empty()) {
-    rig.name = kNotCalibrated;
+    rig.name = kUncalibratedRigName;
     for (std::size_t i = 0; i < cameras.size(); ++i) {
       rig.cameras.push_back({uncalibrated(cameras[i].id, cameras[i].source->description(), i), {}});
     }
@@ -171,16 +173,16 @@ RecordingTake resume_take(const std::filesystem::path& folder,
   return RecordingTake::resume(folder, ids, node);
 }
 
-TakeDocument take_for(const RecordConfig& config, const std::vector<RecorderCamera>& cameras,
-                      const std::string& node, Nanoseconds epoch_utc,
-                      const std::string& created_by) {
+TakeDocument make_take_document(const RecordConfig& config,
+                                const std::vector<RecorderCamera>& cameras, const std::string& node,
+                                Nanoseconds epoch_utc, const std::string& created_by) {
   TakeDocument take;
   take.name = config.name;
   take.created_by = created_by;
   take.epoch_utc = epoch_utc;
   take.color_space = config.color_space;
   take.clock = common(cameras, &SourceDescription::clock, "host");
-  take.time_marks = common(cameras, &SourceDescription::time_marks, "unknown");
+  take.timestamp_event = common(cameras, &SourceDescription::timestamp_event, "unknown");
   take.nominal_fps = config.nominal_fps;
   std::vector<double> rates;
   for (const RecorderCamera& camera : cameras) {

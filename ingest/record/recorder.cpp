@@ -8,10 +8,10 @@
 #include <thread>
 #include <utility>
 
-#include "ingest/record/archive_flow.h"
+#include "base/error.h"
+#include "ingest/record/archive_writer_thread.h"
 #include "ingest/record/audit.h"
-#include "ingest/record/clock_state.h"
-#include "schemas/error.h"
+#include "ingest/record/clock_sync.h"
 
 namespace raystage {
 namespace {
@@ -47,9 +47,9 @@ struct Recorder::State {
         records(limit() / kRecordsPart) {}
 
   std::size_t limit() const;
-  CameraIntake::Settings intake_settings(std::size_t camera, Nanoseconds start_utc) const;
+  CameraCapture::Settings intake_settings(std::size_t camera, Nanoseconds start_utc) const;
   RecordingDocument::Session opened_session() const;
-  RecorderStatus status(const ArchiveFlow& flow);
+  RecorderStatus status(const ArchiveWriterThread& flow);
 
   const RecorderSettings settings;
   std::vector<RecorderCamera> cameras;
@@ -85,10 +85,10 @@ std::size_t Recorder::State::limit() const {
   return settings.memory_bytes - in_hand;
 }
 
-CameraIntake::Settings Recorder::State::intake_settings(std::size_t camera,
-                                                        Nanoseconds start_utc) const {
+CameraCapture::Settings Recorder::State::intake_settings(std::size_t camera,
+                                                         Nanoseconds start_utc) const {
   const CameraGeometry& geometry = take.rig().cameras[camera].geometry;
-  CameraIntake::Settings intake;
+  CameraCapture::Settings intake;
   intake.epoch_utc = take.document().epoch_utc;
   intake.last_time = take.last_time(camera);
   intake.start_utc = start_utc;
@@ -96,7 +96,8 @@ CameraIntake::Settings Recorder::State::intake_settings(std::size_t camera,
   intake.height = geometry.height;
   intake.drop_oldest = settings.drop_oldest;
   // What is held until the end frees no room before.
-  if (descriptions[camera].waits && !settings.hold) intake.wait_for_room = settings.wait_for_room;
+  if (descriptions[camera].waits && !settings.hold)
+    intake.wait_for_memory = settings.wait_for_memory;
   intake.when_lost = settings.when_lost;
   intake.lost_after = settings.lost_after;
   return intake;
@@ -109,19 +110,19 @@ RecordingDocument::Session Recorder::State::opened_session() const {
   session.start_at_utc = settings.start_utc;
   session.memory_bytes = settings.memory_bytes;
   session.held = settings.hold;
-  session.clock = read_clock_state();
+  session.clock = query_clock_sync();
   for (std::size_t i = 0; i < cameras.size(); ++i) {
     RecordingDocument::Camera camera;
     camera.id = cameras[i].id;
     camera.source = descriptions[i].what;
     camera.clock = descriptions[i].clock;
-    camera.time_marks = descriptions[i].time_marks;
+    camera.timestamp_event = descriptions[i].timestamp_event;
     session.cameras.push_back(std::move(camera));
   }
   return session;
 }
 
-RecorderStatus Recorder::State::status(const ArchiveFlow& flow) {
+RecorderStatus Recorder::State::status(const ArchiveWriterThread& flow) {
   RecorderStatus status;
   const double interval = std::max(1e-3, seconds_since(last_status));
   last_status = Clock::now();
@@ -143,9 +144,9 @@ RecorderStatus Recorder::State::status(const ArchiveFlow& flow) {
   status.memory_used = memory.used();
   status.memory_limit = memory.limit();
   const std::uint64_t bytes = flow.bytes_written();
-  status.written_per_second =
+  status.write_bytes_per_s =
       static_cast<double>(bytes - std::exchange(last_bytes, bytes)) / interval;
-  status.trouble = flow.trouble();
+  status.write_error = flow.write_error();
   const double filled = static_cast<double>(status.memory_used) -
                         static_cast<double>(std::exchange(last_memory, status.memory_used));
   if (settings.hold) {
@@ -153,11 +154,11 @@ RecorderStatus Recorder::State::status(const ArchiveFlow& flow) {
       status.seconds_left =
           static_cast<double>(status.memory_limit - status.memory_used) / (filled / interval);
     }
-  } else if (status.written_per_second > 0) {
+  } else if (status.write_bytes_per_s > 0) {
     std::error_code error;
     const auto space = std::filesystem::space(take.folder(), error);
     if (!error) {
-      status.seconds_left = static_cast<double>(space.available) / status.written_per_second;
+      status.seconds_left = static_cast<double>(space.available) / status.write_bytes_per_s;
     }
   }
   return status;
@@ -181,18 +182,19 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
   State& s = *state_;
   RecordingDocument::Session session = s.opened_session();
   s.take.write_session(session, true);
-  s.take.reserve_room();
+  s.take.reserve_disk_space();
 
-  std::vector<ArchiveFlow::Camera> flows;
+  std::vector<ArchiveWriterThread::Camera> flows;
   for (std::size_t i = 0; i < s.cameras.size(); ++i) {
     flows.push_back({s.queues[i], s.take.archive(i), s.counters[i]});
   }
-  ArchiveFlow flow(std::move(flows), {.hold = s.settings.hold,
-                                      .release_reserve = [&] { s.take.release_room(); },
-                                      .patience = s.settings.disk_patience_s,
-                                      .flush_every = s.settings.flush_every_s,
-                                      .memory = &s.memory});
-  Encoders encoders(s.settings.jpeg, s.settings.threads);
+  ArchiveWriterThread flow(std::move(flows),
+                           {.hold = s.settings.hold,
+                            .release_reserved_space = [&] { s.take.release_disk_space(); },
+                            .drain_timeout_s = s.settings.drain_timeout_s,
+                            .flush_interval_s = s.settings.flush_interval_s,
+                            .memory = &s.memory});
+  EncoderPool encoders(s.settings.jpeg, s.settings.threads);
 
   // Frames that waited in a source since it was opened are of before. An epoch to come is that of a
   // take that was stopped before it began.
@@ -205,10 +207,10 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
   {
     std::vector<std::jthread> threads;
     for (std::size_t i = 0; i < s.cameras.size(); ++i) {
-      auto intake = std::make_unique<CameraIntake>(
+      auto intake = std::make_unique<CameraCapture>(
           s.intake_settings(i, start_utc), std::move(s.cameras[i].source), s.cameras[i].reopen,
-          CameraIntake::Plumbing{s.queues[i], s.memory, s.records, encoders, s.counters[i],
-                                 [&a_camera_asks] { a_camera_asks = true; }});
+          CameraCapture::Pipeline{s.queues[i], s.memory, s.records, encoders, s.counters[i],
+                                  [&a_camera_asks] { a_camera_asks = true; }});
       threads.emplace_back([&camera_stop, &running, intake = std::move(intake)] {
         intake->run(camera_stop.get_token());
         --running;
@@ -225,10 +227,10 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
       return done >= *s.settings.duration_s ? "the duration is over" : "";
     };
     const auto look = std::min<std::chrono::duration<double>>(
-        kLook, std::chrono::duration<double>(s.settings.status_every_s));
-    while ((session.why_stopped = why_over()).empty()) {
+        kLook, std::chrono::duration<double>(s.settings.status_interval_s));
+    while ((session.stop_reason = why_over()).empty()) {
       std::this_thread::sleep_for(look);
-      if (status && seconds_since(s.last_status) >= s.settings.status_every_s)
+      if (status && seconds_since(s.last_status) >= s.settings.status_interval_s)
         status(s.status(flow));
     }
     camera_stop.request_stop();
@@ -239,23 +241,23 @@ RecordingDocument::Session Recorder::run(const std::stop_token& stop,
   if (status) status(s.status(flow));
 
   session.memory_peak_bytes = s.memory.peak() + s.records.peak();
-  std::vector<std::string> complaints;
-  if (const std::string failure = flow.flush_failure(); !failure.empty()) {
-    complaints.push_back(failure + " Frames written until then may be lost");
+  std::vector<std::string> problems;
+  if (const std::string failure = flow.flush_error(); !failure.empty()) {
+    problems.push_back(failure + " Frames written until then may be lost");
   }
-  s.take.close(complaints);
-  audit_session(s.take, flow, s.counters, session, std::move(complaints));
+  s.take.close(problems);
+  audit_session(s.take, flow, s.counters, session, std::move(problems));
   try {
     s.take.write_session(session, false);
   } catch (const Error& error) {  // the caller has the account all the same
     session.audit->holds = false;
-    session.audit->complaints.emplace_back(error.what());
+    session.audit->problems.emplace_back(error.what());
   }
   return session;
 }
 
-std::optional<double> measure_bytes_per_second(std::vector<RecorderCamera>& cameras,
-                                               const JpegEncodeSettings& jpeg, double seconds) {
+std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
+                                        const JpegEncodeSettings& jpeg, double seconds) {
   for (const RecorderCamera& camera : cameras) {
     if (!camera.source->description().live) return std::nullopt;
   }

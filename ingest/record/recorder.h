@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "ingest/record/camera_intake.h"
+#include "ingest/record/camera_capture.h"
 #include "ingest/record/recording_take.h"
 #include "schemas/recording_document.h"
 #include "store/jpeg/encode.h"
@@ -21,23 +21,23 @@ struct RecorderSettings {
   std::size_t memory_bytes = std::size_t{1} << 30;  ///< for all frames of all cameras
   bool hold = false;                                ///< frames stay in memory until the end
   bool drop_oldest = false;  ///< what gives way when the memory is full: else the new frame
-  CameraIntake::WhenLost when_lost = CameraIntake::WhenLost::kContinue;
+  CameraCapture::LostSourcePolicy when_lost = CameraCapture::LostSourcePolicy::kContinue;
   std::chrono::milliseconds lost_after{5000};
-  std::chrono::milliseconds wait_for_room{10000};  ///< of sources that wait, see CameraIntake
-  JpegEncodeSettings jpeg;                         ///< of raw frames
-  int threads = 1;                                 ///< frames encoded at once
+  std::chrono::milliseconds wait_for_memory{10000};  ///< of sources that wait, see CameraCapture
+  JpegEncodeSettings jpeg;                           ///< of raw frames
+  int threads = 1;                                   ///< frames encoded at once
   /// Earlier frames do not count, nor those before the take's epoch; without: from run() on.
   std::optional<Nanoseconds> start_utc;
   std::optional<double> duration_s;  ///< from there
-  double status_every_s = 1;
-  double flush_every_s = 1;    ///< safe against power loss that often; 0: never
-  double disk_patience_s = 3;  ///< how long a full disk is tried at the end
+  double status_interval_s = 1;
+  double flush_interval_s = 1;  ///< safe against power loss that often; 0: never
+  double drain_timeout_s = 3;   ///< how long a full disk is tried at the end
 };
 
 struct RecorderCamera {
   std::string id;
   std::unique_ptr<FrameSource> source;
-  CameraIntake::Open reopen;
+  CameraCapture::Open reopen;
 };
 
 /// How a recording stands.
@@ -53,9 +53,9 @@ struct RecorderStatus {
   double seconds = 0;
   std::vector<Camera> cameras;
   std::size_t memory_used = 0, memory_limit = 0;  ///< bytes
-  double written_per_second = 0;                  ///< bytes
+  double write_bytes_per_s = 0;                   ///< bytes
   std::optional<double> seconds_left;             ///< until memory (hold) or disk is full
-  std::string trouble;                            ///< of the disk; empty: none
+  std::string write_error;                        ///< of the disk; empty: none
 };
 
 /// Runs one recording on one node: a thread per source, encoders, one writer.
@@ -85,7 +85,7 @@ class Recorder {
 
 /// Bytes of JPEG a second that the sources will make, from `seconds` of their frames, which are
 /// thrown away. Nothing where a source is not live: its frames would be missing.
-std::optional<double> measure_bytes_per_second(std::vector<RecorderCamera>& cameras,
-                                               const JpegEncodeSettings& jpeg, double seconds);
+std::optional<double> measure_data_rate(std::vector<RecorderCamera>& cameras,
+                                        const JpegEncodeSettings& jpeg, double seconds);
 
 }  // namespace raystage

@@ -8,13 +8,13 @@
 #include <csignal>
 #include <thread>
 
+#include "base/error.h"
 #include "ingest/record/record_setup.h"
-#include "ingest/sources/memory_source.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
 #include "store/jpeg/encode.h"
-#include "store/jpeg/test_images.h"
 #include "store/take.h"
+#include "testing/ingest/scripted_source.h"
+#include "testing/store/test_images.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -44,8 +44,8 @@ SourceFrame raw_frame(std::uint32_t seed) {
   return frame;
 }
 
-MemoryScript script(std::vector<SourceFrame> frames, double fps, std::uint64_t count) {
-  MemoryScript script;
+SourceScript script(std::vector<SourceFrame> frames, double fps, std::uint64_t count) {
+  SourceScript script;
   script.frames = std::move(frames);
   script.fps = fps;
   script.count = count;
@@ -55,20 +55,22 @@ MemoryScript script(std::vector<SourceFrame> frames, double fps, std::uint64_t c
 /// Records what scripts deliver and keeps what came of it.
 class Recording : public ::testing::Test {
  protected:
-  RecordingDocument::Session record(const std::vector<MemoryScript>& scripts) {
+  RecordingDocument::Session record(const std::vector<SourceScript>& scripts) {
     RecordConfig config;
     config.name = "test";
     for (std::size_t i = 0; i < scripts.size(); ++i) {
       config.cameras.push_back({"c" + std::to_string(i), RecordConfig::SimulatedSource{}});
     }
     const auto open = [&scripts](const RecordConfig::Camera& camera) {
-      return memory_source(scripts[static_cast<std::size_t>(std::stoi(camera.id.substr(1)))]);
+      return make_scripted_source(
+          scripts[static_cast<std::size_t>(std::stoi(camera.id.substr(1)))]);
     };
     auto cameras = open_cameras(config, open);
     RecordingTake take =
         resume ? resume_take(path(), cameras, "node")
-               : RecordingTake::create(path(), take_for(config, cameras, "node", epoch, "test"),
-                                       rig_for(config, {}, cameras), "node");
+               : RecordingTake::create(path(),
+                                       make_take_document(config, cameras, "node", epoch, "test"),
+                                       make_recording_rig(config, {}, cameras), "node");
     Recorder recorder(settings, std::move(cameras), take, "test");
     return recorder.run(stop.get_token(), status);
   }
@@ -91,7 +93,7 @@ class Recording : public ::testing::Test {
   }
   static void expect_audit(const RecordingDocument::Session& session) {
     ASSERT_TRUE(session.audit);
-    EXPECT_TRUE(session.audit->holds) << ::testing::PrintToString(session.audit->complaints);
+    EXPECT_TRUE(session.audit->holds) << ::testing::PrintToString(session.audit->problems);
   }
 
   RecorderSettings settings = every_frame_counts();
@@ -115,7 +117,7 @@ TEST_F(Recording, JpegIsStoredByteForByteAndRawIsEncoded) {
   const std::vector<SourceFrame> raws{raw_frame(4), raw_frame(5)};
   const auto session = record({script(jpegs, 200, 40), script(raws, 200, 30)});
   expect_audit(session);
-  EXPECT_EQ(session.why_stopped, "every source has ended");
+  EXPECT_EQ(session.stop_reason, "every source has ended");
   const auto first = stored(0), second = stored(1);
   ASSERT_EQ(first.size(), 40U);
   ASSERT_EQ(second.size(), 30U);
@@ -174,17 +176,17 @@ TEST_F(Recording, FullMemoryDropsAndRecordsEveryDrop) {
 
 TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
   settings.lost_after = std::chrono::milliseconds(600);  // a busy machine may pause
-  MemoryScript gap = script({jpeg_frame(1)}, 100, 60);
-  gap.events.push_back({20, MemoryScript::Gap{7}});
-  MemoryScript torn = script({jpeg_frame(2)}, 100, 60);
-  torn.events.push_back({10, MemoryScript::Tear{}});
-  torn.events.push_back({11, MemoryScript::Tear{}});
-  MemoryScript changed = script({jpeg_frame(3)}, 100, 60);
-  changed.events.push_back({30, MemoryScript::Change{{jpeg_frame(3, kWidth + 16)}}});
-  MemoryScript dies = script({jpeg_frame(4)}, 100, 60);
-  dies.events.push_back({15, MemoryScript::Death{"cable pulled"}});
-  MemoryScript stalls = script({jpeg_frame(5)}, 100, 250);
-  stalls.events.push_back({10, MemoryScript::Stall{1.5}});
+  SourceScript gap = script({jpeg_frame(1)}, 100, 60);
+  gap.events.push_back({20, SourceScript::Gap{7}});
+  SourceScript torn = script({jpeg_frame(2)}, 100, 60);
+  torn.events.push_back({10, SourceScript::Tear{}});
+  torn.events.push_back({11, SourceScript::Tear{}});
+  SourceScript changed = script({jpeg_frame(3)}, 100, 60);
+  changed.events.push_back({30, SourceScript::Change{{jpeg_frame(3, kWidth + 16)}}});
+  SourceScript dies = script({jpeg_frame(4)}, 100, 60);
+  dies.events.push_back({15, SourceScript::Death{"cable pulled"}});
+  SourceScript stalls = script({jpeg_frame(5)}, 100, 250);
+  stalls.events.push_back({10, SourceScript::Stall{1.5}});
   const auto session = record({script({jpeg_frame(6)}, 100, 60), gap, torn, changed, dies, stalls});
   expect_audit(session);
   EXPECT_EQ(session.cameras[0].stored, 60U);
@@ -211,15 +213,15 @@ TEST_F(Recording, MisbehavingSourcesAreRecordedAndOthersUntouched) {
 }
 
 TEST_F(Recording, ALostCameraMayStopAllOrComeBack) {
-  MemoryScript dies = script({jpeg_frame(1)}, 100, 1000);
-  dies.events.push_back({10, MemoryScript::Death{"gone"}});
-  settings.when_lost = CameraIntake::WhenLost::kStop;
+  SourceScript dies = script({jpeg_frame(1)}, 100, 1000);
+  dies.events.push_back({10, SourceScript::Death{"gone"}});
+  settings.when_lost = CameraCapture::LostSourcePolicy::kStop;
   const auto stopped = record({dies, script({jpeg_frame(2)}, 100, 1000)});
-  EXPECT_EQ(stopped.why_stopped, "a camera was lost");
+  EXPECT_EQ(stopped.stop_reason, "a camera was lost");
   expect_audit(stopped);
 
   std::filesystem::remove_all(path());
-  settings.when_lost = CameraIntake::WhenLost::kReconnect;
+  settings.when_lost = CameraCapture::LostSourcePolicy::kReconnect;
   settings.start_utc.reset();
   settings.duration_s = 0.6;
   const auto again = record({dies});
@@ -233,10 +235,10 @@ TEST_F(Recording, AFullDiskLosesNothingSilently) {
   rlimit before{};
   ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
   const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
-  settings.disk_patience_s = 0.2;
-  settings.flush_every_s = 0.05;
-  std::string trouble;
-  status = [&](const RecorderStatus& now) { trouble += now.trouble; };
+  settings.drain_timeout_s = 0.2;
+  settings.flush_interval_s = 0.05;
+  std::string write_error;
+  status = [&](const RecorderStatus& now) { write_error += now.write_error; };
   const SourceFrame frame = jpeg_frame(1);
   const rlimit limit{20 * frame.jpeg.size(), before.rlim_max};
   ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
@@ -249,7 +251,7 @@ TEST_F(Recording, AFullDiskLosesNothingSilently) {
   EXPECT_EQ(
       session.cameras[0].stored + session.cameras[0].dropped.at("dropped, could not be written"),
       100U);
-  EXPECT_THAT(trouble, HasSubstr("too large"));
+  EXPECT_THAT(write_error, HasSubstr("too large"));
   // The index could not be written; the audit says so, and the frames are there all the same.
   EXPECT_EQ(stored(0).size(), session.cameras[0].stored);
 }
@@ -269,7 +271,7 @@ TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
   settings.duration_s = 0.3;
   const auto session = record({script({jpeg_frame(1)}, 100, 100000)});
   expect_audit(session);
-  EXPECT_EQ(session.why_stopped, "the duration is over");
+  EXPECT_EQ(session.stop_reason, "the duration is over");
   // At most what the clock allows since the start: a busy machine stops later than asked.
   const double since_start_s = static_cast<double>(host_utc_now() - *settings.start_utc) * 1e-9;
   EXPECT_GT(session.cameras[0].stored, 10U);
@@ -278,7 +280,7 @@ TEST_F(Recording, StopsWhenToldAndStartsWhenToldTo) {
   stop.request_stop();
   std::filesystem::remove_all(path());
   settings.start_utc.reset();
-  EXPECT_EQ(record({script({jpeg_frame(1)}, 100, 100000)}).why_stopped, "stopped as asked");
+  EXPECT_EQ(record({script({jpeg_frame(1)}, 100, 100000)}).stop_reason, "stopped as asked");
 }
 
 TEST_F(Recording, RefusesTooLittleMemoryAndWhatIsThere) {
@@ -318,7 +320,7 @@ TEST_F(Recording, NothingCountsBeforeTheEpoch) {
   const double since_epoch_s = static_cast<double>(host_utc_now() - epoch) * 1e-9;
   EXPECT_GT(session.cameras[0].stored, 10U);
   EXPECT_LE(static_cast<double>(session.cameras[0].stored), since_epoch_s * 200 + 2);
-  EXPECT_EQ(session.cameras[0].corrected_times, 0U);
+  EXPECT_EQ(session.cameras[0].corrected_timestamps, 0U);
 }
 
 // An archive's times go up to 104 days.

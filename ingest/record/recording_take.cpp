@@ -9,9 +9,9 @@
 #include <cerrno>
 #include <utility>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "ingest/sources/frame_source.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 #include "store/matroska.h"
 
 namespace raystage {
@@ -51,7 +51,7 @@ void check_epoch(Nanoseconds epoch_utc, const fs::path& folder, const std::strin
 
 }  // namespace
 
-RecordingTake::Unused::~Unused() {
+RecordingTake::FolderCleanup::~FolderCleanup() {
   if (folder_.empty()) return;
   std::error_code ignored;
   fs::remove_all(folder_, ignored);
@@ -84,11 +84,12 @@ RecordingTake RecordingTake::create(const fs::path& folder, TakeDocument take,
   parse_rig(format_rig(rig), "rig.json");
   if (fs::exists(fs::symlink_status(folder))) {
     throw Error::bad_input("there is something of this name already", folder.string(),
-                           "Choose a new name for the take, or go on with it by --resume");
+                           "Choose a new name for the take, or resume this one")
+        .concerning({"resume"});
   }
   check_epoch(take.epoch_utc, folder, "Correct the time to start at, or this machine's clock");
   RecordingTake recording(folder, std::move(take), rig, node);
-  recording.unused_ = Unused(folder);
+  recording.folder_cleanup_ = FolderCleanup(folder);
   recording.create_files();
   return recording;
 }
@@ -142,10 +143,10 @@ void RecordingTake::write_session(const RecordingDocument::Session& session, boo
     recording_.sessions.back() = session;
   }
   write_recording(recording_, recording_file_);
-  unused_.keep();
+  folder_cleanup_.keep();
 }
 
-void RecordingTake::reserve_room() {
+void RecordingTake::reserve_disk_space() {
   const int file = ::open(reserve_file_.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC, 0666);
   if (file < 0)
     throw Error::from_errno("the file cannot be written", reserve_file_.string(),
@@ -158,25 +159,25 @@ void RecordingTake::reserve_room() {
   ::close(file);
 }
 
-void RecordingTake::release_room() {
+void RecordingTake::release_disk_space() {
   std::error_code ignored;
   fs::remove(reserve_file_, ignored);
 }
 
-void RecordingTake::close(std::vector<std::string>& complaints) {
-  release_room();
+void RecordingTake::close(std::vector<std::string>& problems) {
+  release_disk_space();
   for (ArchiveWriter& archive : archives_) {
     try {
       archive.flush();
       archive.close();
     } catch (const Error& error) {
-      complaints.emplace_back(error.what());
+      problems.emplace_back(error.what());
     }
   }
 }
 
-RecordingTake::Counted RecordingTake::count(std::size_t camera) const {
-  Counted counted;
+RecordingTake::RecordCounts RecordingTake::count(std::size_t camera) const {
+  RecordCounts counted;
   const ArchiveReader reader(archive_path(camera), journal_path(camera));
   for (const FrameRecord& record : reader.records()) {
     if (record.time_ns <= last_times_[camera]) continue;

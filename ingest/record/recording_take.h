@@ -42,28 +42,28 @@ class RecordingTake {
   void write_session(const RecordingDocument::Session& session, bool first);
 
   /// Room on the disk that is set aside for what must still be written when it is full.
-  void reserve_room();
-  void release_room();
+  void reserve_disk_space();
+  void release_disk_space();
 
-  /// Closes the archives. An archive that cannot be closed is readable all the same; complaints are
-  /// added to `complaints`.
-  void close(std::vector<std::string>& complaints);
+  /// Closes the archives. An archive that cannot be closed is readable all the same; problems are
+  /// added to `problems`.
+  void close(std::vector<std::string>& problems);
 
   /// What is on disk since this session began, per camera: opened anew and counted.
-  struct Counted {
+  struct RecordCounts {
     std::array<std::uint64_t, kFrameStatusCount> by_status{};
   };
-  Counted count(std::size_t camera) const;
+  RecordCounts count(std::size_t camera) const;
 
  private:
   /// A folder that goes with this object, unless it is kept.
-  class Unused {
+  class FolderCleanup {
    public:
-    Unused() = default;
-    explicit Unused(std::filesystem::path folder) : folder_(std::move(folder)) {}
-    ~Unused();
-    Unused(Unused&& other) noexcept : folder_(std::exchange(other.folder_, {})) {}
-    Unused& operator=(Unused&& other) noexcept {
+    FolderCleanup() = default;
+    explicit FolderCleanup(std::filesystem::path folder) : folder_(std::move(folder)) {}
+    ~FolderCleanup();
+    FolderCleanup(FolderCleanup&& other) noexcept : folder_(std::exchange(other.folder_, {})) {}
+    FolderCleanup& operator=(FolderCleanup&& other) noexcept {
       std::swap(folder_, other.folder_);
       return *this;
     }
@@ -79,7 +79,7 @@ class RecordingTake {
   std::filesystem::path archive_path(std::size_t camera) const;
   std::filesystem::path journal_path(std::size_t camera) const;
 
-  Unused unused_;  // first: goes when the archives are closed
+  FolderCleanup folder_cleanup_;  // first: goes when the archives are closed
   std::filesystem::path folder_;
   TakeDocument take_;
   RigDocument rig_;

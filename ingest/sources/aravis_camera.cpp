@@ -5,8 +5,8 @@
 
 #include <string_view>
 
-#include "ingest/sources/ffmpeg_handles.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "ingest/sources/ffmpeg_pointers.h"
 
 namespace raystage {
 namespace {
@@ -93,7 +93,7 @@ void set_pixel_format(ArvCamera* camera, const std::string& wanted, const std::s
   }
   const ArvPixelFormat format = arv_camera_get_pixel_format(camera, settings.error().fresh());
   settings.check("question for its pixel format");
-  if (av_format_of(format) >= 0) return;
+  if (av_pixel_format(format) >= 0) return;
   throw Error::bad_input(
       fmt::format("the camera's pixel format {} is none that raystage takes",
                   text_or_empty(arv_camera_get_pixel_format_as_string(camera, nullptr))),
@@ -119,12 +119,12 @@ void set_trigger(ArvCamera* camera, const std::string& trigger, Settings& settin
 
 }  // namespace
 
-GOwned<ArvCamera> open_aravis_camera(const std::string& device) {
+GObjectPtr<ArvCamera> open_aravis_camera(const std::string& device) {
   GErrorHolder error;
   const char* name = device.empty() ? nullptr : device.c_str();
   // Names and addresses are asked directly, which takes milliseconds; looking around takes a
   // second.
-  GOwned<ArvCamera> camera(arv_camera_new(name, error.fresh()));
+  GObjectPtr<ArvCamera> camera(arv_camera_new(name, error.fresh()));
   if (camera) return camera;
   const std::string reason = error.text();
   arv_update_device_list();
@@ -139,7 +139,7 @@ GOwned<ArvCamera> open_aravis_camera(const std::string& device) {
       "controls it");
 }
 
-void set_up_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource& source) {
+void configure_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource& source) {
   const std::string where = text_or_empty(arv_camera_get_device_id(camera, nullptr));
   Settings settings(camera, where);
   set_pixel_format(camera, source.pixel_format, where, settings);
@@ -171,7 +171,7 @@ void set_up_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource& s
   }
 }
 
-int av_format_of(ArvPixelFormat format) {
+int av_pixel_format(ArvPixelFormat format) {
   switch (format) {
     case ARV_PIXEL_FORMAT_MONO_8:
       return AV_PIX_FMT_GRAY8;

@@ -14,11 +14,11 @@ extern "C" {
 
 namespace raystage {
 
-struct GObjectReleaser {
+struct GObjectDeleter {
   void operator()(void* object) const { g_object_unref(object); }
 };
 template <typename T>
-using GOwned = std::unique_ptr<T, GObjectReleaser>;
+using GObjectPtr = std::unique_ptr<T, GObjectDeleter>;
 
 /// One of Aravis' errors, freed at the end.
 class GErrorHolder {
@@ -42,13 +42,13 @@ class GErrorHolder {
 
 /// Opens the camera that `device` names: Aravis' id, an address, or a serial number; empty: the
 /// first found. Throws Error (failed) with what was found instead.
-GOwned<ArvCamera> open_aravis_camera(const std::string& device);
+GObjectPtr<ArvCamera> open_aravis_camera(const std::string& device);
 
 /// Exposure, gain, rate, trigger, pixel format, packets. Throws Error (bad input) that names the
 /// setting, what the device allows and what it says.
-void set_up_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource& source);
+void configure_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource& source);
 
 /// FFmpeg's pixel format (AVPixelFormat) for a GenICam one; -1: none of those we take.
-int av_format_of(ArvPixelFormat format);
+int av_pixel_format(ArvPixelFormat format);
 
 }  // namespace raystage

@@ -11,9 +11,9 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "ingest/sources/aravis_camera.h"
 #include "ingest/sources/pixel_conversion.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -85,7 +85,7 @@ class Stream {
   int lent() const { return lent_; }
 
  private:
-  GOwned<ArvStream> stream_;
+  GObjectPtr<ArvStream> stream_;
   std::atomic<int> lent_ = 0;
 };
 
@@ -93,7 +93,7 @@ class AravisSource final : public FrameSource {
  public:
   explicit AravisSource(const RecordConfig::AravisSource& source)
       : buffers_(source.buffers), camera_(open_aravis_camera(source.device)) {
-    set_up_aravis_camera(camera_.get(), source);
+    configure_aravis_camera(camera_.get(), source);
     describe();
     open_stream(source);
     // By name, so that the camera going away is heard of in any thread.
@@ -120,23 +120,23 @@ class AravisSource final : public FrameSource {
     constexpr microseconds kSlice(50'000);  // how soon an interruption is heard
     const Clock::time_point deadline = Clock::now() + patience;
     for (;;) {
-      if (interrupted_.exchange(false)) return Outcome::kNothing;
+      if (interrupted_.exchange(false)) return Outcome::kNoData;
       const auto left = std::chrono::duration_cast<microseconds>(deadline - Clock::now());
       ArvBuffer* buffer = stream_->pop(std::clamp(left, microseconds(0), kSlice));
       if (buffer == nullptr) {
         if (control_lost_) return Outcome::kLost;
-        if (Clock::now() >= deadline) return Outcome::kNothing;
+        if (Clock::now() >= deadline) return Outcome::kNoData;
       } else if (take(buffer, frame)) {
         return Outcome::kFrame;
       }
     }
   }
 
-  std::string why_lost() const override {
+  std::string loss_reason() const override {
     return control_lost_ ? "the camera does not answer any more" : "";
   }
   void interrupt() override { interrupted_ = true; }
-  std::size_t memory_beside() const override {
+  std::size_t memory_overhead() const override {
     constexpr std::size_t kDriver = 1 << 20;
     return static_cast<std::size_t>(buffers_) * payload_ + kDriver;
   }
@@ -170,7 +170,7 @@ class AravisSource final : public FrameSource {
     description_.clock = "device";
     // GigE Vision and USB3 Vision stamp the start of the exposure or of the readout, as the maker
     // likes.
-    description_.time_marks = "unknown";
+    description_.timestamp_event = "unknown";
   }
 
   void open_stream(const RecordConfig::AravisSource& source) {
@@ -229,18 +229,18 @@ class AravisSource final : public FrameSource {
     size_t bytes = 0;
     const void* data = arv_buffer_get_data(buffer, &bytes);
     if (frame.torn) bytes = payload_;  // all of it is there; Aravis counts what came
-    AvOwned<AVFrame> picture(or_no_memory(av_frame_alloc()));
+    AvPtr<AVFrame> picture(check_allocation(av_frame_alloc()));
     // A buffer that is not whole does not say what picture it holds: what the camera is set to,
     // then. Where packets are missing, the buffer shows an earlier picture.
     picture->width = description_.width;
     picture->height = description_.height;
-    picture->format = av_format_of(format_);
+    picture->format = av_pixel_format(format_);
     gint padding = 0;
     if (!frame.torn) {
       gint x = 0, y = 0, rows_of_padding = 0;
       arv_buffer_get_image_region(buffer, &x, &y, &picture->width, &picture->height);
       arv_buffer_get_image_padding(buffer, &padding, &rows_of_padding);
-      picture->format = av_format_of(arv_buffer_get_image_pixel_format(buffer));
+      picture->format = av_pixel_format(arv_buffer_get_image_pixel_format(buffer));
     }
     picture->color_range = AVCOL_RANGE_JPEG;  // GenICam's YUV422_8 uses all codes
     const int row = padding + av_image_get_linesize(static_cast<AVPixelFormat>(picture->format),
@@ -281,7 +281,7 @@ class AravisSource final : public FrameSource {
   }
 
   int buffers_;
-  GOwned<ArvCamera> camera_;
+  GObjectPtr<ArvCamera> camera_;
   std::shared_ptr<Stream> stream_;
   SourceDescription description_;
   ArvPixelFormat format_ = 0;
@@ -294,7 +294,7 @@ class AravisSource final : public FrameSource {
 
 }  // namespace
 
-std::unique_ptr<FrameSource> aravis_source(const RecordConfig::AravisSource& source) {
+std::unique_ptr<FrameSource> open_aravis_source(const RecordConfig::AravisSource& source) {
   return std::make_unique<AravisSource>(source);
 }
 

@@ -17,6 +17,6 @@ namespace raystage {
 ///
 /// Throws Error: bad input where the device does not take a setting, failed where it is not there
 /// or not ours to control.
-std::unique_ptr<FrameSource> aravis_source(const RecordConfig::AravisSource& source);
+std::unique_ptr<FrameSource> open_aravis_source(const RecordConfig::AravisSource& source);
 
 }  // namespace raystage

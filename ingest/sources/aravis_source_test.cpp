@@ -17,8 +17,8 @@
 #include <cstring>
 #include <thread>
 
+#include "base/error.h"
 #include "ingest/sources/aravis_camera.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -82,7 +82,7 @@ class AravisSourceTest : public ::testing::Test {
     return source;
   }
 
-  std::vector<GOwned<ArvGvFakeCamera>> cameras_;
+  std::vector<GObjectPtr<ArvGvFakeCamera>> cameras_;
 
  private:
   static inline bool alone_ = false;
@@ -99,7 +99,7 @@ bool first_whole(FrameSource& source, SourceFrame& frame) {
 
 TEST_F(AravisSourceTest, FramesComeWholeWithCounterAndDeviceTime) {
   start(0);
-  const auto source = aravis_source(settings(0));
+  const auto source = open_aravis_source(settings(0));
   EXPECT_EQ(source->description().width, 512);
   EXPECT_EQ(source->description().height, 512);
   EXPECT_NEAR(source->description().fps, 50, 0.01);
@@ -137,17 +137,17 @@ TEST_F(AravisSourceTest, MemoryBesideIsThatOfItsBuffers) {
   auto config = settings(0);
   constexpr std::size_t kPicture = 512 * 512;
   config.buffers = 10;
-  const std::size_t ten = aravis_source(config)->memory_beside();
+  const std::size_t ten = open_aravis_source(config)->memory_overhead();
   EXPECT_GE(ten, 10 * kPicture);
   config.buffers = 30;
-  EXPECT_EQ(aravis_source(config)->memory_beside(), ten + 20 * kPicture);
+  EXPECT_EQ(open_aravis_source(config)->memory_overhead(), ten + 20 * kPicture);
 }
 
 TEST_F(AravisSourceTest, TheCounterGoesOnWhereSixteenBitsEnd) {
   start(0);
   auto config = settings(0);
   config.fps = 150;
-  const auto source = aravis_source(config);
+  const auto source = open_aravis_source(config);
   SourceFrame frame;
   ASSERT_TRUE(first_whole(*source, frame));
   // The fake camera begins a few hundred frames before its ids wrap.
@@ -168,7 +168,7 @@ TEST_F(AravisSourceTest, SeveralCamerasAtOnce) {
   std::vector<std::unique_ptr<FrameSource>> sources;
   for (int i = 0; i < kCameras; ++i) {
     start(i);
-    sources.push_back(aravis_source(settings(i)));
+    sources.push_back(open_aravis_source(settings(i)));
   }
   std::vector<int> whole(kCameras, 0);
   std::vector<std::thread> readers;
@@ -196,7 +196,7 @@ TEST_F(AravisSourceTest, PixelFormatsBecomeOurs) {
                                        {"BayerGB8", PixelFormat::kRgb}}) {
     auto config = settings(0);
     config.pixel_format = name;
-    const auto source = aravis_source(config);
+    const auto source = open_aravis_source(config);
     SourceFrame frame;
     ASSERT_TRUE(first_whole(*source, frame)) << name;
     EXPECT_EQ(frame.raw.format, expected) << name;
@@ -210,7 +210,7 @@ TEST_F(AravisSourceTest, PixelFormatsBecomeOurs) {
 TEST_F(AravisSourceTest, FramesWithLostPacketsAreTornAndCounted) {
   ArvGvFakeCamera* camera = start(0);
   g_object_set(camera, "gvsp-lost-ratio", 0.003, nullptr);  // of some 180 packets a frame
-  const auto source = aravis_source(settings(0));
+  const auto source = open_aravis_source(settings(0));
   int torn = 0;
   SourceFrame frame;
   std::optional<std::uint64_t> last;
@@ -231,7 +231,7 @@ TEST_F(AravisSourceTest, ALateReaderSeesTheGapInTheCounter) {
   start(0);
   auto config = settings(0);
   config.buffers = 3;
-  const auto source = aravis_source(config);
+  const auto source = open_aravis_source(config);
   SourceFrame frame;
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
   std::this_thread::sleep_for(500ms);  // 25 frames
@@ -248,7 +248,7 @@ TEST_F(AravisSourceTest, PicturesMayBeKeptAndOutliveTheirSource) {
   start(0);
   auto config = settings(0);
   config.buffers = 4;
-  auto source = aravis_source(config);
+  auto source = open_aravis_source(config);
   SourceFrame first;
   ASSERT_TRUE(first_whole(*source, first));
   std::vector<SourceFrame> kept(12);
@@ -265,7 +265,7 @@ TEST_F(AravisSourceTest, PicturesMayBeKeptAndOutliveTheirSource) {
 
 TEST_F(AravisSourceTest, ACameraThatGoesAwayIsLost) {
   start(0);
-  const auto source = aravis_source(settings(0));
+  const auto source = open_aravis_source(settings(0));
   SourceFrame frame;
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
   cameras_.clear();
@@ -273,22 +273,22 @@ TEST_F(AravisSourceTest, ACameraThatGoesAwayIsLost) {
   const auto start = Clock::now();
   while (last != Outcome::kLost && Clock::now() - start < 30s) last = source->next(frame, 200ms);
   EXPECT_EQ(last, Outcome::kLost);
-  EXPECT_FALSE(source->why_lost().empty());
+  EXPECT_FALSE(source->loss_reason().empty());
 }
 
 TEST_F(AravisSourceTest, ATriggeredCameraWaitsAndCanBeInterrupted) {
   start(0);
   auto config = settings(0);
   config.trigger = "Software";
-  const auto source = aravis_source(config);
+  const auto source = open_aravis_source(config);
   SourceFrame frame;
-  EXPECT_EQ(source->next(frame, 200ms), Outcome::kNothing);
+  EXPECT_EQ(source->next(frame, 200ms), Outcome::kNoData);
   const auto start = Clock::now();
   std::thread other([&] {
     std::this_thread::sleep_for(50ms);
     source->interrupt();
   });
-  EXPECT_EQ(source->next(frame, 10s), Outcome::kNothing);
+  EXPECT_EQ(source->next(frame, 10s), Outcome::kNoData);
   EXPECT_LT(Clock::now() - start, 5s);
   other.join();
 }
@@ -298,13 +298,13 @@ TEST_F(AravisSourceTest, CamerasAreFoundByIdSerialNumberAndAddress) {
   for (const char* name : {"Aravis-Fake-S1", "S1", "127.0.0.2", ""}) {
     auto config = settings(1);
     config.device = name;
-    const auto source = aravis_source(config);
+    const auto source = open_aravis_source(config);
     EXPECT_THAT(source->description().what, ::testing::HasSubstr(" S1,")) << name;
   }
   auto config = settings(1);
   config.device = "S7";
   try {
-    aravis_source(config);
+    open_aravis_source(config);
     FAIL();
   } catch (const Error& error) {
     EXPECT_EQ(error.exit_code(), ExitCode::kFailed);
@@ -316,7 +316,7 @@ TEST_F(AravisSourceTest, SettingsThatTheCameraDoesNotTakeAreNamed) {
   start(0);
   const auto refusal = [](const RecordConfig::AravisSource& config) -> std::string {
     try {
-      aravis_source(config);
+      open_aravis_source(config);
     } catch (const Error& error) {
       EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
       return error.what();

@@ -12,7 +12,7 @@ extern "C" {
 #include <regex>
 #include <system_error>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -84,8 +84,8 @@ void split_format(const std::filesystem::path& base, std::string& url, std::stri
 
 }  // namespace
 
-FfmpegAddress ffmpeg_address(const RecordConfig::FfmpegSource& source,
-                             const std::filesystem::path& base) {
+FfmpegAddress resolve_ffmpeg_address(const RecordConfig::FfmpegSource& source,
+                                     const std::filesystem::path& base) {
   FfmpegAddress address;
   address.url = source.url;
   std::string format = source.format;
@@ -101,8 +101,9 @@ FfmpegAddress ffmpeg_address(const RecordConfig::FfmpegSource& source,
   address.shown = without_secrets(address.url);
   if (is_device(address.format)) {
     const bool graph = std::string_view(address.format->name) == "lavfi";
-    address.kind = graph && !keeps_real_time(source, address.url) ? FfmpegAddress::Kind::kGraph
-                                                                  : FfmpegAddress::Kind::kDevice;
+    address.kind = graph && !keeps_real_time(source, address.url)
+                       ? FfmpegAddress::Kind::kFilterGraph
+                       : FfmpegAddress::Kind::kDevice;
     return address;
   }
   const char* name = avio_find_protocol_name(address.url.c_str());

@@ -7,8 +7,8 @@
 
 #include <fstream>
 
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/error.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -17,7 +17,8 @@ using Kind = FfmpegAddress::Kind;
 
 FfmpegAddress address(const std::string& url, const std::string& format = "",
                       const std::filesystem::path& base = "/base") {
-  return ffmpeg_address({.url = url, .format = format, .options = {}, .realtime = false}, base);
+  return resolve_ffmpeg_address({.url = url, .format = format, .options = {}, .realtime = false},
+                                base);
 }
 
 TEST(FfmpegAddress, FilesAreRelativeToTheConfig) {
@@ -53,18 +54,18 @@ TEST(FfmpegAddress, AGraphIsACameraWhereItKeepsRealTime) {
   for (const char* graph :
        {"testsrc", "testsrc=rate=30:duration=5", "testsrc=size=64x48,drawtext=text=realtime",
         "movie=realtime.mkv", "testsrc,realtimes=1"}) {
-    EXPECT_EQ(address(graph, "lavfi").kind, Kind::kGraph) << graph;
+    EXPECT_EQ(address(graph, "lavfi").kind, Kind::kFilterGraph) << graph;
     EXPECT_FALSE(address(graph, "lavfi").is_live()) << graph;
   }
   for (const char* graph : {"testsrc,realtime", "testsrc , realtime=speed=2[out0]",
                             "testsrc[a];[a]realtime@r", "sine,arealtime[out1];testsrc[out0]"}) {
     EXPECT_EQ(address(graph, "lavfi").kind, Kind::kDevice) << graph;
   }
-  EXPECT_TRUE(ffmpeg_address({.url = "lavfi:",
-                              .format = "",
-                              .options = {{"graph", "testsrc,realtime"}},
-                              .realtime = false},
-                             "/base")
+  EXPECT_TRUE(resolve_ffmpeg_address({.url = "lavfi:",
+                                      .format = "",
+                                      .options = {{"graph", "testsrc,realtime"}},
+                                      .realtime = false},
+                                     "/base")
                   .is_live());
 }
 

@@ -6,8 +6,8 @@
 #include <cstring>
 #include <utility>
 
+#include "base/error.h"
 #include "ingest/sources/frame_source.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -27,7 +27,8 @@ bool is_v4l2(const AVInputFormat* format) {
 
 }  // namespace
 
-FfmpegInput::FfmpegInput(FfmpegAddress address, AvOptions& options) : address_(std::move(address)) {
+FfmpegInput::FfmpegInput(FfmpegAddress address, FfmpegOptions& options)
+    : address_(std::move(address)) {
   deadline_ = (Clock::now() + kOpenWithin).time_since_epoch().count();
   open(options);
   deadline_ = Clock::time_point::max().time_since_epoch().count();
@@ -46,20 +47,21 @@ bool FfmpegInput::stopping() const {
   return stop_ || Clock::now().time_since_epoch().count() > deadline_;
 }
 
-int FfmpegInput::must_stop(void* self) {
+int FfmpegInput::should_interrupt(void* self) {
   return static_cast<const FfmpegInput*>(self)->stopping() ? 1 : 0;
 }
 
-void FfmpegInput::open(AvOptions& options) {
+void FfmpegInput::open(FfmpegOptions& options) {
   const auto refuse = [&](int code, const std::string& what, const std::string& advice) {
     if (code == AVERROR_EXIT || code == AVERROR(ETIMEDOUT)) {
       return Error::failed("nothing came in time", address_.shown,
                            "Check that the camera is switched on and sends, and the address");
     }
-    return Error::bad_input(fmt::format("{}: {}", what, av_reason(code)), address_.shown, advice);
+    return Error::bad_input(fmt::format("{}: {}", what, av_error_text(code)), address_.shown,
+                            advice);
   };
-  AVFormatContext* context = or_no_memory(avformat_alloc_context());
-  context->interrupt_callback = {must_stop, this};
+  AVFormatContext* context = check_allocation(avformat_alloc_context());
+  context->interrupt_callback = {should_interrupt, this};
   if (address_.kind == FfmpegAddress::Kind::kPipe) {
     try {
       pipe_ = std::make_unique<PipeReader>(address_.url, [this] { return stopping(); });
@@ -119,7 +121,7 @@ double FfmpegInput::fps() const {
   }
   // Of these the tick of the time stamps is the period of the frames, where it is not tiny.
   const bool by_ticks = address_.kind == FfmpegAddress::Kind::kDevice ||
-                        address_.kind == FfmpegAddress::Kind::kGraph ||
+                        address_.kind == FfmpegAddress::Kind::kFilterGraph ||
                         std::strcmp(context_->iformat->name, "rawvideo") == 0;
   const AVRational tick = stream().time_base;
   constexpr int kFastest = 1000;
@@ -127,7 +129,7 @@ double FfmpegInput::fps() const {
   return 0;
 }
 
-std::size_t FfmpegInput::memory_beside() const {
+std::size_t FfmpegInput::memory_overhead() const {
   using Kind = FfmpegAddress::Kind;
   const AVCodecParameters& video = *stream().codecpar;
   const auto pixels =
@@ -148,11 +150,11 @@ std::size_t FfmpegInput::memory_beside() const {
 }
 
 void FfmpegInput::start() {
-  reader_ = std::thread([this] { read_all(); });
+  reader_ = std::thread([this] { read_packets(); });
 }
 
 /// One packet of ours, or FFmpeg's reason why there is none.
-int FfmpegInput::read_one(AVPacket& packet) {
+int FfmpegInput::read_packet(AVPacket& packet) {
   for (;;) {
     const int code = av_read_frame(context_.get(), &packet);
     if (code == AVERROR(EAGAIN)) {
@@ -165,20 +167,20 @@ int FfmpegInput::read_one(AVPacket& packet) {
   }
 }
 
-void FfmpegInput::read_all() {
+void FfmpegInput::read_packets() {
   while (!stop_) {
-    Packet next{AvOwned<AVPacket>(av_packet_alloc()), 0};
-    const int code = next.packet ? read_one(*next.packet) : AVERROR(ENOMEM);
+    Packet next{AvPtr<AVPacket>(av_packet_alloc()), 0};
+    const int code = next.packet ? read_packet(*next.packet) : AVERROR(ENOMEM);
     if (code < 0) {
       end(code);
       return;
     }
     next.arrival_utc = host_utc_now();
     if (address_.kind == FfmpegAddress::Kind::kDevice ||
-        address_.kind == FfmpegAddress::Kind::kGraph) {
+        address_.kind == FfmpegAddress::Kind::kFilterGraph) {
       // The bytes may be the driver's own, which has few such buffers and takes them back when it
       // is closed; or a graph's, which keeps as many as were ever out at once.
-      AvOwned<AVPacket> copy(av_packet_alloc());
+      AvPtr<AVPacket> copy(av_packet_alloc());
       if (!copy || av_new_packet(copy.get(), next.packet->size) < 0) {
         end(AVERROR(ENOMEM));
         return;
@@ -201,8 +203,8 @@ void FfmpegInput::end(int code) {
   {
     const std::scoped_lock lock(mutex_);
     over_ = true;
-    lost_ = code != AVERROR_EOF || !may_end();
-    why_lost_ = code == AVERROR_EOF ? at_end : av_reason(code);
+    lost_ = code != AVERROR_EOF || !is_finite_stream();
+    loss_reason_ = code == AVERROR_EOF ? at_end : av_error_text(code);
   }
   changed_.notify_all();
 }
@@ -219,13 +221,13 @@ FfmpegInput::Outcome FfmpegInput::take(Packet& packet, Clock::time_point deadlin
     changed_.notify_all();
     return Outcome::kPacket;
   }
-  if (!over_) return Outcome::kNothing;
+  if (!over_) return Outcome::kNoData;
   return lost_ ? Outcome::kLost : Outcome::kEnded;
 }
 
-std::string FfmpegInput::why_lost() {
+std::string FfmpegInput::loss_reason() {
   const std::scoped_lock lock(mutex_);
-  return lost_ ? why_lost_ : std::string();
+  return lost_ ? loss_reason_ : std::string();
 }
 
 void FfmpegInput::interrupt() {

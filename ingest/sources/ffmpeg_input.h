@@ -11,10 +11,10 @@
 #include <string>
 #include <thread>
 
+#include "base/time.h"
 #include "ingest/sources/ffmpeg_address.h"
-#include "ingest/sources/ffmpeg_handles.h"
+#include "ingest/sources/ffmpeg_pointers.h"
 #include "ingest/sources/pipe_reader.h"
-#include "schemas/time.h"
 
 namespace raystage {
 
@@ -26,14 +26,14 @@ class FfmpegInput {
   using Clock = std::chrono::steady_clock;
 
   struct Packet {
-    AvOwned<AVPacket> packet;
+    AvPtr<AVPacket> packet;
     Nanoseconds arrival_utc = 0;
   };
-  enum class Outcome { kPacket, kNothing, kEnded, kLost };
+  enum class Outcome { kPacket, kNoData, kEnded, kLost };
 
   /// Opens within 10 s or throws Error: bad input where there is nothing to open or no video in it,
   /// failed where nothing came in time. What is left in `options` nobody knew so far.
-  FfmpegInput(FfmpegAddress address, AvOptions& options);
+  FfmpegInput(FfmpegAddress address, FfmpegOptions& options);
   ~FfmpegInput();
   FfmpegInput(const FfmpegInput&) = delete;
   FfmpegInput& operator=(const FfmpegInput&) = delete;
@@ -42,35 +42,35 @@ class FfmpegInput {
   const AVInputFormat& format() const { return *context_->iformat; }
   const AVStream& stream() const { return *context_->streams[stream_]; }
   /// Files, graphs and pipes end. A camera does not, unless it said how much it would send.
-  bool may_end() const { return !address_.is_live() || context_->duration > 0; }
+  bool is_finite_stream() const { return !address_.is_live() || context_->duration > 0; }
   /// Nominal frames per second; 0: unknown.
   double fps() const;
 
   /// Bytes of what is read ahead and of FFmpeg's own, at most about.
-  std::size_t memory_beside() const;
+  std::size_t memory_overhead() const;
 
   /// Starts reading; packets may be taken from now on.
   void start();
   Outcome take(Packet& packet, Clock::time_point deadline);
   /// After kLost.
-  std::string why_lost();
-  /// Makes a waiting take() return kNothing, or else the next one.
+  std::string loss_reason();
+  /// Makes a waiting take() return kNoData, or else the next one.
   void interrupt();
 
  private:
-  static int must_stop(void* self);
+  static int should_interrupt(void* self);
   bool stopping() const;
-  void open(AvOptions& options);
+  void open(FfmpegOptions& options);
   bool needs_probing() const;
-  void read_all();
-  int read_one(AVPacket& packet);
+  void read_packets();
+  int read_packet(AVPacket& packet);
   void end(int code);
 
   FfmpegAddress address_;
   std::atomic<bool> stop_ = false;
   std::atomic<Clock::rep> deadline_{};  ///< of opening
   std::unique_ptr<PipeReader> pipe_;
-  AvOwned<AVFormatContext> context_;
+  AvPtr<AVFormatContext> context_;
   int stream_ = -1;
   bool probed_ = false;
 
@@ -78,7 +78,7 @@ class FfmpegInput {
   std::condition_variable changed_;
   std::deque<Packet> packets_;
   bool interrupted_ = false, over_ = false, lost_ = false;
-  std::string why_lost_;
+  std::string loss_reason_;
   std::thread reader_;
 };
 

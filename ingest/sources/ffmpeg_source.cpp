@@ -8,11 +8,11 @@
 #include <cstring>
 #include <utility>
 
+#include "base/error.h"
 #include "ingest/sources/ffmpeg_input.h"
 #include "ingest/sources/interruptible_wait.h"
-#include "ingest/sources/jpeg_check.h"
+#include "ingest/sources/jpeg_markers.h"
 #include "ingest/sources/pixel_conversion.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -34,7 +34,7 @@ Stamps stamps_of(const FfmpegInput& input) {
   return by_sender ? Stamps::kDevice : Stamps::kNone;
 }
 
-AvOptions& set_all(AvOptions& options, const RecordConfig::FfmpegSource& source) {
+FfmpegOptions& set_all(FfmpegOptions& options, const RecordConfig::FfmpegSource& source) {
   for (const auto& [name, value] : source.options) options.set(name, value);
   return options;
 }
@@ -43,7 +43,7 @@ class FfmpegSource final : public FrameSource {
  public:
   FfmpegSource(const RecordConfig::FfmpegSource& source, const std::filesystem::path& base)
       : realtime_(source.realtime),
-        input_(ffmpeg_address(source, base), set_all(options_, source)),
+        input_(resolve_ffmpeg_address(source, base), set_all(options_, source)),
         stamps_(stamps_of(input_)) {
     const AVCodecParameters& parameters = *input_.stream().codecpar;
     if (parameters.codec_id != AV_CODEC_ID_MJPEG) open_decoder(parameters);
@@ -71,7 +71,7 @@ class FfmpegSource final : public FrameSource {
     if (realtime_) {
       const Clock::time_point due = due_time();
       if (due > Clock::now() && (!pace_.until(std::min(due, deadline)) || due > deadline)) {
-        return Outcome::kNothing;
+        return Outcome::kNoData;
       }
       held_.arrival_utc = host_utc_now();
     }
@@ -84,8 +84,10 @@ class FfmpegSource final : public FrameSource {
     return Outcome::kFrame;
   }
 
-  std::string why_lost() const override { return why_lost_; }
-  std::size_t memory_beside() const override { return input_.memory_beside() + decoder_memory(); }
+  std::string loss_reason() const override { return loss_reason_; }
+  std::size_t memory_overhead() const override {
+    return input_.memory_overhead() + decoder_memory();
+  }
 
   void interrupt() override {
     input_.interrupt();
@@ -100,17 +102,17 @@ class FfmpegSource final : public FrameSource {
           fmt::format("FFmpeg has no decoder for {}", avcodec_get_name(parameters.codec_id)),
           input_.address().shown, "Set the camera to a codec that `ffmpeg -decoders` lists");
     }
-    codec_.reset(or_no_memory(avcodec_alloc_context3(decoder)));
+    codec_.reset(check_allocation(avcodec_alloc_context3(decoder)));
     codec_->thread_count = 1;  // there are as many decoders as cameras
     int code = avcodec_parameters_to_context(codec_.get(), &parameters);
     codec_->pkt_timebase = input_.stream().time_base;
     if (input_.address().is_live()) codec_->flags |= AV_CODEC_FLAG_LOW_DELAY;
     if (code >= 0) code = avcodec_open2(codec_.get(), decoder, options_.get());
     if (code < 0) {
-      throw Error::bad_input("the decoder does not start: " + av_reason(code),
+      throw Error::bad_input("the decoder does not start: " + av_error_text(code),
                              input_.address().shown, "Check the options");
     }
-    picture_.reset(or_no_memory(av_frame_alloc()));
+    picture_.reset(check_allocation(av_frame_alloc()));
   }
 
   void describe(const AVCodecParameters& parameters) {
@@ -123,11 +125,11 @@ class FfmpegSource final : public FrameSource {
     description_.height = parameters.height;
     description_.fps = input_.fps();
     description_.delivers_jpeg = !codec_;
-    description_.live = !input_.may_end();
+    description_.live = !input_.is_finite_stream();
     description_.waits = input_.address().kind == FfmpegAddress::Kind::kFile ||
-                         input_.address().kind == FfmpegAddress::Kind::kGraph;
+                         input_.address().kind == FfmpegAddress::Kind::kFilterGraph;
     description_.clock = stamps_ == Stamps::kDevice ? "device" : "host";
-    description_.time_marks = stamps_ == Stamps::kNone ? "arrival" : "unknown";
+    description_.timestamp_event = stamps_ == Stamps::kNone ? "arrival" : "unknown";
   }
 
   /// Bytes of the decoder's pictures, at most about.
@@ -152,14 +154,14 @@ class FfmpegSource final : public FrameSource {
     const Outcome outcome = produce(Clock::now() + kFirstFrameWithin);
     if (outcome != Outcome::kFrame) {
       throw Error::failed(
-          outcome == Outcome::kNothing
+          outcome == Outcome::kNoData
               ? "no frame came within 10 seconds"
               : fmt::format("no frame came: {}",
-                            outcome == Outcome::kLost ? why_lost_ : "the stream ended"),
+                            outcome == Outcome::kLost ? loss_reason_ : "the stream ended"),
           input_.address().shown, "Check that the camera is switched on and sends");
     }
     has_held_ = true;
-    const JpegGlance glance = glance_at_jpeg(held_.jpeg);
+    const JpegMarkerInfo glance = scan_jpeg_markers(held_.jpeg);
     description_.width = codec_ ? held_.raw.width : glance.width;
     description_.height = codec_ ? held_.raw.height : glance.height;
   }
@@ -181,11 +183,11 @@ class FfmpegSource final : public FrameSource {
       }
       FfmpegInput::Packet next;
       switch (input_.take(next, deadline)) {
-        case FfmpegInput::Outcome::kNothing:
-          return Outcome::kNothing;
+        case FfmpegInput::Outcome::kNoData:
+          return Outcome::kNoData;
         case FfmpegInput::Outcome::kLost:
           ending_ = Outcome::kLost;
-          why_lost_ = input_.why_lost();
+          loss_reason_ = input_.loss_reason();
           [[fallthrough]];
         case FfmpegInput::Outcome::kEnded:
           // The decoder may still hold pictures.
@@ -218,14 +220,14 @@ class FfmpegSource final : public FrameSource {
     held_.jpeg.assign(bytes, bytes + next.packet->size);
     held_.arrival_utc = next.arrival_utc;
     held_.torn =
-        (next.packet->flags & AV_PKT_FLAG_CORRUPT) != 0 || !glance_at_jpeg(held_.jpeg).whole;
+        (next.packet->flags & AV_PKT_FLAG_CORRUPT) != 0 || !scan_jpeg_markers(held_.jpeg).whole;
     stamp(next.packet->pts);
   }
 
   void hold_picture() {
     held_ = {};
     // A frame of its own, so that the decoder may go on while this one waits.
-    const std::shared_ptr<AVFrame> owner(or_no_memory(av_frame_alloc()), AvCloser{});
+    const std::shared_ptr<AVFrame> owner(check_allocation(av_frame_alloc()), AvDeleter{});
     av_frame_move_ref(owner.get(), picture_.get());
     held_.torn = owner->decode_error_flags != 0 || (owner->flags & AV_FRAME_FLAG_CORRUPT) != 0 ||
                  packet_torn_;
@@ -270,11 +272,11 @@ class FfmpegSource final : public FrameSource {
   }
 
   bool realtime_;
-  AvOptions options_;
+  FfmpegOptions options_;
   FfmpegInput input_;
   Stamps stamps_;
-  AvOwned<AVCodecContext> codec_;  ///< null for Motion JPEG
-  AvOwned<AVFrame> picture_;
+  AvPtr<AVCodecContext> codec_;  ///< null for Motion JPEG
+  AvPtr<AVFrame> picture_;
   PixelConverter converter_;
   SourceDescription description_;
   SourceFrame held_;
@@ -283,7 +285,7 @@ class FfmpegSource final : public FrameSource {
   Nanoseconds packet_arrival_ = 0;
   bool packet_torn_ = false;
   Outcome ending_ = Outcome::kEnded;
-  std::string why_lost_;
+  std::string loss_reason_;
   InterruptibleWait pace_;
   bool playing_ = false;
   std::optional<Nanoseconds> media_time_;
@@ -293,8 +295,8 @@ class FfmpegSource final : public FrameSource {
 
 }  // namespace
 
-std::unique_ptr<FrameSource> ffmpeg_source(const RecordConfig::FfmpegSource& source,
-                                           const std::filesystem::path& base) {
+std::unique_ptr<FrameSource> open_ffmpeg_source(const RecordConfig::FfmpegSource& source,
+                                                const std::filesystem::path& base) {
   av_log_set_level(AV_LOG_QUIET);  // what is wrong is said once, by our Error
   return std::make_unique<FfmpegSource>(source, base);
 }

@@ -9,11 +9,11 @@
 #include <cmath>
 #include <thread>
 
-#include "ingest/sources/jpeg_check.h"
-#include "ingest/sources/test_pictures.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "ingest/sources/jpeg_markers.h"
+#include "testing/ingest/test_pictures.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -36,7 +36,7 @@ std::vector<std::vector<std::byte>> numbered(const std::filesystem::path& folder
 TEST(FfmpegFile, NumberedImagesComeByteForByte) {
   const TestFolder folder;
   const auto files = numbered(folder.path(), {32, 32, 48, 32});
-  const auto source = ffmpeg_source(
+  const auto source = open_ffmpeg_source(
       {.url = "%03d.jpg", .format = "", .options = {}, .realtime = false}, folder.path());
   EXPECT_EQ(source->description().width, 32);
   SourceFrame frame;
@@ -46,13 +46,13 @@ TEST(FfmpegFile, NumberedImagesComeByteForByte) {
   }
   EXPECT_EQ(source->next(frame, 2000ms), Outcome::kEnded);
   EXPECT_EQ(source->next(frame, 2000ms), Outcome::kEnded);
-  EXPECT_TRUE(source->why_lost().empty());
+  EXPECT_TRUE(source->loss_reason().empty());
 }
 
 TEST(FfmpegFile, WhatWasReadAheadArrivesWhenItIsTaken) {
   const TestFolder folder;
   numbered(folder.path(), std::vector<int>(20, 32));
-  const auto source = ffmpeg_source(
+  const auto source = open_ffmpeg_source(
       {.url = "%03d.jpg", .format = "", .options = {}, .realtime = false}, folder.path());
   EXPECT_FALSE(source->description().live);
   std::this_thread::sleep_for(50ms);
@@ -67,7 +67,7 @@ TEST(FfmpegFile, WhatWasReadAheadArrivesWhenItIsTaken) {
 TEST(FfmpegFile, RealtimeKeepsThePaceOfTheFile) {
   const TestFolder folder;
   numbered(folder.path(), {32, 32, 32, 32, 32, 32});
-  const auto source = ffmpeg_source(
+  const auto source = open_ffmpeg_source(
       {.url = "%03d.jpg", .format = "", .options = {{"framerate", "20"}}, .realtime = true},
       folder.path());
   EXPECT_EQ(source->description().fps, 20);
@@ -75,9 +75,9 @@ TEST(FfmpegFile, RealtimeKeepsThePaceOfTheFile) {
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
   const auto start = Clock::now();
   const Nanoseconds first = frame.arrival_utc;
-  EXPECT_EQ(source->next(frame, 1ms), Outcome::kNothing);
+  EXPECT_EQ(source->next(frame, 1ms), Outcome::kNoData);
   source->interrupt();
-  EXPECT_EQ(source->next(frame, 1000ms), Outcome::kNothing);
+  EXPECT_EQ(source->next(frame, 1000ms), Outcome::kNoData);
   for (int i = 1; i < 6; ++i) ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
   EXPECT_GE(Clock::now() - start, 240ms);
   EXPECT_GE(frame.arrival_utc - first, 240'000'000);
@@ -89,7 +89,8 @@ TEST(FfmpegFile, MissingAndWrongFilesAreBadInput) {
   write_file_atomically(folder.path() / "text.mkv", std::string_view("no movie"));
   for (const char* name : {"missing.mkv", "text.mkv", "%05d.jpg"}) {
     try {
-      ffmpeg_source({.url = name, .format = "", .options = {}, .realtime = false}, folder.path());
+      open_ffmpeg_source({.url = name, .format = "", .options = {}, .realtime = false},
+                         folder.path());
       ADD_FAILURE() << name;
     } catch (const Error& error) {
       EXPECT_EQ(error.exit_code(), ExitCode::kBadInput);
@@ -102,7 +103,7 @@ TEST(FfmpegFile, OptionsWithImpossibleValuesAreRefused) {
   const TestFolder folder;
   numbered(folder.path(), {32});
   EXPECT_THROW(
-      ffmpeg_source(
+      open_ffmpeg_source(
           {.url = "%03d.jpg", .format = "", .options = {{"framerate", "fast"}}, .realtime = false},
           folder.path()),
       Error);

@@ -12,11 +12,11 @@
 #include <csignal>
 #include <future>
 
+#include "base/error.h"
 #include "ingest/sources/ffmpeg_source.h"
-#include "ingest/sources/test_pictures.h"
-#include "ingest/sources/test_server.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "testing/ingest/test_pictures.h"
+#include "testing/ingest/test_server.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -28,7 +28,8 @@ using Options = std::map<std::string, std::string>;
 
 std::unique_ptr<FrameSource> open(const std::string& url, const std::string& format = "",
                                   const Options& options = {}) {
-  return ffmpeg_source({.url = url, .format = format, .options = options, .realtime = false}, "/");
+  return open_ffmpeg_source({.url = url, .format = format, .options = options, .realtime = false},
+                            "/");
 }
 
 constexpr const char* kMultipart =
@@ -53,7 +54,7 @@ TEST(FfmpegStream, MultipartJpegComesByteForByteAndSizesMayChange) {
   EXPECT_EQ(source->description().height, 48);
   EXPECT_TRUE(source->description().delivers_jpeg);
   EXPECT_TRUE(source->description().live);
-  EXPECT_EQ(source->description().time_marks, "arrival");
+  EXPECT_EQ(source->description().timestamp_event, "arrival");
   EXPECT_THAT(source->description().what, ::testing::HasSubstr("mpjpeg http://127.0.0.1"));
   SourceFrame frame;
   Nanoseconds before = 0;
@@ -67,7 +68,7 @@ TEST(FfmpegStream, MultipartJpegComesByteForByteAndSizesMayChange) {
     before = frame.arrival_utc;
   }
   EXPECT_EQ(source->next(frame, 2000ms), Outcome::kLost);
-  EXPECT_FALSE(source->why_lost().empty());
+  EXPECT_FALSE(source->loss_reason().empty());
   EXPECT_EQ(source->next(frame, 0ms), Outcome::kLost);
 }
 
@@ -119,7 +120,7 @@ TEST(FfmpegStream, AStallLosesNothingAndCanBeInterrupted) {
   SourceFrame frame;
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
   auto start = Clock::now();
-  EXPECT_EQ(source->next(frame, 50ms), Outcome::kNothing);
+  EXPECT_EQ(source->next(frame, 50ms), Outcome::kNoData);
   EXPECT_GE(Clock::now() - start, 50ms);
   EXPECT_LT(Clock::now() - start, 1000ms);
   start = Clock::now();
@@ -127,7 +128,7 @@ TEST(FfmpegStream, AStallLosesNothingAndCanBeInterrupted) {
     std::this_thread::sleep_for(50ms);
     source->interrupt();
   });
-  EXPECT_EQ(source->next(frame, 10s), Outcome::kNothing);
+  EXPECT_EQ(source->next(frame, 10s), Outcome::kNoData);
   EXPECT_LT(Clock::now() - start, 5s);
   other.join();
   go_on.set_value();
@@ -234,7 +235,7 @@ TEST(FfmpegStream, RawVideoFromAPipeComesAsItIs) {
   SourceFrame frame;
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
   SourceFrame none;
-  EXPECT_EQ(source->next(none, 30ms), Outcome::kNothing);
+  EXPECT_EQ(source->next(none, 30ms), Outcome::kNoData);
   EXPECT_EQ(frame.raw.format, PixelFormat::kYuv420);
   std::vector<std::uint8_t> got;
   for (std::size_t plane = 0; plane < 3; ++plane) {
@@ -382,9 +383,9 @@ TEST(FfmpegStream, DevicesAreLoadedWhenAskedFor) {
 // Decoders and graphs keep as many pictures as were ever out at once.
 TEST(FfmpegStream, MemoryBesideIsThatOfItsPictures) {
   const std::size_t small =
-      open("lavfi:testsrc=size=640x480:rate=20:duration=0.5")->memory_beside();
+      open("lavfi:testsrc=size=640x480:rate=20:duration=0.5")->memory_overhead();
   const std::size_t large =
-      open("lavfi:testsrc=size=1280x960:rate=20:duration=0.5")->memory_beside();
+      open("lavfi:testsrc=size=1280x960:rate=20:duration=0.5")->memory_overhead();
   constexpr std::size_t kPicture = std::size_t{640} * 480 * 3;
   EXPECT_GT(small, 10 * kPicture);
   EXPECT_LT(small, 20 * kPicture);

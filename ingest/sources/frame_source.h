@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "schemas/time.h"
+#include "base/time.h"
 #include "store/jpeg/raw_image.h"
 
 namespace raystage {
@@ -34,18 +34,18 @@ struct SourceDescription {
   bool delivers_jpeg = false;
   bool live = true;  ///< goes on where nobody reads; else it waits, and has an end: a file, a pipe
   bool waits = false;  ///< not live, and nobody behind it loses anything meanwhile: not a pipe
-  std::string clock = "host";          ///< take.json's words: "host", "device", "simulated"
-  std::string time_marks = "arrival";  ///< what device_time (or else arrival) marks
+  std::string clock = "host";               ///< take.json's words: "host", "device", "simulated"
+  std::string timestamp_event = "arrival";  ///< what device_time (or else arrival) marks
 };
 
 /// Where one camera's frames come from. Used by one thread; `interrupt` may come from another.
 class FrameSource {
  public:
   enum class Outcome {
-    kFrame,    ///< `frame` is filled
-    kNothing,  ///< none came within the time given: ask again
-    kEnded,    ///< the end of a finite source
-    kLost      ///< the device or connection is gone; why_lost() says more
+    kFrame,   ///< `frame` is filled
+    kNoData,  ///< none came within the time given: ask again
+    kEnded,   ///< the end of a finite source
+    kLost     ///< the device or connection is gone; loss_reason() says more
   };
 
   FrameSource() = default;
@@ -56,10 +56,10 @@ class FrameSource {
   virtual const SourceDescription& description() const = 0;
   /// Waits for the next frame, at most about `patience`. Never throws for what a device does.
   virtual Outcome next(SourceFrame& frame, std::chrono::milliseconds patience) = 0;
-  virtual std::string why_lost() const { return {}; }
+  virtual std::string loss_reason() const { return {}; }
   /// Bytes that it takes beside the frames it has delivered and the one in its hands: what it reads
   /// ahead, its decoder's pictures, its driver's buffers. An estimate, from above.
-  virtual std::size_t memory_beside() const { return 0; }
+  virtual std::size_t memory_overhead() const { return 0; }
   /// Makes a waiting next() return soon. Thread-safe.
   virtual void interrupt() {}
 };

@@ -9,7 +9,7 @@
 #include <charconv>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -17,7 +17,7 @@ namespace {
 int open_pipe(const std::string& url) {
   if (url.starts_with("file:")) {
     // Not waiting for the other end: until it comes there is nothing to read.
-    return open(url.c_str() + 5, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    return ::open(url.c_str() + 5, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   }
   int number = 0;
   const std::string digits = url.substr(url.find(':') + 1);

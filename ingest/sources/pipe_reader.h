@@ -5,7 +5,7 @@
 #include <functional>
 #include <string>
 
-#include "ingest/sources/ffmpeg_handles.h"
+#include "ingest/sources/ffmpeg_pointers.h"
 
 namespace raystage {
 

@@ -158,7 +158,7 @@ void stretch_limited_range(std::uint8_t* data, std::size_t count) {
 
 bool PixelConverter::prepare(const Kind& kind) {
   if (scaler_ && kind == kind_) return true;
-  scaler_.reset(or_no_memory(sws_alloc_context()));
+  scaler_.reset(check_allocation(sws_alloc_context()));
   SwsContext* scaler = scaler_.get();
   const auto set = [&](const char* name, int value) { av_opt_set_int(scaler, name, value, 0); };
   set("srcw", kind.width);

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "ingest/sources/ffmpeg_handles.h"
+#include "ingest/sources/ffmpeg_pointers.h"
 #include "ingest/sources/frame_source.h"
 
 namespace raystage {
@@ -33,7 +33,7 @@ class PixelConverter {
   bool prepare(const Kind& kind);
 
   Kind kind_;
-  AvOwned<SwsContext> scaler_;
+  AvPtr<SwsContext> scaler_;
 };
 
 }  // namespace raystage

@@ -41,8 +41,8 @@ Triple full_601_from(const Triple& rgb) {
           128 + 255 * (rgb[0] - y) / (2 * (1 - kRec601.red))};
 }
 
-AvOwned<AVFrame> new_frame(AVPixelFormat format, AVColorRange range, AVColorSpace matrix) {
-  AvOwned<AVFrame> frame(or_no_memory(av_frame_alloc()));
+AvPtr<AVFrame> new_frame(AVPixelFormat format, AVColorRange range, AVColorSpace matrix) {
+  AvPtr<AVFrame> frame(check_allocation(av_frame_alloc()));
   frame->width = kWidth;
   frame->height = kHeight;
   frame->format = format;

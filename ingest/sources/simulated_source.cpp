@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "base/error.h"
 #include "ingest/sources/interruptible_wait.h"
-#include "ingest/sources/simulated_stage.h"
-#include "schemas/error.h"
+#include "ingest/sources/shared_simulation.h"
 
 namespace raystage {
 namespace {
@@ -18,7 +18,7 @@ constexpr std::uint64_t kDeviceBuffers = 8;
 class SimulatedSource final : public FrameSource {
  public:
   explicit SimulatedSource(const RecordConfig::SimulatedSource& source)
-      : stage_(SimulatedStage::shared(source)), loop_(stage_->loop(source.index)) {
+      : stage_(SharedSimulation::shared(source)), loop_(stage_->loop(source.index)) {
     description_ = {.what = fmt::format("simulated {}, camera {} of {}x{}", source.scene,
                                         source.index, source.rows, source.columns),
                     .width = source.width,
@@ -26,7 +26,7 @@ class SimulatedSource final : public FrameSource {
                     .fps = source.fps,
                     .delivers_jpeg = source.jpeg,
                     .clock = "simulated",
-                    .time_marks = "exposure_middle"};
+                    .timestamp_event = "exposure_middle"};
     next_ = first_after(Clock::now());
   }
 
@@ -39,7 +39,7 @@ class SimulatedSource final : public FrameSource {
     if (coming > next_ + kDeviceBuffers) next_ = coming - kDeviceBuffers;
     const Clock::time_point due = time_of(next_);
     if (due > now && (!wait_.until(std::min(due, deadline)) || due > deadline)) {
-      return Outcome::kNothing;
+      return Outcome::kNoData;
     }
     const SimulatedLoop::Exposure& shown = exposure(next_);
     frame.jpeg = shown.jpeg;
@@ -56,7 +56,7 @@ class SimulatedSource final : public FrameSource {
 
   void interrupt() override { wait_.interrupt(); }
   /// The pictures that were rendered beforehand, and a part of what the array's cameras share.
-  std::size_t memory_beside() const override {
+  std::size_t memory_overhead() const override {
     std::size_t bytes = stage_->memory() / static_cast<std::size_t>(stage_.use_count());
     for (const SimulatedLoop::Exposure& shown : loop_->exposures) {
       bytes += shown.jpeg.capacity() + shown.raw.bytes_in_memory();
@@ -65,7 +65,7 @@ class SimulatedSource final : public FrameSource {
   }
 
  private:
-  using Clock = SimulatedStage::Clock;
+  using Clock = SharedSimulation::Clock;
 
   const SimulatedLoop::Exposure& exposure(std::uint64_t number) const {
     return loop_->exposures[number % loop_->exposures.size()];
@@ -91,7 +91,7 @@ class SimulatedSource final : public FrameSource {
     return number;
   }
 
-  std::shared_ptr<SimulatedStage> stage_;
+  std::shared_ptr<SharedSimulation> stage_;
   std::shared_ptr<const SimulatedLoop> loop_;
   SourceDescription description_;
   InterruptibleWait wait_;
@@ -100,7 +100,7 @@ class SimulatedSource final : public FrameSource {
 
 }  // namespace
 
-std::unique_ptr<FrameSource> simulated_source(const RecordConfig::SimulatedSource& source) {
+std::unique_ptr<FrameSource> open_simulated_source(const RecordConfig::SimulatedSource& source) {
   if (source.index < 0 || source.index >= source.rows * source.columns) {
     throw Error::bad_input(fmt::format("camera {} is not in an array of {}x{}", source.index,
                                        source.rows, source.columns),

@@ -12,6 +12,6 @@ namespace raystage {
 /// stamped by its node's clock, with a frame counter. A few frames wait for a late reader; the rest
 /// is lost, and the counter shows it. Renders its frames now, unless another source with the same
 /// settings has. Throws Error (bad input) for settings that cannot be.
-std::unique_ptr<FrameSource> simulated_source(const RecordConfig::SimulatedSource& source);
+std::unique_ptr<FrameSource> open_simulated_source(const RecordConfig::SimulatedSource& source);
 
 }  // namespace raystage

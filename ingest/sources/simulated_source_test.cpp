@@ -9,9 +9,9 @@
 #include <cstdlib>
 #include <thread>
 
-#include "ingest/sources/jpeg_check.h"
-#include "ingest/sources/simulated_stage.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "ingest/sources/jpeg_markers.h"
+#include "ingest/sources/shared_simulation.h"
 
 namespace raystage {
 namespace {
@@ -32,7 +32,7 @@ RecordConfig::SimulatedSource small(int index) {
 }
 
 TEST(SimulatedSource, CamerasRunFreelyAtTheirOwnTimes) {
-  const auto left = simulated_source(small(0)), right = simulated_source(small(1));
+  const auto left = open_simulated_source(small(0)), right = open_simulated_source(small(1));
   EXPECT_EQ(left->description().clock, "simulated");
   EXPECT_FALSE(left->description().delivers_jpeg);
   SourceFrame frame;
@@ -57,7 +57,7 @@ TEST(SimulatedSource, CamerasRunFreelyAtTheirOwnTimes) {
 }
 
 TEST(SimulatedSource, WhatWaitedArrivedWhenItWasExposed) {
-  const auto source = simulated_source(small(0));
+  const auto source = open_simulated_source(small(0));
   std::this_thread::sleep_for(100ms);  // as while other cameras are opened: five frames wait
   SourceFrame frame;
   std::optional<Nanoseconds> offset;
@@ -75,7 +75,7 @@ TEST(SimulatedSource, TheSceneRunsToAndFro) {
   auto settings = small(0);
   settings.fps = 20;
   settings.seconds = 2;
-  SimulatedStage stage(settings);
+  SharedSimulation stage(settings);
   const auto loop = stage.loop(0);
   ASSERT_EQ(loop->exposures.size(), 80U);  // there and back
   const auto difference = [&](std::size_t a, std::size_t b) {
@@ -96,39 +96,39 @@ TEST(SimulatedSource, TheSceneRunsToAndFro) {
 }
 
 TEST(SimulatedSource, AllCamerasOfTheSameSettingsShareOneStage) {
-  const auto first = SimulatedStage::shared(small(0));
-  EXPECT_EQ(SimulatedStage::shared(small(1)), first);
+  const auto first = SharedSimulation::shared(small(0));
+  EXPECT_EQ(SharedSimulation::shared(small(1)), first);
   auto other = small(0);
   other.seed = 2;
-  EXPECT_NE(SimulatedStage::shared(other), first);
+  EXPECT_NE(SharedSimulation::shared(other), first);
 }
 
 TEST(SimulatedSource, MemoryBesideIsThatOfThePicturesAndAPartOfTheStage) {
   auto settings = small(0);
-  const auto first = simulated_source(settings);
-  const std::size_t stage = SimulatedStage::shared(settings)->memory();
+  const auto first = open_simulated_source(settings);
+  const std::size_t stage = SharedSimulation::shared(settings)->memory();
   // Ten pictures of 32 x 24, with rows of chroma padded to 64 bytes.
   constexpr std::size_t kPictures = std::size_t{10} * (24 * 64 + 2 * 12 * 64);
-  EXPECT_EQ(first->memory_beside(), kPictures + stage);
-  const auto second = simulated_source(small(1));
-  EXPECT_EQ(first->memory_beside(), kPictures + stage / 2);
+  EXPECT_EQ(first->memory_overhead(), kPictures + stage);
+  const auto second = open_simulated_source(small(1));
+  EXPECT_EQ(first->memory_overhead(), kPictures + stage / 2);
 }
 
 TEST(SimulatedSource, DeliversJpegAsAWebcamDoes) {
   auto settings = small(1);
   settings.jpeg = true;
-  const auto source = simulated_source(settings);
+  const auto source = open_simulated_source(settings);
   EXPECT_TRUE(source->description().delivers_jpeg);
   SourceFrame frame;
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
-  const JpegGlance glance = glance_at_jpeg(frame.jpeg);
+  const JpegMarkerInfo glance = scan_jpeg_markers(frame.jpeg);
   EXPECT_TRUE(glance.whole);
   EXPECT_EQ(glance.width, 32);
   EXPECT_EQ(glance.height, 24);
 }
 
 TEST(SimulatedSource, ALateReaderLosesFramesAndTheCounterShowsIt) {
-  const auto source = simulated_source(small(0));
+  const auto source = open_simulated_source(small(0));
   SourceFrame frame;
   ASSERT_EQ(source->next(frame, 2000ms), Outcome::kFrame);
   const std::uint64_t before = *frame.sequence;
@@ -141,7 +141,7 @@ TEST(SimulatedSource, PatienceEndsAndInterruptsAreHeard) {
   auto slow = small(0);
   slow.fps = 0.5;
   slow.seconds = 2;
-  const auto source = simulated_source(slow);
+  const auto source = open_simulated_source(slow);
   SourceFrame frame;
   while (source->next(frame, 0ms) == Outcome::kFrame) {
   }
@@ -157,10 +157,10 @@ TEST(SimulatedSource, PatienceEndsAndInterruptsAreHeard) {
 
 TEST(SimulatedSource, WhatCannotBeIsRefused) {
   auto settings = small(2);
-  EXPECT_THROW(simulated_source(settings), Error);
+  EXPECT_THROW(open_simulated_source(settings), Error);
   settings = small(0);
   settings.scene = "nowhere";
-  EXPECT_THROW(simulated_source(settings), Error);
+  EXPECT_THROW(open_simulated_source(settings), Error);
 }
 
 }  // namespace

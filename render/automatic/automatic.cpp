@@ -7,8 +7,8 @@
 #include <cmath>
 #include <optional>
 
-#include "render/automatic/left_out_camera.h"
-#include "rig/sampling_limits.h"
+#include "render/automatic/leave_one_out.h"
+#include "rig/plenoptic_sampling.h"
 
 namespace raystage {
 namespace {
@@ -33,15 +33,15 @@ struct Work {
 Work work_of(const ViewRequest& request, double disparity) {
   const double samples = static_cast<double>(request.supersampling) * request.supersampling;
   Work work{static_cast<double>(request.view.width) * request.view.height / samples, 0, disparity};
-  for (const int camera : request.instant.members) {
+  for (const int camera : request.instant.included_cameras) {
     const CameraModel& model = request.instant.rig->cameras[static_cast<std::size_t>(camera)].model;
     work.source_pixels += static_cast<double>(model.width()) * model.height();
   }
   return work;
 }
 
-/// What a frame costs on the two threads that Target::seconds_per_frame speaks of.
-double seconds_per_frame(const Candidate& c, const Work& work) {
+/// What a frame costs on the two threads that QualityTarget::seconds_per_frame speaks of.
+double seconds_per_frame(const MethodCandidate& c, const Work& work) {
   return 1e-9 / 2 *
          (work.pixels * (c.pixel_ns + c.disparity_ns * work.disparity) +
           work.source_pixels * c.instant_ns);
@@ -52,10 +52,10 @@ std::string in_time(double seconds) {
                      : fmt::format("{:.1f} s a frame", seconds);
 }
 
-std::string measured(const LeftOutQuality& quality) {
+std::string measured(const LeaveOneOutQuality& quality) {
   std::string text =
       fmt::format("{:.1f} dB ({:.1f} less a spread of {:.1f}) at {} cameras left out",
-                  quality.expected_db(), quality.mean_db, quality.deviation_db, quality.cameras);
+                  quality.expected_db(), quality.mean_db, quality.stddev_db, quality.cameras);
   if (quality.covered < kLeastCovered) {
     text += fmt::format(", but {:.0f} % of their pictures covered", quality.covered * 100);
   }
@@ -63,18 +63,19 @@ std::string measured(const LeftOutQuality& quality) {
 }
 
 /// choose(), in a scene of this depth range; `request` is on eq. 2.2's plane.
-Choice choose_by_range(std::span<const Candidate> candidates, const Target& target,
-                       const ViewRequest& request, const DepthRange& scene) {
-  const Instant& instant = request.instant;
-  const double spacing = camera_spacing(*instant.rig, *instant.complete);
+MethodChoice choose_by_range(std::span<const MethodCandidate> candidates,
+                             const QualityTarget& target, const ViewRequest& request,
+                             const DepthRange& scene) {
+  const LightFieldFrame& instant = request.instant;
+  const double spacing = max_neighbour_baseline(*instant.rig, *instant.complete);
   const double focal_length = longest_focal_length(*instant.rig);
   const double disparity = disparity_range(focal_length, spacing, scene);
-  if (disparity <= kAliasFreeDisparity) {
+  if (disparity <= kMaxAliasFreeDisparity) {
     return {0, fmt::format("{}: cameras {:.3g} mm apart, and up to {:.3g} mm a single plane, "
                            "{:.4g} m off, is free of ghosts (eq. 2.1)",
                            candidates[0].label, spacing * 1e3,
-                           largest_alias_free_spacing(focal_length, scene) * 1e3,
-                           best_focal_depth(scene))};
+                           max_alias_free_baseline(focal_length, scene) * 1e3,
+                           optimal_focal_depth(scene))};
   }
 
   const Work work = work_of(request, disparity);
@@ -108,11 +109,11 @@ Choice choose_by_range(std::span<const Candidate> candidates, const Target& targ
   }
   std::ranges::sort(in_reach, {},
                     [&](std::size_t i) { return seconds_per_frame(candidates[i], work); });
-  std::optional<LeftOutQuality> best_measured;
+  std::optional<LeaveOneOutQuality> best_measured;
   for (const std::size_t i : in_reach) {
     if (i == best) break;
-    const LeftOutQuality quality =
-        quality_at_left_out_cameras(*candidates[i].method, candidates[i].options, request);
+    const LeaveOneOutQuality quality =
+        measure_leave_one_out_quality(*candidates[i].method, candidates[i].options, request);
     if (quality.cameras == 0) {
       return {best, fmt::format("{}: the most accurate in reach, {}; no camera stands between "
                                 "three others, so that none can be left out to measure",
@@ -136,8 +137,8 @@ Choice choose_by_range(std::span<const Candidate> candidates, const Target& targ
 }
 
 /// choose(), but for saying what was not measured.
-Choice chosen(std::span<const Candidate> candidates, const Target& target,
-              const ViewRequest& request) {
+MethodChoice chosen(std::span<const MethodCandidate> candidates, const QualityTarget& target,
+                    const ViewRequest& request) {
   const auto range = target.scene ? target.scene : request.instant.take->document().depth_range;
   if (!range) {
     return {0, fmt::format("{}: the take has no depth range, which the others need",
@@ -145,18 +146,18 @@ Choice chosen(std::span<const Candidate> candidates, const Target& target,
   }
   // The sampling theorem speaks of this plane; on any other more is out of focus.
   ViewRequest on_best = request;
-  on_best.focal_plane = plane_in_front_of(*request.instant.rig, best_focal_depth(*range));
-  Choice choice = choose_by_range(candidates, target, on_best, *range);
+  on_best.focal_plane = fronto_parallel_plane(*request.instant.rig, optimal_focal_depth(*range));
+  MethodChoice choice = choose_by_range(candidates, target, on_best, *range);
   choice.focal_plane = on_best.focal_plane;
   return choice;
 }
 
 }  // namespace
 
-Choice choose(std::span<const Candidate> candidates, const Target& target,
-              const ViewRequest& request) {
-  Choice choice = chosen(candidates, target, request);
-  if (target.psnr_db > 0 && !choice.met_at_left_out_cameras) {
+MethodChoice choose(std::span<const MethodCandidate> candidates, const QualityTarget& target,
+                    const ViewRequest& request) {
+  MethodChoice choice = chosen(candidates, target, request);
+  if (target.psnr_db > 0 && !choice.meets_target_leave_one_out) {
     choice.why += fmt::format("; its own error is not measured, may miss the {:.1f} dB asked for",
                               target.psnr_db);
   }

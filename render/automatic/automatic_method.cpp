@@ -4,14 +4,14 @@
 #include <array>
 #include <filesystem>
 
+#include "base/error.h"
 #include "render/automatic/automatic.h"
-#include "render/automatic/off_array.h"
+#include "render/automatic/extrapolation_note.h"
+#include "render/common/large_buffer.h"
+#include "render/common/scene_depth_range.h"
 #include "render/depth/depth.h"
-#include "render/matching/large_buffer.h"
 #include "render/planar/focal_plane.h"
 #include "render/sweep/plane_sweep.h"
-#include "render/view/scene_depths.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -40,7 +40,7 @@ constexpr std::array kOptions{
 /// and straight lines through these. The later run has, for shop, 8, 133, 257 and 332: what chooses
 /// is their proportion, and no candidate passes another. What an instant costs depth: 38.4 s of the
 /// processor for shop's 64 cameras of 960x640, all told; chess takes less (660 ns).
-std::vector<Candidate> candidates() {
+std::vector<MethodCandidate> candidates() {
   return {
       {.label = "focal_plane", .method = &focal_plane_method(), .pixel_ns = 10},
       {.label = "plane_sweep with few planes",
@@ -57,21 +57,21 @@ std::vector<Candidate> candidates() {
 /// The depth range that the options say, if they do.
 std::optional<DepthRange> scene_told(const ViewRequest& request) {
   if (request.options.number("near") == 0 && request.options.number("far") == 0) return {};
-  return scene_depths(request.options, *request.instant.take, "auto");
+  return scene_depth_range(request.options, *request.instant.take, "auto");
 }
 
 RenderedView render_with(const ViewRequest& request, bool reference) {
-  const Target target{request.options.number("target_error"), request.options.number("target_time"),
-                      scene_told(request)};
-  std::vector<Candidate> all = candidates();
-  for (Candidate& candidate : all) {
+  const QualityTarget target{request.options.number("target_error"),
+                             request.options.number("target_time"), scene_told(request)};
+  std::vector<MethodCandidate> all = candidates();
+  for (MethodCandidate& candidate : all) {
     if (!target.scene || candidate.method->uses_focal_plane()) continue;
     for (const char* name : {"near", "far"}) {
       candidate.options[name] = request.options.number(name);
     }
   }
   if (request.measure_coverage) {
-    std::erase_if(all, [](const Candidate& c) { return !c.method->measures_coverage(); });
+    std::erase_if(all, [](const MethodCandidate& c) { return !c.method->measures_coverage(); });
   }
   // Within a renderer take and cameras are the same throughout.
   const std::string key =
@@ -79,13 +79,13 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                   request.options.number("near"), request.options.number("far"),
                   request.view.width / request.supersampling,
                   request.view.height / request.supersampling, all.size());
-  const auto choice = request.kept.get<Choice>(key, [&](std::size_t& bytes) {
+  const auto choice = request.kept.get<MethodChoice>(key, [&](std::size_t& bytes) {
     bytes = 0;  // stays: what is rendered must not depend on the memory that others need
-    auto chosen = std::make_shared<const Choice>(choose(all, target, request));
+    auto chosen = std::make_shared<const MethodChoice>(choose(all, target, request));
     request.buffers.release();  // another method than the chosen may have left them
     return chosen;
   });
-  const Candidate& chosen = all[choice->candidate];
+  const MethodCandidate& chosen = all[choice->candidate];
   const MethodOptions options(chosen.method->options(), chosen.options, "auto");
   const ViewRequest inner{request.view,
                           request.instant,
@@ -99,7 +99,7 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                           request.use_take_folder,
                           request.supersampling,
                           request.first_row,
-                          request.whole_height};
+                          request.full_height};
   RenderedView view =
       reference ? chosen.method->render_reference(inner) : chosen.method->render(inner);
   std::string note = "auto: " + choice->why;
@@ -108,8 +108,8 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
                         request.supersampling * request.supersampling);
   }
   view.notes.push_back(std::move(note));
-  if (choice->met_at_left_out_cameras) {
-    if (auto beyond = off_array_note(request.view, request.instant)) {
+  if (choice->meets_target_leave_one_out) {
+    if (auto beyond = extrapolation_note(request.view, request.instant)) {
       view.notes.push_back("auto: " + *beyond);
     }
   }
@@ -135,13 +135,13 @@ class AutomaticMethod final : public Method {
     return render_with(request, true);
   }
   /// The instants that are measured are the timeline's ticks.
-  std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
-                                                const FrameSelection& /*frames*/) const override {
+  std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
+                                                 const FrameSelection& /*frames*/) const override {
     const std::filesystem::path timeline = take.folder() / "timeline.zst";
     if (options.number("target_error") == 0 || !std::filesystem::exists(timeline)) return {};
     return {timeline};
   }
-  void check_rays(const MethodOptions&) const override {
+  void check_ray_support(const MethodOptions&) const override {
     throw Error::bad_input("the method auto chooses for views, not for single rays", "method auto",
                            "Name the method whose rays are wanted");
   }

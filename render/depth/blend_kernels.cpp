@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Kernels of the blending by depths, up to 64 pixels at a time: compute_visibility() compares a
+// view's points with a camera's inverse depths (bilinear ramp behind the surface);
+// blend_reweighted() computes the mean of the cameras' samples by iteratively reweighted least
+// squares with Cauchy weights (2 rounds). Cost: O(pixels x cameras x rounds). Must match the per-
+// pixel double computation in depth_reference.cpp.
 #include "render/depth/blend_kernels.h"
 
 #include <algorithm>
@@ -31,15 +36,15 @@ void visibility(const VisibilityRun& run) {
   const auto right_most = hn::Set(di, width - 1), lowest = hn::Set(di, height - 1);
   const auto next = hn::Set(di, 1), pitch = hn::Set(di, width);
   // (hidden - excess / tolerance) / (hidden - 1), cut off at 0 and 1.
-  const auto slope = hn::Set(d, 1 / (run.tolerance * (kHiddenBehind - 1)));
-  const auto top = hn::Set(d, kHiddenBehind / (kHiddenBehind - 1));
+  const auto slope = hn::Set(d, 1 / (run.tolerance * (kOcclusionRamp - 1)));
+  const auto top = hn::Set(d, kOcclusionRamp / (kOcclusionRamp - 1));
   const float* values = run.depths->values.data();
   const float* blocks = run.nearest->values.data();
   const auto block_pitch = hn::Set(di, run.nearest->width);
   const auto tolerance = hn::Set(d, run.tolerance);
-  HWY_ALIGN float inverse_depth[kMostRun], visible[kMostRun];
+  HWY_ALIGN float inverse_depth[kMaxRunPixels], visible[kMaxRunPixels];
   std::copy(run.inverse_depth.begin(), run.inverse_depth.end(), inverse_depth);
-  std::fill(inverse_depth + count, inverse_depth + std::min(kMostRun, count + lanes), 0.0F);
+  std::fill(inverse_depth + count, inverse_depth + std::min(kMaxRunPixels, count + lanes), 0.0F);
   for (int i = 0; i < count; i += lanes) {
     const auto place = transfer.at(d, run.x + i, hn::Load(d, inverse_depth + i));
     const auto u = hn::Min(hn::Max(hn::Sub(place.u, half), zero), last_x);
@@ -48,8 +53,8 @@ void visibility(const VisibilityRun& run) {
     const auto right = hn::Sub(u, hn::ConvertTo(d, x0)), down = hn::Sub(v, hn::ConvertTo(d, y0));
     const auto x1 = hn::Min(hn::Add(x0, next), right_most), y1 = hn::Min(hn::Add(y0, next), lowest);
     // Nothing near here hides anything: so it is in most places.
-    const auto block = hn::Add(hn::Mul(hn::ShiftRight<kSightBlockLog2>(y0), block_pitch),
-                               hn::ShiftRight<kSightBlockLog2>(x0));
+    const auto block = hn::Add(hn::Mul(hn::ShiftRight<kVisibilityBlockLog2>(y0), block_pitch),
+                               hn::ShiftRight<kVisibilityBlockLog2>(x0));
     const auto nearest = hn::GatherIndex(d, blocks, block);
     const auto clear = hn::Le(nearest, hn::Add(place.inverse_depth, tolerance));
     if (hn::AllFalse(d, hn::AndNot(clear, place.inside))) {
@@ -82,21 +87,21 @@ class CamerasAt {
  public:
   CamerasAt(D d, const BlendRun& run, int i) : d_(d), run_(run), i_(i) {}
 
-  /// By share and visibility; `alpha`: the shares of those that see the point.
+  /// By share and visibility; `alpha`: the weights of those that see the point.
   Colour<V> sum(V& alpha) const {
     Colour<V> sum = nothing();
     for (std::size_t c = 0; c < run_.samples.size(); ++c) {
       const Colour<V> sample = sample_of(c);
       add(weight_of(c), sample, sum);
       const auto shown =
-          hn::Mul(hn::LoadU(d_, run_.shares[c] + i_), hn::LoadU(d_, run_.visible[c] + i_));
+          hn::Mul(hn::LoadU(d_, run_.weights[c] + i_), hn::LoadU(d_, run_.visible[c] + i_));
       alpha = hn::MulAdd(shown, sample.seen, alpha);
     }
     return sum;
   }
 
   /// By agreement with the mean of `of_all`, too.
-  Colour<V> sum_agreeing(const Colour<V>& of_all) const {
+  Colour<V> sum_reweighted(const Colour<V>& of_all) const {
     const auto tiny = hn::Set(d_, 1e-30F);
     // Samples are premultiplied by seen * 65535; so is the mean that they are held against.
     const auto per_agreement =
@@ -129,8 +134,8 @@ class CamerasAt {
     return sample;
   }
   V weight_of(std::size_t c) const {
-    return hn::Mul(hn::LoadU(d_, run_.shares[c] + i_),
-                   hn::Add(hn::LoadU(d_, run_.visible[c] + i_), hn::Set(d_, kHiddenShare)));
+    return hn::Mul(hn::LoadU(d_, run_.weights[c] + i_),
+                   hn::Add(hn::LoadU(d_, run_.visible[c] + i_), hn::Set(d_, kMinVisibleWeight)));
   }
   static void add(V weight, const Colour<V>& sample, Colour<V>& sum) {
     sum.r = hn::MulAdd(weight, sample.r, sum.r);
@@ -164,7 +169,7 @@ void blend(const BlendRun& run, std::span<float> sums) {
     const CamerasAt<decltype(d)> cameras(d, run, i);
     auto alpha = zero;
     auto sum = cameras.sum(alpha);
-    for (int round = 0; round < kAgreementRounds; ++round) sum = cameras.sum_agreeing(sum);
+    for (int round = 0; round < kReweightingRounds; ++round) sum = cameras.sum_reweighted(sum);
     const auto scale =
         hn::IfThenElseZero(hn::Gt(sum.seen, zero), hn::Div(alpha, hn::Max(sum.seen, tiny)));
     sum.r = hn::Mul(sum.r, scale);
@@ -178,7 +183,7 @@ void blend(const BlendRun& run, std::span<float> sums) {
 void first_sums(const BlendRun& run, std::span<float> sums, std::span<float> alphas) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  HWY_ALIGN float last[kMostRun + hn::MaxLanes(d)];
+  HWY_ALIGN float last[kMaxRunPixels + hn::MaxLanes(d)];
   for (int i = 0; i < run.count; i += lanes) {
     auto alpha = hn::Zero(d);
     write(d, CamerasAt<decltype(d)>(d, run, i).sum(alpha), i, run.count, sums);
@@ -190,12 +195,12 @@ void first_sums(const BlendRun& run, std::span<float> sums, std::span<float> alp
 void next_sums(const BlendRun& run, std::span<const float> of_all, std::span<float> sums) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  HWY_ALIGN float all[4 * (kMostRun + hn::MaxLanes(d))] = {};
+  HWY_ALIGN float all[4 * (kMaxRunPixels + hn::MaxLanes(d))] = {};
   std::copy_n(of_all.begin(), 4 * run.count, all);
   for (int i = 0; i < run.count; i += lanes) {
     Colour<hn::Vec<decltype(d)>> mean;
     hn::LoadInterleaved4(d, all + 4 * i, mean.r, mean.g, mean.b, mean.seen);
-    write(d, CamerasAt<decltype(d)>(d, run, i).sum_agreeing(mean), i, run.count, sums);
+    write(d, CamerasAt<decltype(d)>(d, run, i).sum_reweighted(mean), i, run.count, sums);
   }
 }
 
@@ -212,14 +217,14 @@ HWY_EXPORT(blend);
 HWY_EXPORT(first_sums);
 HWY_EXPORT(next_sums);
 
-void find_visibility(const VisibilityRun& run) { HWY_DYNAMIC_DISPATCH(visibility)(run); }
-void blend_agreeing(const BlendRun& run, std::span<float> sums) {
+void compute_visibility(const VisibilityRun& run) { HWY_DYNAMIC_DISPATCH(visibility)(run); }
+void blend_reweighted(const BlendRun& run, std::span<float> sums) {
   HWY_DYNAMIC_DISPATCH(blend)(run, sums);
 }
-void sum_samples(const BlendRun& run, std::span<float> sums, std::span<float> alpha) {
+void sum_weighted(const BlendRun& run, std::span<float> sums, std::span<float> alpha) {
   HWY_DYNAMIC_DISPATCH(first_sums)(run, sums, alpha);
 }
-void sum_agreeing(const BlendRun& run, std::span<const float> of_all, std::span<float> sums) {
+void sum_reweighted(const BlendRun& run, std::span<const float> of_all, std::span<float> sums) {
   HWY_DYNAMIC_DISPATCH(next_sums)(run, of_all, sums);
 }
 

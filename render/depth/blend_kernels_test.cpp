@@ -7,9 +7,9 @@
 #include <array>
 #include <utility>
 
-#include "render/depth/solve_kernels.h"
-#include "render/depth/test_kernels.h"
-#include "schemas/test_targets.h"
+#include "render/depth/estimation_kernels.h"
+#include "testing/render/test_depth_kernels.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -17,9 +17,9 @@ namespace {
 using testing::bilinear;
 using testing::kHeight;
 using testing::kWidth;
-using testing::Place;
-using testing::place_of;
 using testing::random_depths;
+using testing::transfer_point;
+using testing::TransferredPoint;
 
 class BlendKernels : public testing::DepthKernelsTest {};
 
@@ -35,19 +35,19 @@ TEST_F(BlendKernels, SeesAsTheReference) {
   using Maps = std::pair<const InverseDepthMap*, const InverseDepthMap*>;
   for (const auto& [theirs, ours] : {Maps(&depths_[1], &of_view), Maps(&plane, &even)}) {
     const InverseDepthMap *its = theirs, *own = ours;  // captured below
-    const InverseDepthMap nearest = nearest_of_blocks(*its);
+    const InverseDepthMap nearest = block_nearest_depths(*its);
     std::vector<float> visible(kWidth);
-    testing::for_each_target(depth_solve_target, [&] {
+    testing::for_each_simd_target(depth_estimation_target, [&] {
       int part = 0, all = 0;
       for (const int y : {0, 14, kHeight - 1}) {
         const std::span<const float> depths(own->values.data() + y * kWidth, kWidth);
-        find_visibility({0, y, partners_[1].transfer, its, &nearest, depths, 0.1F, visible});
+        compute_visibility({0, y, partners_[1].transfer, its, &nearest, depths, 0.1F, visible});
         for (int x = 0; x < kWidth; ++x) {
-          const Place p = place_of(partners_[1].transfer, x + 0.5, y + 0.5,
-                                   depths[static_cast<std::size_t>(x)]);
+          const TransferredPoint p = transfer_point(partners_[1].transfer, x + 0.5, y + 0.5,
+                                                    depths[static_cast<std::size_t>(x)]);
           const double expected = !p.inside ? 1 : bilinear(p.u, p.v, [&](int i, int j) {
             const double nearer = its->at(i, j) - p.inverse_depth;
-            return std::clamp((kHiddenBehind - nearer / 0.1) / (kHiddenBehind - 1), 0.0, 1.0);
+            return std::clamp((kOcclusionRamp - nearer / 0.1) / (kOcclusionRamp - 1), 0.0, 1.0);
           });
           ASSERT_NEAR(visible[static_cast<std::size_t>(x)], expected, 2e-3) << x << ", " << y;
           part += expected > 0.01 && expected < 0.99;
@@ -62,10 +62,10 @@ TEST_F(BlendKernels, SeesAsTheReference) {
 
 TEST_F(BlendKernels, BlocksHoldTheNearestThatSamplesInThemMeet) {
   const InverseDepthMap map = random_depths(8, 0, 1);
-  const InverseDepthMap nearest = nearest_of_blocks(map);
+  const InverseDepthMap nearest = block_nearest_depths(map);
   for (int y = 0; y < kHeight; ++y) {
     for (int x = 0; x < kWidth; ++x) {
-      const float block = nearest.at(x >> kSightBlockLog2, y >> kSightBlockLog2);
+      const float block = nearest.at(x >> kVisibilityBlockLog2, y >> kVisibilityBlockLog2);
       for (int i = 0; i < 4; ++i) {
         ASSERT_GE(block, map.at(std::min(x + i % 2, kWidth - 1), std::min(y + i / 2, kHeight - 1)));
       }
@@ -75,22 +75,22 @@ TEST_F(BlendKernels, BlocksHoldTheNearestThatSamplesInThemMeet) {
 
 TEST_F(BlendKernels, ACameraThatDiffersCountsLess) {
   constexpr std::size_t kCameras = 5;
-  std::array<std::array<float, 4 * kMostRun>, kCameras> samples{};
-  std::array<std::array<float, kMostRun>, kCameras> shares{}, visible{};
+  std::array<std::array<float, 4 * kMaxRunPixels>, kCameras> samples{};
+  std::array<std::array<float, kMaxRunPixels>, kCameras> weights{}, visible{};
   std::vector<const float*> sample_of, share_of, visible_of;
   for (std::size_t i = 0; i < kCameras; ++i) {
     const float seen = i == 4 ? 0.5F * 65535 : 65535.0F;
     const float code = i == 0 ? 0.9F : 0.4F;  // the first sees something else
     samples[i] = {code * seen, 0.5F * seen, 0.2F * seen, seen};
-    shares[i][0] = 0.2F;
+    weights[i][0] = 0.2F;
     visible[i][0] = i == 3 ? 0.0F : 1.0F;
     sample_of.push_back(samples[i].data());
-    share_of.push_back(shares[i].data());
+    share_of.push_back(weights[i].data());
     visible_of.push_back(visible[i].data());
   }
-  testing::for_each_target(depth_solve_target, [&] {
+  testing::for_each_simd_target(depth_estimation_target, [&] {
     std::array<float, 4> sums{};
-    blend_agreeing({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
+    blend_reweighted({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
     const double alpha = 0.2 * 3.5;  // one is hidden, and one sees but half
     EXPECT_NEAR(sums[3] / 65535, alpha, 1e-4);
     EXPECT_NEAR(sums[1] / 65535 / alpha, 0.5, 1e-4);
@@ -98,15 +98,15 @@ TEST_F(BlendKernels, ACameraThatDiffersCountsLess) {
     EXPECT_GT(red, 0.4);
     EXPECT_LT(red, 0.45);
     for (auto& camera : visible) camera[0] = 0;  // hidden from all: nobody saw it
-    blend_agreeing({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
+    blend_reweighted({sample_of, share_of, visible_of, 1, 0.04F * 65535}, sums);
     EXPECT_EQ(sums, (std::array<float, 4>{}));
     for (std::size_t i = 0; i < kCameras; ++i) visible[i][0] = i == 3 ? 0.0F : 1.0F;
   });
-  const std::array<float, 4 * kMostRun> nothing{};
+  const std::array<float, 4 * kMaxRunPixels> nothing{};
   const std::vector<const float*> none{nothing.data()};
   std::array<float, 4> sums{1, 1, 1, 1};
-  blend_agreeing({none, std::span(share_of).first(1), std::span(visible_of).first(1), 1, 655},
-                 sums);
+  blend_reweighted({none, std::span(share_of).first(1), std::span(visible_of).first(1), 1, 655},
+                   sums);
   EXPECT_EQ(sums, (std::array<float, 4>{}));
 }
 

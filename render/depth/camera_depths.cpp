@@ -1,4 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
+// Estimates an inverse depth map (1/m) for each camera of a light field frame in three passes over
+// all cameras:
+// 1. matching with up to 8 neighbours on planes of even inverse depth (match_row(): mean of the
+//    smaller half of the truncated luma differences) and semi-global matching (Hirschmueller 2008,
+//    render/matching);
+// 2. fusion of the hypotheses of the neighbours and the camera itself (fusion.cpp);
+// 3. refinement by fractions of a pixel against all cameras that see the point (refine_row():
+//    Geman-McClure residuals, smoothed by domain_transform_filter() along edges of picture and
+//    depth).
+// Cost per camera: O(pixels x planes x neighbours) for pass 1, O(pixels x support views x offsets)
+// for pass 3. Memory is planned by estimation_memory.h; the result does not depend on it.
+// Reference: camera_depths_reference.cpp.
 #include "render/depth/camera_depths.h"
 
 #include <tbb/task_arena.h>
@@ -12,15 +24,15 @@
 #include <numbers>
 #include <utility>
 
+#include "base/error.h"
+#include "base/parallel.h"
+#include "render/common/large_buffer.h"
+#include "render/depth/estimation_kernels.h"
+#include "render/depth/estimation_memory.h"
 #include "render/depth/fusion.h"
 #include "render/depth/matching_image.h"
-#include "render/depth/solve_kernels.h"
-#include "render/depth/solve_memory.h"
 #include "render/depth/warp.h"
-#include "render/matching/large_buffer.h"
 #include "render/matching/matching.h"
-#include "schemas/error.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -33,12 +45,12 @@ std::size_t pixels_of(const VirtualCamera& camera) {
 class Solver {
  public:
   /// `group`: null: this host finds the depths of all cameras.
-  Solver(const Instant& instant, const DepthSettings& settings, std::size_t working_bytes,
-         const HostGroup* group)
+  Solver(const LightFieldFrame& instant, const DepthEstimationSettings& settings,
+         std::size_t working_bytes, const RankCommunicator* group)
       : instant_(instant),
         settings_(settings),
         group_(group),
-        depths_(depth_cameras(instant, settings)),
+        depths_(camera_depths_without_maps(instant, settings)),
         images_(depths_.pinholes.size()) {
     std::vector<std::size_t> pixels;
     for (std::size_t i = 0; i < images_.size(); ++i) {
@@ -48,9 +60,9 @@ class Solver {
     }
     guess_ = {positions_read(settings.neighbours), true, false};
     agreement_ = {guess_.reads, false, true};
-    refinement_ = {positions_read(settings.witnesses), true, true};
+    refinement_ = {positions_read(settings.support_views), true, true};
     is_looked_at_.assign(members_.size(), group_ == nullptr);
-    for (const SolvePass* pass : {&guess_, &refinement_}) {
+    for (const EstimationPass* pass : {&guess_, &refinement_}) {
       for (std::size_t i = 0; i < members_.size(); ++i) {
         if (!is_solved(i)) continue;
         is_looked_at_[i] = true;
@@ -60,8 +72,8 @@ class Solver {
     for (std::size_t i = 0; i < members_.size(); ++i) {
       if (!is_looked_at_[i]) pixels[i] = 0;
     }
-    memory_ =
-        plan_solve_memory({guess_, agreement_, refinement_}, pixels, camera_bytes(), working_bytes);
+    memory_ = plan_estimation_memory({guess_, agreement_, refinement_}, pixels, camera_bytes(),
+                                     working_bytes);
     const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
     depths_.working_bytes =
         memory_.held + std::min(memory_.in_flight, threads) * std::min(memory_.each, most_used());
@@ -94,7 +106,7 @@ class Solver {
   }
   const MatchingImage& image(int camera) const { return images_[static_cast<std::size_t>(camera)]; }
   InverseDepthRange range(int camera) const {
-    return inverse_depths_in_view(pinhole(camera), *instant_.rig, settings_.scene);
+    return inverse_depth_range_in_view(pinhole(camera), *instant_.rig, settings_.scene);
   }
   std::vector<int> neighbours(int camera, int count) const {
     return depth_neighbours(depths_, instant_, camera, range(camera), count);
@@ -102,16 +114,16 @@ class Solver {
 
   /// Whether this host finds the depths of a member.
   bool is_solved(std::size_t member) const {
-    return group_ == nullptr || instant_.is_held(members_[member]);
+    return group_ == nullptr || instant_.is_local(members_[member]);
   }
 
   int host_of(std::size_t member) const {
-    return instant_.host_of_camera[static_cast<std::size_t>(members_[member])];
+    return instant_.rank_of_camera[static_cast<std::size_t>(members_[member])];
   }
 
   /// Gives other hosts the maps that their cameras read in a pass, and takes those that this host's
   /// read. All hosts know who reads what.
-  void exchange_maps(const SolvePass& pass) {
+  void exchange_maps(const EstimationPass& pass) {
     if (group_ == nullptr || group_->hosts() == 1) return;
     const auto hosts = static_cast<std::size_t>(group_->hosts());
     // By member and host: whether the host's cameras read the member's map.
@@ -121,9 +133,9 @@ class Solver {
         is_read[other][static_cast<std::size_t>(host_of(i))] = true;
       }
     }
-    std::vector<HostGroup::Message> messages(hosts);
+    std::vector<RankCommunicator::Message> messages(hosts);
     for (std::size_t host = 0; host < hosts; ++host) {
-      std::size_t bytes = HostGroup::kTrailerBytes;
+      std::size_t bytes = RankCommunicator::kTrailerBytes;
       for (std::size_t i = 0; i < members_.size(); ++i) {
         if (is_solved(i) && is_read[i][host])
           bytes += map(members_[i]).values.size() * sizeof(float);
@@ -138,7 +150,7 @@ class Solver {
         messages[host].insert(messages[host].end(), bytes.begin(), bytes.end());
       }
     }
-    const std::vector<HostGroup::Message> received = group_->exchange(std::move(messages));
+    const std::vector<RankCommunicator::Message> received = group_->exchange(std::move(messages));
     std::vector<std::size_t> taken(hosts);
     for (std::size_t i = 0; i < members_.size(); ++i) {
       const auto from = static_cast<std::size_t>(host_of(i));
@@ -171,25 +183,25 @@ class Solver {
 
   CostVolume volume_of(int camera) const {
     return {pinhole(camera).width, pinhole(camera).height,
-            guess_planes(depths_, instant_, camera, settings_).count};
+            initial_sweep_planes(depths_, instant_, camera, settings_).count};
   }
   /// Beside the cost volume: what is seen, the guide, the planes found and their costs.
   static constexpr std::size_t kGuessBytes = 7;  // a pixel
 
   /// Of the camera that takes most.
-  CameraBytes camera_bytes() const {
+  CameraMemory camera_bytes() const {
     constexpr std::size_t kOpenBytes = 10;     // a pixel: a decoded frame and its luma, twice
     constexpr std::size_t kRefineBytes = 44;   // costs, links, smoothed depths
     constexpr std::size_t kMoreToFuse = 16;    // voted depths, shares, filled depths
     constexpr std::size_t kPlenty = 200;       // so that most cost volumes fit whole
     constexpr std::size_t kSmall = 1U << 17U;  // tables, weights of tiles, rows
     constexpr std::size_t kTile = 4 * kDepthTile * kDepthTile;
-    CameraBytes most;
+    CameraMemory most;
     for (const int camera : members_) {
       const std::size_t pixels = pixels_of(pinhole(camera));
-      const auto reports = static_cast<std::size_t>(settings_.neighbours) + 1;
+      const auto hypotheses = static_cast<std::size_t>(settings_.neighbours) + 1;
       const std::size_t fuse =
-          reports * (depth_tile_count(pinhole(camera)) + 2) * kTile + kMoreToFuse * pixels;
+          hypotheses * (depth_tile_count(pinhole(camera)) + 2) * kTile + kMoreToFuse * pixels;
       const CostVolume volume = volume_of(camera);
       const std::size_t match = volume.planes > 1 ? semi_global_bytes(volume, 0) : 0;
       most.least = std::max({most.least, kOpenBytes * pixels, kRefineBytes * pixels, fuse,
@@ -215,13 +227,13 @@ class Solver {
 
   /// All maps anew, each from all of the present ones.
   template <class Make>
-  void for_each_camera(const SolvePass& pass, const Make& make) {
+  void for_each_camera(const EstimationPass& pass, const Make& make) {
     const std::vector<std::size_t> last_readers = pass.last_readers();
     std::vector<InverseDepthMap> made(members_.size());
     for (std::size_t begin = 0; begin < members_.size(); begin += memory_.group) {
       const std::size_t end = std::min(members_.size(), begin + memory_.group);
       hold_images(pass, begin, end);
-      for_each_in_flight(
+      parallel_for_in_order(
           end - begin, memory_.in_flight, [] { return false; },
           [&](std::size_t i) {
             if (is_solved(begin + i)) made[begin + i] = make(members_[begin + i]);
@@ -234,7 +246,7 @@ class Solver {
   }
 
   /// Of the cameras that a group looks at, and no others unless all fit.
-  void hold_images(const SolvePass& pass, std::size_t begin, std::size_t end) {
+  void hold_images(const EstimationPass& pass, std::size_t begin, std::size_t end) {
     std::vector<bool> is_needed(members_.size());
     if (memory_.group >= members_.size()) is_needed = is_looked_at_;
     for (std::size_t i = begin; i < end && pass.images; ++i) {
@@ -248,7 +260,7 @@ class Solver {
       if (!is_needed[i]) held = {};
       if (is_needed[i] && held.width() == 0) missing.push_back(members_[i]);
     }
-    for_each_in_flight(
+    parallel_for_in_order(
         missing.size(), memory_.in_flight, [] { return false; },
         [&](std::size_t i) { open_image(missing[i]); });
   }
@@ -263,8 +275,8 @@ class Solver {
                                instant_.rig->cameras[i], depths_.pinholes[i]);
   }
 
-  std::vector<Partner> partners(int camera, int count) const {
-    std::vector<Partner> found;
+  std::vector<NeighbourView> neighbour_views(int camera, int count) const {
+    std::vector<NeighbourView> found;
     for (const int other : neighbours(camera, count)) {
       found.push_back(
           {pixel_transfer(pinhole(other), pinhole(camera)), &image(other), &map(other)});
@@ -274,7 +286,7 @@ class Solver {
 
   InverseDepthMap first_guess(int camera, BufferPool& buffers) const {
     const VirtualCamera& from = pinhole(camera);
-    const GuessPlanes planes = guess_planes(depths_, instant_, camera, settings_);
+    const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, settings_);
     InverseDepthMap guess{from.width, from.height, {}};
     if (planes.count == 0) {
       guess.values.assign(pixels_of(from), kUnknownDepth);
@@ -286,14 +298,14 @@ class Solver {
       }
       return guess;
     }
-    const std::vector<Partner> with = partners(camera, settings_.neighbours);
+    const std::vector<NeighbourView> with = neighbour_views(camera, settings_.neighbours);
     const CostVolume volume{from.width, from.height, planes.count};
     const std::vector<std::uint8_t> guide = image(camera).plane();
     SemiGlobalSettings matching;
-    matching.p1 = depth_solve::kOnePlane;
-    matching.p2 = depth_solve::kJump;
+    matching.p1 = depth_estimation::kSmallJumpPenalty;
+    matching.p2 = depth_estimation::kLargeJumpPenalty;
     matching.guide = guide;
-    matching.guide_scale = depth_solve::kGuideCodes;
+    matching.guide_scale = depth_estimation::kGuideScale;
     matching.buffers = &buffers;
     matching.working_bytes = memory_.each - std::min(memory_.each, kGuessBytes * pixels_of(from));
     std::vector<std::uint8_t> is_seen(pixels_of(from));
@@ -303,7 +315,7 @@ class Solver {
           MatchRow row;
           row.y = y;
           row.image = &image(camera);
-          row.partners = with;
+          row.neighbour_views = with;
           row.farthest = planes.farthest;
           row.step = planes.step;
           row.planes = planes.count;
@@ -325,19 +337,21 @@ class Solver {
 
   InverseDepthMap agreed(int camera) const {
     const VirtualCamera& view = pinhole(camera);
-    std::vector<DepthReport> reports{
-        {&map(camera), &view, even_weights(view, depth_solve::kOwnReport)}};
+    std::vector<DepthHypotheses> hypotheses{
+        {&map(camera), &view, uniform_weights(view, depth_estimation::kOwnHypothesisWeight)}};
     for (const int other : neighbours(camera, settings_.neighbours)) {
-      reports.push_back({&map(other), &pinhole(other), even_weights(view, 1)});
+      hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
-    return fuse_depths(view, reports, {tolerance(), depth_solve::kLeastAgreeing});
+    return fuse_hypotheses(view, hypotheses, {tolerance(), depth_estimation::kMinSupport});
   }
 
-  PixelLinks links(const InverseDepthMap& depths, const MatchingImage& picture) const {
-    constexpr auto kFloor = static_cast<float>(std::numbers::sqrt2 / depth_solve::kLinkReach);
-    constexpr auto kPerCode = static_cast<float>(1 / depth_solve::kLinkCodes);
-    const auto per_depth = static_cast<float>(1 / (depth_solve::kLinkDisparity * depths_.pixel));
-    PixelLinks made;
+  EdgeWeights links(const InverseDepthMap& depths, const MatchingImage& picture) const {
+    constexpr auto kFloor =
+        static_cast<float>(std::numbers::sqrt2 / depth_estimation::kFilterSigmaSpatial);
+    constexpr auto kPerCode = static_cast<float>(1 / depth_estimation::kFilterSigmaLuma);
+    const auto per_depth =
+        static_cast<float>(1 / (depth_estimation::kFilterSigmaDisparity * depths_.pixel));
+    EdgeWeights made;
     made.left.resize(depths.values.size());
     made.above.resize(depths.values.size());
     raystage::parallel_for(0, depths.height, [&](int y) {
@@ -361,32 +375,32 @@ class Solver {
 
   InverseDepthMap refined(int camera) const {
     const MatchingImage& picture = image(camera);
-    const PixelLinks linked = links(map(camera), picture);
+    const EdgeWeights linked = links(map(camera), picture);
     InverseDepthMap smooth = map(camera);
-    smooth_along_links(smooth.values, 1, smooth.width, smooth.height, linked);
-    const std::vector<Partner> with = partners(camera, settings_.witnesses);
+    domain_transform_filter(smooth.values, 1, smooth.width, smooth.height, linked);
+    const std::vector<NeighbourView> with = neighbour_views(camera, settings_.support_views);
     const double step = settings_.refine_px * depths_.pixel;
-    std::vector<float> costs(smooth.values.size() * kOffsetStride);
+    std::vector<float> costs(smooth.values.size() * kRefineOffsetStride);
     raystage::parallel_for(0, smooth.height, [&](int y) {
       const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(smooth.width);
       RefineRow residuals;
       residuals.y = y;
       residuals.image = &picture;
-      residuals.partners = with;
+      residuals.neighbour_views = with;
       residuals.present = smooth.values.data() + row;
       residuals.step = step;
       residuals.tolerance = tolerance();
-      residuals.costs = costs.data() + row * kOffsetStride;
+      residuals.costs = costs.data() + row * kRefineOffsetStride;
       refine_row(residuals);
     });
-    smooth_along_links(costs, kOffsetStride, smooth.width, smooth.height, linked);
+    domain_transform_filter(costs, kRefineOffsetStride, smooth.width, smooth.height, linked);
     for (std::size_t i = 0; i < smooth.values.size(); ++i) {
       // Others may have seen what this one's frame does not show: that is for them to tell.
       if (map(camera).values[i] < 0 || picture.words()[i] == 0) {
         smooth.values[i] = kUnknownDepth;
         continue;
       }
-      const float offset = best_offset(costs.data() + i * kOffsetStride);
+      const float offset = best_offset(costs.data() + i * kRefineOffsetStride);
       smooth.values[i] = std::max(0.0F, smooth.values[i] + offset * static_cast<float>(step));
     }
     return smooth;
@@ -394,36 +408,36 @@ class Solver {
 
   /// Of the least cost, the middle first; between steps by the parabola through three.
   static float best_offset(const float* cost) {
-    int best = kOffsets / 2;
-    for (int i = 0; i < kOffsets; ++i) {
+    int best = kRefineOffsets / 2;
+    for (int i = 0; i < kRefineOffsets; ++i) {
       if (cost[i] < cost[best]) best = i;
     }
-    const int steps = best - kOffsets / 2;
+    const int steps = best - kRefineOffsets / 2;
     auto offset = static_cast<float>(steps);
-    if (best == 0 || best == kOffsets - 1) return offset;
+    if (best == 0 || best == kRefineOffsets - 1) return offset;
     const float before = cost[best - 1] - cost[best], after = cost[best + 1] - cost[best];
     if (before + after > 1e-6F) offset += 0.5F * (before - after) / (before + after);
     return offset;
   }
 
-  const Instant& instant_;
-  const DepthSettings& settings_;
-  const HostGroup* group_;
+  const LightFieldFrame& instant_;
+  const DepthEstimationSettings& settings_;
+  const RankCommunicator* group_;
   CameraDepths depths_;
   std::vector<bool> is_looked_at_;  // by member: its image is read by a camera that is solved here
   std::vector<MatchingImage> images_;  // by camera of the rig
   std::vector<int> members_;
-  SolvePass guess_, agreement_, refinement_;
-  SolveMemory memory_;
+  EstimationPass guess_, agreement_, refinement_;
+  EstimationMemory memory_;
   std::atomic<std::int64_t> pixels_decoded_ = 0;
 };
 
 }  // namespace
 
-void CameraDepths::find_nearest() {
+void CameraDepths::compute_block_nearest() {
   nearest.resize(maps.size());
   raystage::parallel_for(std::size_t{0}, maps.size(),
-                         [&](std::size_t i) { nearest[i] = nearest_of_blocks(maps[i]); });
+                         [&](std::size_t i) { nearest[i] = block_nearest_depths(maps[i]); });
 }
 
 std::size_t CameraDepths::bytes() const {
@@ -434,13 +448,15 @@ std::size_t CameraDepths::bytes() const {
   return sum;
 }
 
-CameraDepths solve_camera_depths(const Instant& instant, const DepthSettings& settings,
-                                 std::size_t working_bytes) {
+CameraDepths estimate_camera_depths(const LightFieldFrame& instant,
+                                    const DepthEstimationSettings& settings,
+                                    std::size_t working_bytes) {
   return Solver(instant, settings, working_bytes, nullptr).solve();
 }
 
-CameraDepths solve_held_depths(const Instant& instant, const DepthSettings& settings,
-                               std::size_t working_bytes, const HostGroup& group) {
+CameraDepths estimate_local_depths(const LightFieldFrame& instant,
+                                   const DepthEstimationSettings& settings,
+                                   std::size_t working_bytes, const RankCommunicator& group) {
   return Solver(instant, settings, working_bytes, &group).solve();
 }
 

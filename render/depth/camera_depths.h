@@ -5,44 +5,45 @@
 #include <cstdint>
 #include <vector>
 
-#include "render/depth/pinhole.h"
-#include "render/sweep/camera_field.h"
-#include "render/view/host_group.h"
-#include "render/view/instant.h"
+#include "render/common/blending_field.h"
+#include "render/common/light_field_frame.h"
+#include "render/common/rank_communicator.h"
+#include "render/depth/inverse_depth_map.h"
 #include "schemas/geometry.h"
 
 namespace raystage {
 
 /// How depths are found. The same for all takes: lengths are in pixels of disparity between
 /// neighbouring cameras, differences in 8-bit codes.
-struct DepthSettings {
+struct DepthEstimationSettings {
   DepthRange scene;         ///< metres in front of the array; far may be infinite
   double plane_px = 0.5;    ///< from plane to plane of the first guess; planes: 256 at most
-  int neighbours = 8;       ///< cameras that a guess is matched with, 1 to kMostPartners
-  int witnesses = 12;       ///< cameras that a depth is refined with
-  double refine_px = 0.2;   ///< from one of the kOffsets depths to the next
+  int neighbours = 8;       ///< cameras that a guess is matched with, 1 to kMaxNeighbours
+  int support_views = 12;   ///< cameras that a depth is refined with
+  double refine_px = 0.2;   ///< from one of the kRefineOffsets depths to the next
   double tolerance_px = 1;  ///< by how much two cameras' depths of a point may differ
 };
 
-/// What the passes of solve_camera_depths() weigh with.
-namespace depth_solve {
+/// What the passes of estimate_camera_depths() weigh with.
+namespace depth_estimation {
 inline constexpr int kMostPlanes = 256;
-inline constexpr int kOnePlane = 27, kJump = 160;  ///< SemiGlobalSettings::p1 and p2
-inline constexpr double kGuideCodes = 7;           ///< SemiGlobalSettings::guide_scale
+inline constexpr int kSmallJumpPenalty = 27,
+                     kLargeJumpPenalty = 160;  ///< SemiGlobalSettings::p1 and p2
+inline constexpr double kGuideScale = 7;       ///< SemiGlobalSettings::guide_scale
 /// A camera knows its own pixels a little better than others' warped ones.
-inline constexpr float kOwnReport = 1.5F;
-inline constexpr float kLeastAgreeing = 0.25F;  ///< FusionSettings::least_share
+inline constexpr float kOwnHypothesisWeight = 1.5F;
+inline constexpr float kMinSupport = 0.25F;  ///< FusionSettings::min_support
 /// Pixels are linked over this distance where nothing parts them; and by 1/e less for each so many
 /// codes of luma, and pixels of disparity between neighbouring cameras, from one to the next.
-inline constexpr double kLinkReach = 4, kLinkCodes = 12, kLinkDisparity = 0.5;
-}  // namespace depth_solve
+inline constexpr double kFilterSigmaSpatial = 4, kFilterSigmaLuma = 12, kFilterSigmaDisparity = 0.5;
+}  // namespace depth_estimation
 
 /// Planes of the first guess, and what is between them. None where the camera sees nothing of the
 /// scene.
-struct GuessPlanes {
+struct InitialSweepPlanes {
   int count = 0;
   double farthest = 0, step = 0;  ///< inverse depths, 1/m; one plane is at `farthest`
-  double needed = 0;              ///< how many DepthSettings::plane_px takes, a whole number
+  double needed = 0;  ///< how many DepthEstimationSettings::plane_px takes, a whole number
 
   double inverse_depth(double plane) const { return farthest + plane * step; }
 };
@@ -54,13 +55,14 @@ struct CameraDepths {
   /// The inverse depth, 1/m, that moves a point by one pixel between neighbouring cameras (median
   /// over the rig); 0 where no two cameras see the same from different places.
   double pixel = 0;
-  std::vector<InverseDepthMap> nearest;  ///< nearest_of_blocks() of the maps; see find_nearest()
+  std::vector<InverseDepthMap>
+      nearest;  ///< block_nearest_depths() of the maps; see compute_block_nearest()
   /// What finding them took: memory beside them, and pixels of the frames decoded for it; 0 where
   /// they were read.
   std::size_t working_bytes = 0;
   std::int64_t pixels_decoded = 0;
 
-  void find_nearest();
+  void compute_block_nearest();
   std::size_t bytes() const;
 };
 
@@ -73,30 +75,34 @@ struct CameraDepths {
 /// The result depends on neither the number of threads nor `working_bytes`, which bounds the memory
 /// taken beside the result: for each camera a matching image (4 bytes a pixel), made again where
 /// not all fit, and a second map until its neighbours have read the first; and what cameras in
-/// flight need. See SolveMemory. Throws Error (bad input) for frames that cannot be read, and where
-/// one camera at a time does not fit.
-CameraDepths solve_camera_depths(const Instant& instant, const DepthSettings& settings,
-                                 std::size_t working_bytes);
+/// flight need. See EstimationMemory. Throws Error (bad input) for frames that cannot be read, and
+/// where one camera at a time does not fit.
+CameraDepths estimate_camera_depths(const LightFieldFrame& instant,
+                                    const DepthEstimationSettings& settings,
+                                    std::size_t working_bytes);
 
 /// The same on several hosts, which must all call it: each finds the depths of the cameras that it
-/// holds (Instant::is_held), with the frames and the maps of their neighbours; maps of other
-/// cameras are empty. Hosts exchange maps after the first and after the second pass. The depths are
-/// those of solve_camera_depths().
-CameraDepths solve_held_depths(const Instant& instant, const DepthSettings& settings,
-                               std::size_t working_bytes, const HostGroup& group);
+/// holds (LightFieldFrame::is_local), with the frames and the maps of their neighbours; maps of
+/// other cameras are empty. Hosts exchange maps after the first and after the second pass. The
+/// depths are those of estimate_camera_depths().
+CameraDepths estimate_local_depths(const LightFieldFrame& instant,
+                                   const DepthEstimationSettings& settings,
+                                   std::size_t working_bytes, const RankCommunicator& group);
 
 /// The slow, obvious way: pixel by pixel in double, on one thread, everything at once in memory.
-CameraDepths solve_camera_depths_reference(const Instant& instant, const DepthSettings& settings);
+CameraDepths estimate_camera_depths_reference(const LightFieldFrame& instant,
+                                              const DepthEstimationSettings& settings);
 
 /// The pinholes and the pixel of CameraDepths, without maps: what stored maps are completed with.
-CameraDepths depth_cameras(const Instant& instant, const DepthSettings& settings);
+CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
+                                        const DepthEstimationSettings& settings);
 
-GuessPlanes guess_planes(const CameraDepths& depths, const Instant& instant, int camera,
-                         const DepthSettings& settings);
+InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightFieldFrame& instant,
+                                        int camera, const DepthEstimationSettings& settings);
 
 /// Other cameras of the rig that have a frame and see a part of what `camera` does in the scene,
 /// from another place: nearest first, `count` at most.
-std::vector<int> depth_neighbours(const CameraDepths& depths, const Instant& instant, int camera,
-                                  const InverseDepthRange& range, int count);
+std::vector<int> depth_neighbours(const CameraDepths& depths, const LightFieldFrame& instant,
+                                  int camera, const InverseDepthRange& range, int count);
 
 }  // namespace raystage

@@ -6,11 +6,11 @@
 #include <numbers>
 #include <optional>
 
+#include "base/transfer_function.h"
 #include "render/depth/camera_depths.h"
+#include "render/depth/estimation_kernels.h"
 #include "render/depth/fusion.h"
-#include "render/depth/solve_kernels.h"
 #include "render/matching/matching.h"
-#include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {
@@ -107,8 +107,10 @@ std::optional<Place> place_of(const VirtualCamera& to, const VirtualCamera& from
 
 class Reference {
  public:
-  Reference(const Instant& instant, const DepthSettings& settings)
-      : instant_(instant), settings_(settings), depths_(depth_cameras(instant, settings)) {
+  Reference(const LightFieldFrame& instant, const DepthEstimationSettings& settings)
+      : instant_(instant),
+        settings_(settings),
+        depths_(camera_depths_without_maps(instant, settings)) {
     for (std::size_t i = 0; i < depths_.pinholes.size(); ++i) {
       pictures_.push_back({Plane(0, 0, 0)});
       if (!instant.is_present(static_cast<int>(i))) continue;
@@ -147,14 +149,14 @@ class Reference {
   }
   std::vector<int> neighbours(int camera, int count) const {
     const InverseDepthRange range =
-        inverse_depths_in_view(pinhole(camera), *instant_.rig, settings_.scene);
+        inverse_depth_range_in_view(pinhole(camera), *instant_.rig, settings_.scene);
     return depth_neighbours(depths_, instant_, camera, range, count);
   }
 
   InverseDepthMap first_guess(int camera) const {
     const VirtualCamera& from = pinhole(camera);
     const Picture& own = picture(camera);
-    const GuessPlanes planes = guess_planes(depths_, instant_, camera, settings_);
+    const InitialSweepPlanes planes = initial_sweep_planes(depths_, instant_, camera, settings_);
     Plane is_seen(from.width, from.height, planes.count == 1 ? 1 : 0);
     const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) {
       for (int x = 0; x < from.width; ++x) {
@@ -173,10 +175,10 @@ class Reference {
                                             : std::uint8_t{0});
     }
     SemiGlobalSettings matching;
-    matching.p1 = depth_solve::kOnePlane;
-    matching.p2 = depth_solve::kJump;
+    matching.p1 = depth_estimation::kSmallJumpPenalty;
+    matching.p2 = depth_estimation::kLargeJumpPenalty;
     matching.guide = guide;
-    matching.guide_scale = depth_solve::kGuideCodes;
+    matching.guide_scale = depth_estimation::kGuideScale;
     PlaneMap found{from.width, from.height, std::vector<float>(is_seen.values.size()), {}};
     if (planes.count > 1) {
       found = semi_global_match_reference({from.width, from.height, planes.count}, fill, matching);
@@ -213,14 +215,14 @@ class Reference {
 
   InverseDepthMap agreed(int camera) const {
     const VirtualCamera& view = pinhole(camera);
-    std::vector<DepthReport> reports{
-        {&map(camera), &view, even_weights(view, depth_solve::kOwnReport)}};
+    std::vector<DepthHypotheses> hypotheses{
+        {&map(camera), &view, uniform_weights(view, depth_estimation::kOwnHypothesisWeight)}};
     for (const int other : neighbours(camera, settings_.neighbours)) {
-      reports.push_back({&map(other), &pinhole(other), even_weights(view, 1)});
+      hypotheses.push_back({&map(other), &pinhole(other), uniform_weights(view, 1)});
     }
-    return fuse_depths_reference(
-        view, reports,
-        {static_cast<float>(settings_.tolerance_px * depths_.pixel), depth_solve::kLeastAgreeing});
+    return fuse_hypotheses_reference(view, hypotheses,
+                                     {static_cast<float>(settings_.tolerance_px * depths_.pixel),
+                                      depth_estimation::kMinSupport});
   }
 
   float link(int camera, int x, int y, int other_x, int other_y) const {
@@ -231,20 +233,21 @@ class Reference {
     const double apart = std::abs(static_cast<double>(map(camera).at(x, y)) -
                                   static_cast<double>(map(camera).at(other_x, other_y)));
     return static_cast<float>(
-        std::exp(-(std::numbers::sqrt2 / depth_solve::kLinkReach + codes / depth_solve::kLinkCodes +
-                   apart / depths_.pixel / depth_solve::kLinkDisparity)));
+        std::exp(-(std::numbers::sqrt2 / depth_estimation::kFilterSigmaSpatial +
+                   codes / depth_estimation::kFilterSigmaLuma +
+                   apart / depths_.pixel / depth_estimation::kFilterSigmaDisparity)));
   }
 
   InverseDepthMap refined(int camera) const {
     InverseDepthMap result = map(camera);
     const int width = result.width, height = result.height;
-    PixelLinks links;
+    EdgeWeights links;
     for (int i = 0; i < width * height; ++i) {
       const int x = i % width, y = i / width;
       links.left.push_back(link(camera, x, y, x - 1, y));
       links.above.push_back(link(camera, x, y, x, y - 1));
     }
-    smooth_along_links_reference(result.values, 1, width, height, links);
+    domain_transform_filter_reference(result.values, 1, width, height, links);
     std::vector<float> costs;
     for (int i = 0; i < width * height; ++i) {
       for (const double cost : refine_costs(camera, i % width, i / width,
@@ -252,7 +255,7 @@ class Reference {
         costs.push_back(static_cast<float>(cost));
       }
     }
-    smooth_along_links_reference(costs, kOffsets, width, height, links);
+    domain_transform_filter_reference(costs, kRefineOffsets, width, height, links);
     for (int i = 0; i < width * height; ++i) {
       float& depth = result.values[static_cast<std::size_t>(i)];
       if (map(camera).at(i % width, i / width) < 0 ||
@@ -260,8 +263,8 @@ class Reference {
         depth = kUnknownDepth;
         continue;
       }
-      const double offset =
-          best_offset(std::span(costs).subspan(static_cast<std::size_t>(i) * kOffsets, kOffsets));
+      const double offset = best_offset(
+          std::span(costs).subspan(static_cast<std::size_t>(i) * kRefineOffsets, kRefineOffsets));
       depth = static_cast<float>(std::max(0.0, static_cast<double>(depth) + offset * step()));
     }
     return result;
@@ -270,28 +273,28 @@ class Reference {
   double step() const { return settings_.refine_px * depths_.pixel; }
 
   /// See refine_row().
-  std::array<double, kOffsets> refine_costs(int camera, int x, int y, double present) const {
+  std::array<double, kRefineOffsets> refine_costs(int camera, int x, int y, double present) const {
     constexpr double kTruncation = 15;  // codes of 255
     const VirtualCamera& from = pinhole(camera);
     const Picture& own = picture(camera);
-    std::array<double, kOffsets> costs{};
+    std::array<double, kRefineOffsets> costs{};
     int count = 0;
-    for (const int other : neighbours(camera, settings_.witnesses)) {
+    for (const int other : neighbours(camera, settings_.support_views)) {
       const auto at = place_of(pinhole(other), from, x, y, present);
       if (!at) continue;
       const double its = map(other).at(std::min(static_cast<int>(at->u), map(other).width - 1),
                                        std::min(static_cast<int>(at->v), map(other).height - 1));
       if (its > at->inverse_depth + settings_.tolerance_px * depths_.pixel) continue;
       std::vector<double> tried;
-      for (int i = -kOffsets / 2; i <= kOffsets / 2; ++i) {
+      for (int i = -kRefineOffsets / 2; i <= kRefineOffsets / 2; ++i) {
         const auto moved = place_of(pinhole(other), from, x, y, present + i * step());
         if (!moved || !own.shows_pixel(x, y) || !picture(other).shows(moved->u, moved->v)) break;
         const double off = bilinear(picture(other).luma, moved->u, moved->v) - own.luma.at(x, y);
         tried.push_back(off * off / (1 + off * off / (kTruncation * kTruncation)));
       }
-      if (tried.size() < kOffsets) continue;
+      if (tried.size() < kRefineOffsets) continue;
       ++count;
-      for (std::size_t i = 0; i < kOffsets; ++i) costs[i] += tried[i];
+      for (std::size_t i = 0; i < kRefineOffsets; ++i) costs[i] += tried[i];
     }
     for (double& cost : costs) cost /= std::max(1, count);
     return costs;
@@ -299,26 +302,27 @@ class Reference {
 
   /// Of the least cost, the middle first; between steps by the parabola through three. In steps.
   static double best_offset(std::span<const float> costs) {
-    std::size_t best = kOffsets / 2;
-    for (std::size_t i = 0; i < kOffsets; ++i) {
+    std::size_t best = kRefineOffsets / 2;
+    for (std::size_t i = 0; i < kRefineOffsets; ++i) {
       if (costs[i] < costs[best]) best = i;
     }
-    const double whole = static_cast<int>(best) - (kOffsets - 1) / 2.0;
-    if (best == 0 || best == kOffsets - 1) return whole;
+    const double whole = static_cast<int>(best) - (kRefineOffsets - 1) / 2.0;
+    if (best == 0 || best == kRefineOffsets - 1) return whole;
     const auto cost = [&](std::size_t i) { return static_cast<double>(costs[i]); };
     const double before = cost(best - 1) - cost(best), after = cost(best + 1) - cost(best);
     return before + after > 1e-6 ? whole + 0.5 * (before - after) / (before + after) : whole;
   }
 
-  const Instant& instant_;
-  const DepthSettings& settings_;
+  const LightFieldFrame& instant_;
+  const DepthEstimationSettings& settings_;
   CameraDepths depths_;
   std::vector<Picture> pictures_;
 };
 
 }  // namespace
 
-CameraDepths solve_camera_depths_reference(const Instant& instant, const DepthSettings& settings) {
+CameraDepths estimate_camera_depths_reference(const LightFieldFrame& instant,
+                                              const DepthEstimationSettings& settings) {
   return Reference(instant, settings).solve();
 }
 

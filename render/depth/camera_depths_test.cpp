@@ -7,11 +7,11 @@
 #include <cmath>
 #include <string>
 
-#include "render/depth/solve_kernels.h"
-#include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "base/error.h"
+#include "render/common/ray_cells.h"
+#include "render/depth/estimation_kernels.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -48,7 +48,7 @@ class CameraDepthsTest : public ::testing::Test {
       pose[11] += 0.0027 * (static_cast<double>(i * 3 % 4) - 1);
     }
     settings.depth_range = DepthRange{2.2, 6};
-    settings.painting = scene;
+    settings.scene = scene;
     write_synthetic_take(settings, folder_.path() / "take");
     take_ = std::make_unique<Take>(folder_.path() / "take");
     cache_ = std::make_unique<FrameCache>(*take_, std::size_t{1} << 28, BlendSpace::kPerceptual);
@@ -62,8 +62,8 @@ class CameraDepthsTest : public ::testing::Test {
   TestFolder folder_;
   std::unique_ptr<Take> take_;
   std::unique_ptr<FrameCache> cache_;
-  Instant instant_;
-  DepthSettings settings_;
+  LightFieldFrame instant_;
+  DepthEstimationSettings settings_;
 };
 
 constexpr std::size_t kPlenty = std::size_t{1} << 30;
@@ -71,9 +71,9 @@ const Distortion kBarrel{-0.15, 0.02, 0.001, -0.002, 0};
 
 TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
   record(3, 3, 56, 42, kBarrel);
-  const CameraDepths slow = solve_camera_depths_reference(instant_, settings_);
-  testing::for_each_target(depth_solve_target, [&] {
-    const CameraDepths fast = solve_camera_depths(instant_, settings_, kPlenty);
+  const CameraDepths slow = estimate_camera_depths_reference(instant_, settings_);
+  testing::for_each_simd_target(depth_estimation_target, [&] {
+    const CameraDepths fast = estimate_camera_depths(instant_, settings_, kPlenty);
     int all = 0, known = 0, differ = 0;
     for (std::size_t camera = 0; camera < slow.maps.size(); ++camera) {
       ASSERT_EQ(fast.maps[camera].values.size(), slow.maps[camera].values.size());
@@ -94,7 +94,7 @@ TEST_F(CameraDepthsTest, AgreesWithTheReferenceOnEveryInstructionSet) {
 
 TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
   record(3, 3, 96, 72, {-0.25, 0.05, 0, 0, 0});
-  const CameraDepths depths = solve_camera_depths(instant_, settings_, kPlenty);
+  const CameraDepths depths = estimate_camera_depths(instant_, settings_, kPlenty);
   int beside = 0, at_border = 0, wrong = 0;
   for (std::size_t camera = 0; camera < depths.maps.size(); ++camera) {
     const VirtualCamera& pinhole = depths.pinholes[camera];
@@ -126,13 +126,13 @@ TEST_F(CameraDepthsTest, WhatAFrameDoesNotShowIsNoEvidence) {
 
 TEST_F(CameraDepthsTest, SameInGroupsOfAnySizeAndInLittleMemory) {
   record(4, 4, 56, 42, kBarrel);
-  settings_.witnesses = 5;
+  settings_.support_views = 5;
   settings_.neighbours = 4;
-  const CameraDepths expected = solve_camera_depths(instant_, settings_, kPlenty);
+  const CameraDepths expected = estimate_camera_depths(instant_, settings_, kPlenty);
   std::size_t fitting = 0;
   for (std::size_t bytes = 100'000; bytes < 6'000'000; bytes = bytes * 5 / 4) {
     try {
-      const CameraDepths found = solve_camera_depths(instant_, settings_, bytes);
+      const CameraDepths found = estimate_camera_depths(instant_, settings_, bytes);
       for (std::size_t i = 0; i < found.maps.size(); ++i) {
         ASSERT_EQ(found.maps[i].values, expected.maps[i].values) << bytes << " bytes, camera " << i;
       }
@@ -143,7 +143,7 @@ TEST_F(CameraDepthsTest, SameInGroupsOfAnySizeAndInLittleMemory) {
     }
   }
   EXPECT_GT(fitting, 6U);
-  EXPECT_THROW(solve_camera_depths(instant_, settings_, 0), Error);
+  EXPECT_THROW(estimate_camera_depths(instant_, settings_, 0), Error);
 }
 
 }  // namespace

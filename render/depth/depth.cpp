@@ -7,17 +7,17 @@
 #include <chrono>
 #include <limits>
 
+#include "base/parallel.h"
 #include "render/depth/blend_kernels.h"
 #include "render/depth/view_sources.h"
-#include "render/sweep/field_coverage.h"
-#include "schemas/parallel.h"
+#include "render/sampling/field_coverage.h"
 
 namespace raystage::depth {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using Tile = CameraField::Tile;
-static_assert(CameraField::kTile <= kMostRun);
+using Tile = BlendingField::Tile;
+static_assert(BlendingField::kTile <= kMaxRunPixels);
 
 double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
@@ -26,11 +26,11 @@ double milliseconds(Clock::duration duration) {
 /// One view's rendering, when its depths are known: find source pixels, decode, blend.
 class Frame {
  public:
-  Frame(const ViewRequest& request, const Plan& plan)
+  Frame(const ViewRequest& request, const DepthViewPlan& plan)
       : request_(request), view_(request.view), plan_(plan), sources_(request, plan) {}
 
   RenderedView render(Clock::time_point start) {
-    RenderedView image = unset_view(view_);
+    RenderedView image = uninitialised_view(view_);
     const auto planned = Clock::now();
     sources_.decode(image.statistics);
     const auto decoded = Clock::now();
@@ -52,7 +52,7 @@ class Frame {
   /// Tile by tile, not row by row: what a row reads of a camera is at hand for the next.
   void blend(RenderedView& image) {
     constexpr int kTiles = 4;
-    const CameraField& field = plan_.field;
+    const BlendingField& field = plan_.field;
     raystage::parallel_for(tbb::blocked_range<int>(0, field.columns() * field.rows(), kTiles),
                            [&](const tbb::blocked_range<int>& tiles) {
                              Scratch scratch;
@@ -66,11 +66,11 @@ class Frame {
                            });
   }
 
-  /// Samples, shares and visibility of one camera after the other; grows, then stays.
+  /// Samples, weights and visibility of one camera after the other; grows, then stays.
   struct Scratch {
-    std::vector<std::array<float, 4 * kMostRun>> samples;
-    std::vector<std::array<float, kMostRun>> shares, visible;
-    std::array<float, kMostRun> seen, seen_by_all;  // of frames with a matte
+    std::vector<std::array<float, 4 * kMaxRunPixels>> samples;
+    std::vector<std::array<float, kMaxRunPixels>> weights, visible;
+    std::array<float, kMaxRunPixels> seen, seen_by_all;  // of frames with a matte
     std::vector<const float*> sample_of, share_of, visible_of;
   };
 
@@ -78,30 +78,30 @@ class Frame {
     const auto n = static_cast<std::size_t>(tile.right - tile.left);
     const std::span<const float> depths(sources_.depths_at(tile.left, y), n);
     scratch.samples.resize(std::max(scratch.samples.size(), tile.cameras.size()));
-    scratch.shares.resize(scratch.samples.size());
+    scratch.weights.resize(scratch.samples.size());
     scratch.visible.resize(scratch.samples.size());
     scratch.sample_of.clear();
     scratch.share_of.clear();
     scratch.visible_of.clear();
-    constexpr std::array<float, kMostRun> kAll = [] {
-      std::array<float, kMostRun> ones{};
+    constexpr std::array<float, kMaxRunPixels> kAll = [] {
+      std::array<float, kMaxRunPixels> ones{};
       ones.fill(1);
       return ones;
     }();
     const FrameCache& cache = *request_.instant.cache;
     scratch.seen_by_all = {};
-    for (const CameraField::TileCamera& camera : tile.cameras) {
+    for (const BlendingField::TileCamera& camera : tile.cameras) {
       const Source& from = sources_.source(camera.camera);
       if (!from.frame) continue;
       const std::size_t i = scratch.sample_of.size();
-      auto& share = scratch.shares[i];
+      auto& share = scratch.weights[i];
       auto& samples = scratch.samples[i];
       sample_camera(sources_, plan_, tile, camera, y,
                     {samples.data(), share.data(), scratch.visible[i].data()});
       if (cache.has_matte()) {
         scratch.seen = {};
-        add_seen_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
-                          {scratch.seen.data(), n});
+        add_visibility_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n},
+                                {scratch.seen.data(), n});
         for (std::size_t x = 0; x < n; ++x) {
           scratch.seen_by_all[x] += share[x] * scratch.visible[i][x] * scratch.seen[x];
         }
@@ -113,9 +113,9 @@ class Frame {
     const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
                            static_cast<std::size_t>(tile.left);
     const std::span<float> rgba(&image.rgba[at * 4], n * 4);
-    blend_agreeing({scratch.sample_of, scratch.share_of, scratch.visible_of, static_cast<int>(n),
-                    static_cast<float>(plan_.settings.agreement * 257)},
-                   rgba);
+    blend_reweighted({scratch.sample_of, scratch.share_of, scratch.visible_of, static_cast<int>(n),
+                      static_cast<float>(plan_.settings.agreement * 257)},
+                     rgba);
     const auto full_scale = static_cast<float>(cache.full_scale());
     if (cache.has_matte()) {
       finish_samples(rgba, {scratch.seen_by_all.data(), n}, cache.blend_space(), full_scale, rgba);
@@ -125,7 +125,7 @@ class Frame {
     for (std::size_t x = 0; x < n; ++x) {
       const float alpha = rgba[4 * x + 3];
       const float absent =
-          absent_share(plan_, request_.instant, tile.left + static_cast<int>(x), y);
+          absent_camera_weight(plan_, request_.instant, tile.left + static_cast<int>(x), y);
       image.coverage[at + x] = alpha * (1 - absent);
       image.z[at + x] =
           alpha > 0 && depths[x] > 0 ? 1 / depths[x] : std::numeric_limits<float>::infinity();
@@ -142,13 +142,13 @@ class Frame {
       DepthSource marking = s.look_up;
       marking.camera.wanted_mcus = nullptr;
       marking.camera.read_pixels = read.data();
-      std::array<float, CameraField::kTile> share;
+      std::array<float, BlendingField::kTile> share;
       share.fill(1);
       for (int row = 0; row < plan_.field.rows(); ++row) {
         for (int column = 0; column < plan_.field.columns(); ++column) {
           const Tile& tile = plan_.field.tile(column, row);
           if (!std::ranges::binary_search(tile.cameras, static_cast<int>(i), {},
-                                          &CameraField::TileCamera::camera)) {
+                                          &BlendingField::TileCamera::camera)) {
             continue;
           }
           const auto n = static_cast<std::size_t>(tile.right - tile.left);
@@ -165,7 +165,7 @@ class Frame {
 
   const ViewRequest& request_;
   const VirtualCamera& view_;
-  const Plan& plan_;
+  const DepthViewPlan& plan_;
   ViewSources sources_;
 };
 
@@ -173,8 +173,8 @@ class Frame {
 
 RenderedView render(const ViewRequest& request) {
   const auto start = Clock::now();
-  const std::optional<Plan> made = plan(request);
-  if (!made) return view_of_nothing(request);
+  const std::optional<DepthViewPlan> made = plan(request);
+  if (!made) return transparent_view(request);
   return Frame(request, *made).render(start);
 }
 

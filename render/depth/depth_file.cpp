@@ -11,8 +11,8 @@
 #include <new>
 #include <string>
 
-#include "schemas/error.h"
-#include "store/little_endian.h"
+#include "base/error.h"
+#include "base/little_endian.h"
 
 namespace raystage {
 namespace {
@@ -22,20 +22,20 @@ constexpr std::uint32_t kVersion = 1;
 constexpr std::size_t kVersionAt = 8, kMapsAt = 12, kFingerprintAt = 16, kHeaderBytes = 24;
 constexpr std::size_t kMapHeaderBytes = 12;
 constexpr int kLevel = 3;
-constexpr float kMostSteps = 65534;
+constexpr float kMaxDepthSteps = 65534;
 
-/// The least power of two of which no depth is more than kMostSteps: exact in floats.
+/// The least power of two of which no depth is more than kMaxDepthSteps: exact in floats.
 float step_of(const InverseDepthMap& map) {
   const float greatest = map.values.empty() ? 0.0F : *std::ranges::max_element(map.values);
   if (!(greatest > 0)) return 1;
   int exponent = 0;
-  const float part = std::frexp(greatest / kMostSteps, &exponent);
+  const float part = std::frexp(greatest / kMaxDepthSteps, &exponent);
   return std::ldexp(1.0F, part == 0.5F ? exponent - 1 : exponent);
 }
 /// 0: unknown; else 1 + the depth in steps.
 std::uint16_t code_of(float depth, float step) {
   if (depth < 0) return 0;
-  return static_cast<std::uint16_t>(1 + std::lround(std::min(depth / step, kMostSteps)));
+  return static_cast<std::uint16_t>(1 + std::lround(std::min(depth / step, kMaxDepthSteps)));
 }
 float depth_of(std::uint16_t code, float step) {
   return code == 0 ? kUnknownDepth : static_cast<float>(code - 1) * step;
@@ -44,7 +44,7 @@ float depth_of(std::uint16_t code, float step) {
 /// Whether it is one that step_of() may have chosen.
 bool is_step(float step) {
   int exponent = 0;
-  return std::frexp(step, &exponent) == 0.5F && std::isfinite(step * kMostSteps);
+  return std::frexp(step, &exponent) == 0.5F && std::isfinite(step * kMaxDepthSteps);
 }
 
 std::size_t bytes_of(const InverseDepthMap& map) { return kMapHeaderBytes + 2 * map.values.size(); }
@@ -147,7 +147,7 @@ std::vector<std::byte> payload_of(const InverseDepthMap& map) {
 
 }  // namespace
 
-void quantise(InverseDepthMap& map) {
+void quantise_depths(InverseDepthMap& map) {
   const float step = step_of(map);
   for (float& depth : map.values) depth = depth_of(code_of(depth, step), step);
 }

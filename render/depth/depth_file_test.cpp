@@ -11,7 +11,7 @@
 #include <limits>
 #include <random>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 namespace {
@@ -51,7 +51,7 @@ std::vector<std::byte> encoded(std::span<const InverseDepthMap> maps, std::uint6
 TEST(DepthFile, KeepsQuantisedDepthsToTheBit) {
   std::vector<InverseDepthMap> maps = some_maps();
   const std::vector<InverseDepthMap> exact = maps;
-  for (InverseDepthMap& map : maps) quantise(map);
+  for (InverseDepthMap& map : maps) quantise_depths(map);
   for (std::size_t m = 0; m < maps.size(); ++m) {
     for (std::size_t i = 0; i < maps[m].values.size(); ++i) {
       EXPECT_NEAR(maps[m].values[i], exact[m].values[i], 0.7F / 65534);
@@ -65,9 +65,9 @@ TEST(DepthFile, KeepsQuantisedDepthsToTheBit) {
   // Twice quantised is once quantised, whatever the greatest: powers of two among them.
   for (const float greatest : {1.0F, 65534.0F / 131072, 0.3F, 1e-9F, 4e6F}) {
     InverseDepthMap map{3, 1, {greatest, greatest / 3, 0}};
-    quantise(map);
+    quantise_depths(map);
     InverseDepthMap again = map;
-    quantise(again);
+    quantise_depths(again);
     EXPECT_EQ(again.values, map.values);
     EXPECT_NEAR(map.values[0], greatest, greatest / 60000);
   }

@@ -10,7 +10,7 @@
 #include "render/depth/depth_file.h"
 #include "render/depth/depth_store.h"
 #include "render/renderer.h"
-#include "render/view/synthetic_take.h"
+#include "testing/render/synthetic_take.h"
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 #define RAYSTAGE_COUNTS_MEMORY 0
@@ -80,23 +80,24 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
   write_synthetic_take(recorded, folder.path() / "take");
   const Take take(folder.path() / "take");
   FrameCache cache(take, std::size_t{1} << 28, BlendSpace::kPerceptual);
-  Instant instant;
+  LightFieldFrame instant;
   instant.take = &take;
   instant.rig = &take.rig();
   instant.cache = &cache;
   instant.frame_of_camera.assign(take.rig().cameras.size(), 0);
-  DepthSettings settings;
+  DepthEstimationSettings settings;
   settings.scene = *recorded.depth_range;
   const std::size_t plenty = std::size_t{1} << 30;
-  CameraDepths warm = solve_camera_depths(instant, settings, plenty);  // frames, threads
-  for (InverseDepthMap& map : warm.maps) quantise(map);
+  CameraDepths warm = estimate_camera_depths(instant, settings, plenty);  // frames, threads
+  for (InverseDepthMap& map : warm.maps) quantise_depths(map);
   std::ptrdiff_t most = 0;
   for (const std::size_t bound :
        {std::size_t{8'000'000}, std::size_t{11'000'000}, std::size_t{30'000'000}, plenty}) {
     const std::ptrdiff_t before = held;
     peak = before;
     std::string note;
-    const CameraDepths depths = kept_camera_depths(instant, settings, bound, true, note);
+    const CameraDepths depths =
+        load_or_estimate_camera_depths(instant, settings, bound, true, note);
     EXPECT_EQ(note, "");
     const std::ptrdiff_t beside = peak - before - static_cast<std::ptrdiff_t>(depths.bytes());
     EXPECT_LT(beside, static_cast<std::ptrdiff_t>(bound));
@@ -106,7 +107,7 @@ TEST(DepthMemory, SolvingKeepsWithinItsBound) {
     // Kept, they are read in less.
     peak = held.load();
     const std::ptrdiff_t before_reading = held;
-    const CameraDepths read = kept_camera_depths(instant, settings, bound, true, note);
+    const CameraDepths read = load_or_estimate_camera_depths(instant, settings, bound, true, note);
     EXPECT_LT(peak - before_reading - static_cast<std::ptrdiff_t>(read.bytes()), 5'000'000);
     EXPECT_EQ(read.maps[7].values, warm.maps[7].values);
     std::filesystem::remove_all(take.folder() / "depth");
@@ -128,7 +129,7 @@ TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {
     RendererSettings settings;
     settings.working_bytes = share;
     const LightFieldRenderer renderer(take, settings);
-    const Reconstruction by_depth{"depth", {0, 0, 0, 1}};
+    const ReconstructionSettings by_depth{"depth", {0, 0, 0, 1}};
     renderer.render(view, frames, by_depth);  // frames, depths, threads
     const std::ptrdiff_t before = held;
     peak = before;
@@ -136,7 +137,7 @@ TEST(DepthMemory, AViewTakesWhatItSaysItTakes) {
     const auto said = static_cast<std::ptrdiff_t>(image.statistics.working_bytes);
     EXPECT_LE(said, static_cast<std::ptrdiff_t>(share));
     // The fusion is done before the view is there: the larger of both, but not much more.
-    const auto of_view = static_cast<std::ptrdiff_t>(bytes_of_view(view));
+    const auto of_view = static_cast<std::ptrdiff_t>(view_buffer_bytes(view));
     const std::ptrdiff_t taken_at_most = peak - before;
     EXPECT_LE(taken_at_most, std::max(said, of_view) * 5 / 4 + 1'000'000);
     EXPECT_GE(taken_at_most, said * 9 / 10);

@@ -7,11 +7,11 @@
 #include <limits>
 #include <map>
 
+#include "base/parallel.h"
+#include "base/transfer_function.h"
 #include "render/depth/blend_kernels.h"
 #include "render/depth/depth.h"
-#include "render/sweep/field_coverage.h"
-#include "schemas/parallel.h"
-#include "schemas/transfer_function.h"
+#include "render/sampling/field_coverage.h"
 
 namespace raystage::depth {
 namespace {
@@ -34,7 +34,7 @@ Agreed agreed(const std::vector<Sample>& samples, double agreement) {
     std::array<double, 3> sum{};
     double weights = 0;
     for (const Sample& s : samples) {
-      const double weight = s.share * (s.visible + kHiddenShare) * s.at.seen * trust(s);
+      const double weight = s.share * (s.visible + kMinVisibleWeight) * s.at.seen * trust(s);
       weights += weight * s.at.alpha;
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * s.at.code[c];
     }
@@ -62,7 +62,7 @@ Agreed agreed(const std::vector<Sample>& samples, double agreement) {
 
 class Reference {
  public:
-  Reference(const ViewRequest& request, const Plan& plan)
+  Reference(const ViewRequest& request, const DepthViewPlan& plan)
       : request_(request), plan_(plan), frames_(request.instant.rig->cameras.size()) {}
 
   RenderedView render() {
@@ -104,22 +104,22 @@ class Reference {
     if (!ray) return;
     const Eigen::Vector3d& eye = request_.view.pose.position;
     const double depth = inverse_depth(*ray);
-    const CameraField::Tile& tile =
-        plan_.field.tile(x / CameraField::kTile, y / CameraField::kTile);
+    const BlendingField::Tile& tile =
+        plan_.field.tile(x / BlendingField::kTile, y / BlendingField::kTile);
     std::vector<Sample> samples;
-    for (const CameraField::TileCamera& chosen : tile.cameras) {
+    for (const BlendingField::TileCamera& chosen : tile.cameras) {
       const auto i = static_cast<std::size_t>(chosen.camera);
       const Rig::Camera& camera = request_.instant.rig->cameras[i];
       Sample sample;
       sample.at =
           sample_at_depth_reference(eye, *ray, depth, camera, *frames_[i], plan_.settings.look_up);
-      sample.share = CameraField::share(tile, chosen, x, y);
-      sample.visible =
-          visibility_of(plan_, chosen.camera, *ray + depth * (eye - camera.pose.position), depth);
+      sample.share = BlendingField::share(tile, chosen, x, y);
+      sample.visible = point_visibility(plan_, chosen.camera,
+                                        *ray + depth * (eye - camera.pose.position), depth);
       samples.push_back(sample);
     }
     const Agreed result = agreed(samples, plan_.settings.agreement / 255);
-    const double opacity = std::min(1.0, result.visible / static_cast<double>(kEnoughShares));
+    const double opacity = std::min(1.0, result.visible / static_cast<double>(kFullAlphaWeight));
     const double alpha =
         opacity > 0 ? opacity * std::clamp(result.matte / result.visible, 0.0, 1.0) : 0;
     if (!(alpha > 0)) return;
@@ -134,20 +134,20 @@ class Reference {
     }
     image.rgba[at * 4 + 3] = static_cast<float>(alpha);
     image.coverage[at] =
-        static_cast<float>(alpha * (1 - absent_share(plan_, request_.instant, x, y)));
+        static_cast<float>(alpha * (1 - absent_camera_weight(plan_, request_.instant, x, y)));
     image.z[at] =
         depth > 0 ? static_cast<float>(1 / depth) : std::numeric_limits<float>::infinity();
   }
 
   const ViewRequest& request_;
-  const Plan& plan_;
+  const DepthViewPlan& plan_;
   std::vector<std::shared_ptr<const DecodedFrame>> frames_;
 };
 
 }  // namespace
 
-double visibility_of(const Plan& plan, int camera, const Eigen::Vector3d& towards,
-                     double inverse_depth) {
+double point_visibility(const DepthViewPlan& plan, int camera, const Eigen::Vector3d& towards,
+                        double inverse_depth) {
   const InverseDepthMap& map = plan.depths->maps[static_cast<std::size_t>(camera)];
   const VirtualCamera& pinhole = plan.depths->pinholes[static_cast<std::size_t>(camera)];
   const auto tolerance = static_cast<double>(visibility_tolerance(plan));
@@ -166,25 +166,25 @@ double visibility_of(const Plan& plan, int camera, const Eigen::Vector3d& toward
     for (int x = x0; x <= x0 + 1; ++x) {
       const double weight = (1 - std::abs(left - x)) * (1 - std::abs(top - y));
       const double nearer = map.at(std::min(x, map.width - 1), std::min(y, map.height - 1)) - there;
-      seen +=
-          weight * std::clamp((kHiddenBehind - nearer / tolerance) / (kHiddenBehind - 1), 0.0, 1.0);
+      seen += weight *
+              std::clamp((kOcclusionRamp - nearer / tolerance) / (kOcclusionRamp - 1), 0.0, 1.0);
     }
   }
   return seen;
 }
 
-void measure_coverage(const ViewRequest& request, const Plan& plan, RenderedView& image) {
-  measure_field_coverage(
+void measure_coverage(const ViewRequest& request, const DepthViewPlan& plan, RenderedView& image) {
+  measure_view_coverage(
       request, plan.field,
       [&plan](int camera, const Eigen::Vector3d& towards, double inverse_depth) {
-        return visibility_of(plan, camera, towards, inverse_depth);
+        return point_visibility(plan, camera, towards, inverse_depth);
       },
       image);
 }
 
 RenderedView render_reference(const ViewRequest& request) {
-  const std::optional<Plan> made = plan(request);
-  if (!made) return view_of_nothing(request);
+  const std::optional<DepthViewPlan> made = plan(request);
+  if (!made) return transparent_view(request);
   return Reference(request, *made).render();
 }
 

@@ -15,11 +15,11 @@
 #include <utility>
 #include <vector>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/little_endian.h"
+#include "base/posix_file.h"
 #include "render/depth/depth_file.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "store/little_endian.h"
-#include "store/posix_file.h"
 
 namespace raystage {
 namespace {
@@ -83,8 +83,8 @@ void add_pixel_numbers(double camera, const PhotometricResponse& response,
   numbers.insert(numbers.end(), {double(map.columns), double(map.rows)});
   for (const Rgb& gain : map.gain) numbers.insert(numbers.end(), gain.begin(), gain.end());
   for (const Rgb& row : response.matrix) numbers.insert(numbers.end(), row.begin(), row.end());
-  numbers.push_back(static_cast<double>(response.dark_pixels.size()));
-  for (const DarkPixel& pixel : response.dark_pixels) {
+  numbers.push_back(static_cast<double>(response.hot_pixels.size()));
+  for (const HotPixel& pixel : response.hot_pixels) {
     numbers.insert(numbers.end(), {double(pixel.x), double(pixel.y), pixel.light[0], pixel.light[1],
                                    pixel.light[2]});
   }
@@ -132,7 +132,7 @@ void remove_unfinished(std::span<const UsedPath> sets, fs::file_time_type now) {
       const std::string name = path.filename().string();
       if (!name.starts_with('.') || !name.ends_with(".tmp.zst")) continue;
       const fs::file_time_type written = fs::last_write_time(path, error);
-      if (!error && now - written > kDepthsInUse) unfinished.push_back(path);
+      if (!error && now - written > kDepthSetUseTime) unfinished.push_back(path);
     }
     for (const fs::path& path : unfinished) fs::remove(path, error);
   }
@@ -156,14 +156,14 @@ bool is_pinned(const fs::path& set, fs::file_time_type now) {
   for (fs::directory_iterator entry(set, error), end; entry != end; entry.increment(error)) {
     if (!entry->path().filename().string().starts_with(kPin)) continue;
     const fs::file_time_type pinned = fs::last_write_time(entry->path(), error);
-    if (!error && now - pinned <= kPinnedAtMost) return true;
+    if (!error && now - pinned <= kMaxPinTime) return true;
   }
   return false;
 }
 
 }  // namespace
 
-DepthKey depth_key(const Instant& instant, const DepthSettings& s) {
+DepthStoreKey depth_store_key(const LightFieldFrame& instant, const DepthEstimationSettings& s) {
   std::array<std::byte, 64> fixed{};
   store_little_endian(fixed, 0, kAlgorithm);
   store_little_endian(fixed, 4, static_cast<std::uint32_t>(instant.cache->blend_space()));
@@ -173,10 +173,10 @@ DepthKey depth_key(const Instant& instant, const DepthSettings& s) {
   store_little_endian(fixed, 32, std::bit_cast<std::uint64_t>(s.refine_px));
   store_little_endian(fixed, 40, std::bit_cast<std::uint64_t>(s.tolerance_px));
   store_little_endian(fixed, 48, static_cast<std::int64_t>(s.neighbours));
-  store_little_endian(fixed, 56, static_cast<std::int64_t>(s.witnesses));
+  store_little_endian(fixed, 56, static_cast<std::int64_t>(s.support_views));
   const std::string colours = instant.take->document().color_space;
   const std::vector<std::byte> rig = numbers_of(*instant.rig);
-  DepthKey key;
+  DepthStoreKey key;
   key.set = XXH3_64bits(fixed.data(), fixed.size());
   key.set = XXH3_64bits_withSeed(colours.data(), colours.size(), key.set);
   key.set = XXH3_64bits_withSeed(rig.data(), rig.size(), key.set);
@@ -190,12 +190,12 @@ DepthKey depth_key(const Instant& instant, const DepthSettings& s) {
   return key;
 }
 
-fs::path depth_file(const fs::path& folder, const DepthKey& key) {
+fs::path depth_file_path(const fs::path& folder, const DepthStoreKey& key) {
   return folder / "depth" / fmt::format("{:016x}", key.set) /
          fmt::format("{:016x}.zst", key.instant);
 }
 
-void remove_old_depth_sets(const fs::path& folder, fs::file_time_type now) {
+void prune_depth_sets(const fs::path& folder, fs::file_time_type now) {
   std::error_code error;
   std::vector<UsedPath> sets, files;
   for (fs::directory_iterator entry(folder, error), end; entry != end; entry.increment(error)) {
@@ -211,36 +211,38 @@ void remove_old_depth_sets(const fs::path& folder, fs::file_time_type now) {
   remove_unfinished(sets, now);
   std::erase_if(sets, [now](const UsedPath& set) { return is_pinned(set.second, now); });
   std::ranges::sort(sets, std::greater());
-  sets.erase(sets.begin(),
-             sets.begin() + static_cast<std::ptrdiff_t>(std::min(sets.size(), kKeptDepthSets)));
+  sets.erase(sets.begin(), sets.begin() + static_cast<std::ptrdiff_t>(
+                                              std::min(sets.size(), kMaxStoredDepthSets)));
   for (const auto& old : {sets, files}) {
     for (const auto& [used, path] : old) {
-      if (now - used > kDepthsInUse) fs::remove_all(path, error);
+      if (now - used > kDepthSetUseTime) fs::remove_all(path, error);
     }
   }
 }
 
-CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& settings,
-                                std::size_t working_bytes, bool keep, std::string& note) {
-  const DepthKey key = keep ? depth_key(instant, settings) : DepthKey{};
-  const fs::path file = depth_file(instant.derived_folder(), key);
+CameraDepths load_or_estimate_camera_depths(const LightFieldFrame& instant,
+                                            const DepthEstimationSettings& settings,
+                                            std::size_t working_bytes, bool keep,
+                                            std::string& note) {
+  const DepthStoreKey key = keep ? depth_store_key(instant, settings) : DepthStoreKey{};
+  const fs::path file = depth_file_path(instant.derived_folder(), key);
   if (keep) {
-    CameraDepths depths = depth_cameras(instant, settings);
+    CameraDepths depths = camera_depths_without_maps(instant, settings);
     if (read_maps(file, key.instant, depths)) {
       if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->read;
       return depths;
     }
   }
-  CameraDepths depths = solve_camera_depths(instant, settings, working_bytes);
+  CameraDepths depths = estimate_camera_depths(instant, settings, working_bytes);
   if (instant.stored_data_counts != nullptr) ++instant.stored_data_counts->derived;
-  for (InverseDepthMap& map : depths.maps) quantise(map);
+  for (InverseDepthMap& map : depths.maps) quantise_depths(map);
   if (!keep) return depths;
   try {
     const fs::path set = file.parent_path();
     std::error_code error;
     const bool is_new = !fs::exists(set, error);
     create_folder(set);
-    if (is_new) remove_old_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
+    if (is_new) prune_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
     write_maps(file, depths.maps, key.instant);
   } catch (const Error& error) {
     note = fmt::format("depths are found anew each time, as they cannot be kept: {}",
@@ -249,14 +251,15 @@ CameraDepths kept_camera_depths(const Instant& instant, const DepthSettings& set
   return depths;
 }
 
-StoreResult store_camera_depths(const Instant& instant, const DepthSettings& settings,
+StoreResult store_camera_depths(const LightFieldFrame& instant,
+                                const DepthEstimationSettings& settings,
                                 std::size_t working_bytes) {
   StoredDataCounts counts;
-  Instant counted = instant;
+  LightFieldFrame counted = instant;
   counted.stored_data_counts = &counts;
   StoreResult result;
-  kept_camera_depths(counted, settings, working_bytes, true, result.not_stored);
-  result.was_stored = counts.read > 0;
+  load_or_estimate_camera_depths(counted, settings, working_bytes, true, result.failure_reason);
+  result.was_already_stored = counts.read > 0;
   return result;
 }
 
@@ -267,7 +270,7 @@ void pin_depth_set(const fs::path& set, std::string_view job) {
   create_folder(set);
   write_file_atomically(pin, std::string_view());
   // The pin makes the folder before its first depths do.
-  if (is_new) remove_old_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
+  if (is_new) prune_depth_sets(set.parent_path(), fs::file_time_type::clock::now());
 }
 
 void unpin_depth_set(const fs::path& set, std::string_view job) {

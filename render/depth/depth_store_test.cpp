@@ -7,9 +7,9 @@
 
 #include <set>
 
-#include "render/view/synthetic_take.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "testing/render/synthetic_take.h"
 
 namespace raystage {
 namespace {
@@ -43,17 +43,17 @@ TEST(DepthStore, KeepsTheSetsUsedLastAndThoseInUse) {
     write_file_atomically(folder.path() / name, std::string_view("not ours"));
     fs::last_write_time(folder.path() / name, now - hours(1000));
   }
-  remove_old_depth_sets(folder.path(), now);  // five within the hour
+  prune_depth_sets(folder.path(), now);  // five within the hour
   EXPECT_EQ(names_in(folder.path()),
             (std::set<std::string>{name_of(0), name_of(1), name_of(2), name_of(3), name_of(4),
                                    "notes", "0123456789abcdef.txt"}));
   fs::last_write_time(folder.path() / name_of(2), now - hours(2));
-  remove_old_depth_sets(folder.path(), now);
+  prune_depth_sets(folder.path(), now);
   EXPECT_EQ(names_in(folder.path()).count(name_of(2)), 0U);
-  remove_old_depth_sets(folder.path(), now + hours(1000));  // four stay, however old
+  prune_depth_sets(folder.path(), now + hours(1000));  // four stay, however old
   EXPECT_EQ(names_in(folder.path()).size(), 6U);
-  remove_old_depth_sets(folder.path() / "missing", now);
-  remove_old_depth_sets(folder.path() / "notes", now);
+  prune_depth_sets(folder.path() / "missing", now);
+  prune_depth_sets(folder.path() / "notes", now);
 }
 
 TEST(DepthStore, KeepsSetsThatArePinned) {
@@ -66,19 +66,19 @@ TEST(DepthStore, KeepsSetsThatArePinned) {
     } else {
       create_folder(set);
     }
-    if (i == 6) fs::last_write_time(set / "pin.job", now - kPinnedAtMost - hours(1));
+    if (i == 6) fs::last_write_time(set / "pin.job", now - kMaxPinTime - hours(1));
     fs::last_write_time(set, now - hours(24 * (i + 1)));
   }
-  remove_old_depth_sets(folder.path(), now);  // four used last, and the one with a young pin
+  prune_depth_sets(folder.path(), now);  // four used last, and the one with a young pin
   const std::set<std::string> kept = {name_of(0), name_of(1), name_of(2), name_of(3), name_of(5)};
   EXPECT_EQ(names_in(folder.path()), kept);
   unpin_depth_set(folder.path() / name_of(5), "another");
-  remove_old_depth_sets(folder.path(), now);
+  prune_depth_sets(folder.path(), now);
   EXPECT_EQ(names_in(folder.path()), kept);
   unpin_depth_set(folder.path() / name_of(5), "job");
   unpin_depth_set(folder.path() / name_of(5), "job");  // a missing one is no error
   fs::last_write_time(folder.path() / name_of(5), now - hours(144));
-  remove_old_depth_sets(folder.path(), now);
+  prune_depth_sets(folder.path(), now);
   EXPECT_EQ(names_in(folder.path()).count(name_of(5)), 0U);
 }
 
@@ -106,7 +106,7 @@ TEST(DepthStore, RemovesWhatWasLeftHalfWritten) {
     fs::last_write_time(set / name, now - hours(name == recent ? 0 : 2));
   }
   fs::last_write_time(set, now);
-  remove_old_depth_sets(folder.path(), now);
+  prune_depth_sets(folder.path(), now);
   EXPECT_EQ(names_in(set), (std::set<std::string>{recent, "0123456789abcdef.zst"}));
 }
 
@@ -125,12 +125,13 @@ class TakeWithDepths : public ::testing::Test {
   }
   /// Depths to a farthest of `far` metres, asked for `ago`; the folder of their set.
   fs::path ask(double far, hours ago) {
-    DepthSettings settings;
+    DepthEstimationSettings settings;
     settings.scene = {3, far};
     std::string note;
-    kept_camera_depths(instant_, settings, std::size_t{1} << 28, true, note);
+    load_or_estimate_camera_depths(instant_, settings, std::size_t{1} << 28, true, note);
     EXPECT_EQ(note, "");
-    const fs::path set = depth_file(take_->folder(), depth_key(instant_, settings)).parent_path();
+    const fs::path set =
+        depth_file_path(take_->folder(), depth_store_key(instant_, settings)).parent_path();
     EXPECT_TRUE(fs::exists(set));
     fs::last_write_time(set, fs::file_time_type::clock::now() - ago);
     return set;
@@ -138,7 +139,7 @@ class TakeWithDepths : public ::testing::Test {
   TestFolder folder_;
   std::unique_ptr<Take> take_;
   std::unique_ptr<FrameCache> cache_;
-  Instant instant_;
+  LightFieldFrame instant_;
 };
 
 /// Puts `to` in place of the first `from` in a document of the take, and opens it.
@@ -151,17 +152,17 @@ Take with(const fs::path& take, const char* file, const std::string& from, const
 }
 
 TEST_F(TakeWithDepths, WhatFramesMeanIsPartOfTheKey) {
-  const DepthKey before = depth_key(instant_, {});
+  const DepthStoreKey before = depth_store_key(instant_, {});
   const Take linear = with(take_->folder(), "take.json", "srgb_texture", "lin_rec709_scene");
-  EXPECT_EQ(depth_key(instant_, {}), before);  // goes by the take as it was opened
-  Instant other = instant_;
+  EXPECT_EQ(depth_store_key(instant_, {}), before);  // goes by the take as it was opened
+  LightFieldFrame other = instant_;
   other.take = &linear;
-  EXPECT_NE(depth_key(other, {}).set, before.set);
-  EXPECT_NE(depth_key(other, {}).instant, before.instant);
+  EXPECT_NE(depth_store_key(other, {}).set, before.set);
+  EXPECT_NE(depth_store_key(other, {}).instant, before.instant);
 }
 
 TEST_F(TakeWithDepths, TheRigThatIsUsedIsPartOfTheKeyNotTheFile) {
-  const DepthKey before = depth_key(instant_, {});
+  const DepthStoreKey before = depth_store_key(instant_, {});
   Rig moved = take_->rig();
   moved.cameras[1].pose.position.x() += 1e-9;
   Rig brighter = take_->rig();
@@ -169,14 +170,14 @@ TEST_F(TakeWithDepths, TheRigThatIsUsedIsPartOfTheKeyNotTheFile) {
   Rig vignetted = take_->rig();
   vignetted.cameras[0].photometric.vignetting = Vignetting{1, 1, {0, 0, 1e-9}};
   Rig spotted = take_->rig();
-  spotted.cameras[1].photometric.dark_pixels = {{0, 0, {0, 0, 1e-9}}};
+  spotted.cameras[1].photometric.hot_pixels = {{0, 0, {0, 0, 1e-9}}};
   for (const Rig* rig : {&moved, &brighter, &vignetted, &spotted}) {
-    Instant other = instant_;
+    LightFieldFrame other = instant_;
     other.rig = rig;
-    EXPECT_NE(depth_key(other, {}).set, before.set);
+    EXPECT_NE(depth_store_key(other, {}).set, before.set);
   }
   write_file_atomically(take_->folder() / "rig.json", std::string_view("calibrated meanwhile"));
-  EXPECT_EQ(depth_key(instant_, {}), before);
+  EXPECT_EQ(depth_store_key(instant_, {}), before);
 }
 
 TEST_F(TakeWithDepths, WhoMayWriteMarksAsUsedAlsoWhatIsAnothers) {
@@ -187,10 +188,10 @@ TEST_F(TakeWithDepths, WhoMayWriteMarksAsUsedAlsoWhatIsAnothers) {
   }
   constexpr uid_t kNobody = 65534;
   ASSERT_EQ(seteuid(kNobody), 0);
-  DepthSettings settings;
+  DepthEstimationSettings settings;
   settings.scene = {3, 5};
   std::string note;
-  kept_camera_depths(instant_, settings, std::size_t{1} << 28, true, note);
+  load_or_estimate_camera_depths(instant_, settings, std::size_t{1} << 28, true, note);
   ASSERT_EQ(seteuid(0), 0);
   EXPECT_LT(fs::file_time_type::clock::now() - fs::last_write_time(set), hours(1));
 }
@@ -200,10 +201,10 @@ TEST_F(TakeWithDepths, OtherOptionsMakeRoomForThemselves) {
   for (int i = 0; i < 4; ++i) sets.push_back(ask(5 + i, hours(10 - i)));
   EXPECT_EQ(names_in(take_->folder() / "depth").size(), 4U);
   // Use counts, not age: the first is asked for again, so the second is the one to go.
-  DepthSettings first;
+  DepthEstimationSettings first;
   first.scene = {3, 5};
   std::string note;
-  kept_camera_depths(instant_, first, std::size_t{1} << 28, true, note);
+  load_or_estimate_camera_depths(instant_, first, std::size_t{1} << 28, true, note);
   ask(20, hours(0));
   EXPECT_TRUE(fs::exists(sets[0]));
   EXPECT_FALSE(fs::exists(sets[1]));

@@ -12,8 +12,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::size_t kAsked = 3;    // cameras a ray
-constexpr double kMostSteps = 4096;  // along a ray in a camera's image
+constexpr std::size_t kAsked = 3;          // cameras a ray
+constexpr double kMaxSurfaceSteps = 4096;  // along a ray in a camera's image
 
 /// Inverse distances along a ray, 1/m.
 struct Stretch {
@@ -126,7 +126,7 @@ class DepthSurface {
       return {p.x() / p.z(), p.y() / p.z()};
     };
     const double length = (place(seen.nearest) - place(seen.farthest)).lpNorm<Eigen::Infinity>();
-    const double steps = std::clamp(std::ceil(length), 1.0, kMostSteps);
+    const double steps = std::clamp(std::ceil(length), 1.0, kMaxSurfaceSteps);
     const double step = (seen.nearest - seen.farthest) / steps;
     Hit hit;
     double before = 0, last_q = 0;  // how far before the depths the ray was, 1/m

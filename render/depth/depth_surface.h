@@ -3,8 +3,8 @@
 
 #include <memory>
 
+#include "render/common/world_ray.h"
 #include "render/depth/camera_depths.h"
-#include "render/view/world_ray.h"
 
 namespace raystage {
 
@@ -15,7 +15,7 @@ namespace raystage {
 /// that does not. A ray that meets nothing ends where the scene does; one that does not pass
 /// through the scene gives not-a-number.
 ///
-/// `scene`: as DepthSettings. The surface keeps `depths`.
+/// `scene`: as DepthEstimationSettings. The surface keeps `depths`.
 RaySurface depth_surface(std::shared_ptr<const CameraDepths> depths, const Rig& rig,
                          DepthRange scene);
 

@@ -9,13 +9,13 @@
 #include <numbers>
 #include <random>
 
+#include "base/error.h"
+#include "base/transfer_function.h"
+#include "render/common/ray_cells.h"
 #include "render/renderer.h"
-#include "render/view/ray_cells.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/error.h"
-#include "schemas/transfer_function.h"
+#include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::depth_surface_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -156,7 +156,7 @@ TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(3, 3, 0.2, 120, 90);
   settings.depth_range = DepthRange{2.3, 6.2};
-  settings.painting = [](const Vector3d& origin, const Vector3d& direction) {
+  settings.scene = [](const Vector3d& origin, const Vector3d& direction) {
     const Vector3d p = origin + distance_to_scene(origin, direction) * direction;
     const double wave = std::sin(p.x() * 14 + std::sin(p.y() * 9)) * std::cos(p.y() * 12);
     return std::array<double, 3>{0.3 + 0.2 * wave, p.z() > -4 ? 0.6 : 0.25, 0.35 - 0.2 * wave};
@@ -169,13 +169,13 @@ TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
     renderer.reference = reference;
     const RenderedView image = LightFieldRenderer(take, renderer)
                                    .render(view, select_frames(take, 0, 1'000'000),
-                                           {method, plane_in_front_of(take.rig(), 4), options});
+                                           {method, fronto_parallel_plane(take.rig(), 4), options});
     const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
     double squares = 0;
     for (int y = 0; y < view.height; ++y) {
       for (int x = 0; x < view.width; ++x) {
         const auto truth =
-            settings.painting(view.pose.position, ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1));
+            settings.scene(view.pose.position, ray_from_pixel * Vector3d(x + 0.5, y + 0.5, 1));
         for (std::size_t c = 0; c < 3; ++c) {
           const auto at_pixel = static_cast<std::size_t>(4 * (y * view.width + x));
           const double off =
@@ -196,4 +196,4 @@ TEST(DepthProxy, MakesTheLumigraphSharpAtEveryDepth) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::depth_surface_test

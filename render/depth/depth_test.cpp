@@ -6,22 +6,22 @@
 
 #include <cmath>
 
-#include "render/depth/solve_kernels.h"
-#include "render/quality/image_quality.h"
-#include "render/test_depth.h"
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "base/error.h"
+#include "render/common/image_quality.h"
+#include "render/depth/estimation_kernels.h"
+#include "testing/render/test_depth.h"
+#include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::depth_test {
 namespace {
 
-using testing::a_view;
+using testing::default_view;
 using testing::expect_equal;
 using testing::hits_wall;
 using testing::kBack;
 using testing::kFront;
 using testing::kSlanted;
-using testing::looking;
+using testing::make_pose;
 using testing::mean_alpha;
 using testing::Plane;
 using testing::slanted_scene;
@@ -36,25 +36,26 @@ TEST_F(Depth, AgreesWithTheReference) {
   slow.reference = true;
   for (const OptionValues& options :
        {OptionValues{}, OptionValues{{"cameras", 5.0}, {"agreement", 40.0}}}) {
-    expect_equal(render(take, a_view(), options), render(take, a_view(), options, slow));
+    expect_equal(render(take, default_view(), options),
+                 render(take, default_view(), options, slow));
   }
   for (const VirtualCamera& view :
-       {virtual_camera_with_fov(70, 50, 1.2, looking({0.3, 0.1, 0.4}, 15)),     // from the side
-        virtual_camera_with_fov(70, 50, 0.5, looking({0, 0.05, -1.5}, -5))}) {  // in front
+       {virtual_camera_with_fov(70, 50, 1.2, make_pose({0.3, 0.1, 0.4}, 15)),     // from the side
+        virtual_camera_with_fov(70, 50, 0.5, make_pose({0, 0.05, -1.5}, -5))}) {  // in front
     expect_equal(render(take, view), render(take, view, {}, slow));
   }
   RendererSettings linear;
   linear.blend_space = BlendSpace::kLinear;
   slow.blend_space = BlendSpace::kLinear;
-  expect_equal(render(take, a_view(), {}, linear), render(take, a_view(), {}, slow));
+  expect_equal(render(take, default_view(), {}, linear), render(take, default_view(), {}, slow));
 }
 
 TEST_F(Depth, EveryInstructionSetSeesTheSame) {
   const Take take = write(step_edge(3, 3));
   const OptionValues anew{{"keep", false}};
-  const RenderedView expected = render(take, a_view(), anew);
-  testing::for_each_target(depth_solve_target, [&] {
-    const RenderedView image = render(take, a_view(), anew);
+  const RenderedView expected = render(take, default_view(), anew);
+  testing::for_each_simd_target(depth_estimation_target, [&] {
+    const RenderedView image = render(take, default_view(), anew);
     // Rounded differently, a choice between equals may fall differently; hardly anywhere.
     std::size_t differ = 0;
     for (std::size_t i = 0; i < image.rgba.size(); ++i) {
@@ -66,7 +67,7 @@ TEST_F(Depth, EveryInstructionSetSeesTheSame) {
 
 TEST_F(Depth, FindsASlantedPlane) {
   const Take take = write(slanted(3, 3));
-  const VirtualCamera view = a_view();
+  const VirtualCamera view = default_view();
   const RenderedView image = render(take, view);
   const ViewRays rays(view);
   const double pixel_metres = 80 * 0.1;  // focal length times the cameras' spacing
@@ -105,7 +106,7 @@ std::array<double, 3> holes_scene(const Eigen::Vector3d& from, const Eigen::Vect
 
 TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
   SyntheticTake settings = slanted(3, 4);
-  settings.painting = holes_scene;
+  settings.scene = holes_scene;
   settings.samples = 3;
   settings.jpeg = {75, JpegEncodeSettings::Chroma::k444, 0};
   const Take take = write(settings);
@@ -122,9 +123,9 @@ TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
       geometry.world_from_camera[11] = way / 3;
       const RenderedView image = renderer.render(virtual_camera_from_geometry(geometry), frames,
                                                  {"depth", {0, 0, 0, 1}, options});
-      const double psnr =
-          compare_images(srgb_image(image), photograph(geometry, settings), covered_pixels(image))
-              .psnr_db;
+      const double psnr = compare_images(srgb_image(image), render_camera_image(geometry, settings),
+                                         coverage_mask(image))
+                              .psnr_db;
       if (i > 0) largest = std::max(largest, std::abs(psnr - before));
       before = psnr;
     }
@@ -137,7 +138,7 @@ TEST_F(Depth, TheErrorDoesNotFlickerWhenTheCameraMoves) {
 
 TEST_F(Depth, KeepsTheTwoSidesOfAStepApart) {
   const Take take = write(step_edge(3, 3));
-  const VirtualCamera view = a_view();
+  const VirtualCamera view = default_view();
   const RenderedView image = render(take, view);
   const ViewRays rays(view);
   int wrong = 0, count = 0;
@@ -165,16 +166,17 @@ TEST_F(Depth, TemporalLooksAtTheFramesBeforeAndAfter) {
   const Timeline timeline = build_timeline(take, 15, 0);
   RendererSettings on_ticks;
   on_ticks.ticks = timeline.ticks;
-  EXPECT_GT(mean_alpha(render(take, a_view(), steady, on_ticks, 0)), 0.9);  // it has none before
-  const RenderedView second = render(take, a_view(), steady, on_ticks, 1);
-  const RenderedView alone = render(take, a_view(), {}, {}, 1);
+  EXPECT_GT(mean_alpha(render(take, default_view(), steady, on_ticks, 0)),
+            0.9);  // it has none before
+  const RenderedView second = render(take, default_view(), steady, on_ticks, 1);
+  const RenderedView alone = render(take, default_view(), {}, {}, 1);
   for (std::size_t i = 0; i < alone.rgba.size(); ++i) {
     ASSERT_NEAR(second.rgba[i], alone.rgba[i], 1e-3) << i;
   }
   RendererSettings slow = on_ticks;
   slow.reference = true;
-  expect_equal(second, render(take, a_view(), steady, slow, 1));
-  EXPECT_EQ(render(take, a_view(), steady, on_ticks, 1).rgba,
+  expect_equal(second, render(take, default_view(), steady, slow, 1));
+  EXPECT_EQ(render(take, default_view(), steady, on_ticks, 1).rgba,
             second.rgba);  // found or read: the same
 }
 
@@ -184,13 +186,13 @@ TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
   settings.absent = {{4, 1}};  // the middle camera, second frame
   const Take take = write(settings);
   const OptionValues four{{"cameras", 4.0}};
-  const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.5, looking({0, 0, 0.01}, 0));
+  const VirtualCamera view = virtual_camera_with_fov(60, 40, 0.5, make_pose({0, 0, 0.01}, 0));
   const std::size_t middle = 20 * 60 + 30;
   EXPECT_NEAR(render(take, view, four).coverage[middle], 1, 1e-3);
   const RenderedView lacking = render(take, view, four, {}, 1);
   EXPECT_NEAR(lacking.rgba[middle * 4 + 3], 1, 1e-3);  // still a picture
   EXPECT_LT(lacking.coverage[middle], 0.1);            // that owns up
-  EXPECT_EQ(kept_files().size(), 2U);
+  EXPECT_EQ(stored_depth_files().size(), 2U);
   RendererSettings slow;
   slow.reference = true;
   expect_equal(lacking, render(take, view, four, slow, 1));
@@ -198,7 +200,7 @@ TEST_F(Depth, AnAbsentCamerasNeighboursStandInAndCoverageSaysSo) {
 
 TEST_F(Depth, OneCameraIsAllThatItNeeds) {
   const Take take = write(slanted(1, 1));
-  const RenderedView image = render(take, a_view());
+  const RenderedView image = render(take, default_view());
   EXPECT_GT(mean_alpha(image), 0.9);
   const float z = image.z[32 * 90 + 45];  // mid-way in disparity: there is nothing to compare
   EXPECT_GT(z, 2.5F);
@@ -212,11 +214,11 @@ TEST_F(Depth, StaysFiniteWhereDepthsEnd) {
         OptionValues{{"near", 0.01}, {"plane_px", 4.0}},
         OptionValues{{"near", 1e9}, {"far", 1e9}}}) {
     for (const VirtualCamera& view :
-         {virtual_camera_with_fov(40, 30, 1, looking({0, 0, 0}, 0)),
-          virtual_camera_with_fov(40, 30, 1, looking({0, 0, -4.5}, 0)),      // inside the scene
-          virtual_camera_with_fov(40, 30, 1, looking({0.3, 0, -4}, 170)),    // looking back
-          virtual_camera_with_fov(40, 30, 3, looking({0, 0, 0}, 90)),        // along the array
-          virtual_camera_with_fov(1, 1, 0.001, looking({0, 0, 1e6}, 0))}) {  // far behind
+         {virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, 0}, 0)),
+          virtual_camera_with_fov(40, 30, 1, make_pose({0, 0, -4.5}, 0)),      // inside the scene
+          virtual_camera_with_fov(40, 30, 1, make_pose({0.3, 0, -4}, 170)),    // make_pose back
+          virtual_camera_with_fov(40, 30, 3, make_pose({0, 0, 0}, 90)),        // along the array
+          virtual_camera_with_fov(1, 1, 0.001, make_pose({0, 0, 1e6}, 0))}) {  // far behind
       const RenderedView image = render(take, view, options);
       for (std::size_t i = 0; i < image.coverage.size(); ++i) {
         for (std::size_t c = 0; c < 4; ++c) ASSERT_TRUE(std::isfinite(image.rgba[4 * i + c]));
@@ -230,7 +232,7 @@ TEST_F(Depth, StaysFiniteWhereDepthsEnd) {
 
 TEST_F(Depth, RendersDistortedViews) {
   const Take take = write(slanted(2, 2));
-  VirtualCamera bent = a_view();
+  VirtualCamera bent = default_view();
   bent.intrinsics.distortion.k1 = -0.1;
   const RenderedView image = render(take, bent);
   EXPECT_GT(mean_alpha(image), 0.9);
@@ -249,7 +251,8 @@ TEST_F(Depth, RendersDistortedViews) {
 TEST_F(Depth, SaysWhereItTriesFewerPlanesThanDisparityAsksFor) {
   const Take take = write(slanted(2, 2));
   const auto notes = [&](double near, double plane_px) {
-    return render(take, a_view(), {{"near", near}, {"far", 7.0}, {"plane_px", plane_px}}).notes;
+    return render(take, default_view(), {{"near", near}, {"far", 7.0}, {"plane_px", plane_px}})
+        .notes;
   };
   EXPECT_THAT(notes(3, 0.5), ::testing::Not(::testing::Contains(::testing::HasSubstr("planes"))));
   EXPECT_THAT(notes(0.13, 0.1), ::testing::Contains(::testing::ContainsRegex(
@@ -260,10 +263,10 @@ TEST_F(Depth, SaysWhatItLacks) {
   SyntheticTake settings = slanted(2, 2);
   settings.depth_range = DepthRange{};
   const Take take = write(settings);
-  EXPECT_THROW(render(take, a_view()), Error);
-  EXPECT_THROW(render(take, a_view(), {{"near", 7.0}, {"far", 3.0}}), Error);
-  EXPECT_GT(mean_alpha(render(take, a_view(), {{"near", 3.0}, {"far", 7.0}})), 0.9);
+  EXPECT_THROW(render(take, default_view()), Error);
+  EXPECT_THROW(render(take, default_view(), {{"near", 7.0}, {"far", 3.0}}), Error);
+  EXPECT_GT(mean_alpha(render(take, default_view(), {{"near", 3.0}, {"far", 7.0}})), 0.9);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::depth_test

@@ -7,50 +7,51 @@
 #include <memory>
 #include <utility>
 
+#include "base/error.h"
+#include "base/parallel.h"
+#include "render/common/rank_communicator.h"
 #include "render/depth/blend_kernels.h"
 #include "render/depth/fusion.h"
-#include "render/depth/held_depths.h"
 #include "render/depth/host_messages.h"
-#include "render/depth/host_sums.h"
+#include "render/depth/host_reduction.h"
+#include "render/depth/local_depths.h"
 #include "render/depth/view_sources.h"
 #include "render/depth/warp.h"
-#include "render/sweep/field_coverage.h"
-#include "render/view/host_group.h"
-#include "schemas/error.h"
-#include "schemas/parallel.h"
+#include "render/sampling/field_coverage.h"
 
 namespace raystage::depth {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using Message = HostGroup::Message;
-using Tile = CameraField::Tile;
+using Message = RankCommunicator::Message;
+using Tile = BlendingField::Tile;
 
 double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
 }
 
 /// One host alone.
-class NoOthers : public HostGroup {
+class NoOthers : public RankCommunicator {
  public:
   int host() const override { return 0; }
   int hosts() const override { return 1; }
   std::vector<Message> exchange(std::vector<Message> messages) const override { return messages; }
 };
 
-std::vector<Message> empty_messages(const HostGroup& group) {
+std::vector<Message> empty_messages(const RankCommunicator& group) {
   return std::vector<Message>(static_cast<std::size_t>(group.hosts()));
 }
 
 /// The depth of each pixel of the view: what all hosts' cameras say, voted on by host 0.
-InverseDepthMap vote_together(const ViewRequest& request, Plan& plan, const HostGroup& group) {
-  const Instant& instant = request.instant;
-  const ViewVote vote = vote_of_view(plan, request);
+InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
+                              const RankCommunicator& group) {
+  const LightFieldFrame& instant = request.instant;
+  const FusionInputs vote = fusion_inputs(plan, request);
   std::vector<Message> messages = empty_messages(group);
-  std::vector<DepthTiles> warped(vote.reports.size());
-  for (std::size_t i = 0; i < vote.reports.size(); ++i) {
-    if (!instant.is_held(vote.cameras[i])) continue;
-    warped[i] = warp_report(plan.pinhole, vote.reports[i]);
+  std::vector<DepthTiles> warped(vote.hypotheses.size());
+  for (std::size_t i = 0; i < vote.hypotheses.size(); ++i) {
+    if (!instant.is_local(vote.cameras[i])) continue;
+    warped[i] = warp_hypotheses(plan.pinhole, vote.hypotheses[i]);
     if (group.host() == 0) continue;
     append_values(std::span<const std::int32_t>(warped[i].first), messages[0]);
     const auto count = static_cast<std::uint64_t>(warped[i].values.size());
@@ -64,8 +65,8 @@ InverseDepthMap vote_together(const ViewRequest& request, Plan& plan, const Host
   if (group.host() == 0) {
     for (std::size_t host = 1; host < hypotheses.size(); ++host) {
       std::span<const std::byte> rest(hypotheses[host]);
-      for (std::size_t i = 0; i < vote.reports.size(); ++i) {
-        if (instant.host_of_camera[static_cast<std::size_t>(vote.cameras[i])] !=
+      for (std::size_t i = 0; i < vote.hypotheses.size(); ++i) {
+        if (instant.rank_of_camera[static_cast<std::size_t>(vote.cameras[i])] !=
             static_cast<int>(host)) {
           continue;
         }
@@ -74,10 +75,10 @@ InverseDepthMap vote_together(const ViewRequest& request, Plan& plan, const Host
         warped[i].values = take_values<float>(rest, static_cast<std::size_t>(count));
       }
     }
-    map = fuse_warped(plan.pinhole, vote.reports, warped, vote.settings);
-    fill_behind(plan, map);
+    map = fuse_warped_hypotheses(plan.pinhole, vote.hypotheses, warped, vote.settings);
+    fill_unknown_depths(plan, map);
     for (std::size_t host = 1; host < messages.size(); ++host) {
-      messages[host].reserve(map.values.size() * sizeof(float) + HostGroup::kTrailerBytes);
+      messages[host].reserve(map.values.size() * sizeof(float) + RankCommunicator::kTrailerBytes);
       append_values(std::span<const float>(map.values), messages[host]);
     }
   }
@@ -85,7 +86,7 @@ InverseDepthMap vote_together(const ViewRequest& request, Plan& plan, const Host
   if (group.host() != 0) {
     std::span<const std::byte> rest(found[0]);
     map = {plan.pinhole.width, plan.pinhole.height,
-           take_values<float>(rest, values_of_view(plan.pinhole) / 4)};
+           take_values<float>(rest, view_value_count(plan.pinhole) / 4)};
   }
   return map;
 }
@@ -93,13 +94,13 @@ InverseDepthMap vote_together(const ViewRequest& request, Plan& plan, const Host
 /// Rows of tiles of the view whose samples are held at a time, and their blending in rounds.
 class BandBlend {
  public:
-  BandBlend(const ViewRequest& request, const Plan& plan, const ViewSources& sources,
-            const HostGroup& group)
+  BandBlend(const ViewRequest& request, const DepthViewPlan& plan, const ViewSources& sources,
+            const RankCommunicator& group)
       : request_(request), plan_(plan), sources_(sources), group_(group) {}
 
   /// Adds rows of tiles [first, end).
   void blend(int first, int end, Contribution& contribution) {
-    const CameraField& field = plan_.field;
+    const BlendingField& field = plan_.field;
     top_ = field.tile(0, first).top;
     const int bottom = field.tile(0, end - 1).bottom;
     const auto width = static_cast<std::size_t>(request_.view.width);
@@ -109,19 +110,19 @@ class BandBlend {
     for_each_run(first, end, [&](const Tile& tile, int y, const BlendRun& run) {
       const std::size_t at = in_band(tile.left, y);
       const auto n = static_cast<std::size_t>(run.count);
-      sum_samples(run, {&sums[4 * at], 4 * n}, {&alpha[at], n});
+      sum_weighted(run, {&sums[4 * at], 4 * n}, {&alpha[at], n});
     });
-    const HostSums over_hosts(group_, request_.view.width, columns_with_samples(first, end));
-    over_hosts.sum_for_first(alpha);
+    const HostReduction over_hosts(group_, request_.view.width, columns_with_samples(first, end));
+    over_hosts.reduce_to_first(alpha);
     over_hosts.sum(sums, 4);
-    for (int round = 0; round < kAgreementRounds; ++round) {
+    for (int round = 0; round < kReweightingRounds; ++round) {
       const std::vector<float> mean = std::exchange(sums, std::vector<float>(4 * pixels, 0.0F));
       for_each_run(first, end, [&](const Tile& tile, int y, const BlendRun& run) {
         const std::size_t at = 4 * in_band(tile.left, y);
         const auto n = 4 * static_cast<std::size_t>(run.count);
-        sum_agreeing(run, {&mean[at], n}, {&sums[at], n});
+        sum_reweighted(run, {&mean[at], n}, {&sums[at], n});
       });
-      if (round + 1 < kAgreementRounds) over_hosts.sum(sums, 4);
+      if (round + 1 < kReweightingRounds) over_hosts.sum(sums, 4);
     }
     const std::size_t start = static_cast<std::size_t>(top_) * width;
     std::ranges::copy(sums,
@@ -140,7 +141,7 @@ class BandBlend {
     std::size_t cameras = 0;
     std::vector<float> values;  ///< per row and camera: 4 samples, share, visibility of each pixel
   };
-  static constexpr std::size_t kPerRun = 6 * static_cast<std::size_t>(kMostRun);
+  static constexpr std::size_t kPerRun = 6 * static_cast<std::size_t>(kMaxRunPixels);
 
   std::size_t in_band(int x, int y) const {
     return static_cast<std::size_t>(y - top_) * static_cast<std::size_t>(request_.view.width) +
@@ -158,8 +159,8 @@ class BandBlend {
   void sample(int first, int end) {
     tiles_.assign(static_cast<std::size_t>((end - first) * plan_.field.columns()), {});
     for_each_tile(first, end, [&](const Tile& tile, TileSamples& samples) {
-      std::vector<const CameraField::TileCamera*> cameras;
-      for (const CameraField::TileCamera& camera : tile.cameras) {
+      std::vector<const BlendingField::TileCamera*> cameras;
+      for (const BlendingField::TileCamera& camera : tile.cameras) {
         if (sources_.source(camera.camera).frame) cameras.push_back(&camera);
       }
       samples.cameras = cameras.size();
@@ -167,9 +168,10 @@ class BandBlend {
                             kPerRun);
       float* at = samples.values.data();
       for (int y = tile.top; y < tile.bottom; ++y) {
-        for (const CameraField::TileCamera* camera : cameras) {
-          sample_camera(sources_, plan_, tile, *camera, y,
-                        {at, at + std::ptrdiff_t{4} * kMostRun, at + std::ptrdiff_t{5} * kMostRun});
+        for (const BlendingField::TileCamera* camera : cameras) {
+          sample_camera(
+              sources_, plan_, tile, *camera, y,
+              {at, at + std::ptrdiff_t{4} * kMaxRunPixels, at + std::ptrdiff_t{5} * kMaxRunPixels});
           at += kPerRun;
         }
       }
@@ -177,10 +179,10 @@ class BandBlend {
   }
 
   /// Of each row of the band: where this host has samples.
-  std::vector<HostSums::Columns> columns_with_samples(int first, int end) const {
-    std::vector<HostSums::Columns> columns;
+  std::vector<HostReduction::Columns> columns_with_samples(int first, int end) const {
+    std::vector<HostReduction::Columns> columns;
     for (int row = first; row < end; ++row) {
-      HostSums::Columns in_row;
+      HostReduction::Columns in_row;
       for (int column = 0; column < plan_.field.columns(); ++column) {
         const auto index = static_cast<std::size_t>((row - first) * plan_.field.columns() + column);
         if (tiles_[index].cameras == 0) continue;
@@ -205,8 +207,8 @@ class BandBlend {
       for (int y = tile.top; y < tile.bottom; ++y) {
         for (std::size_t c = 0; c < samples.cameras; ++c, at += kPerRun) {
           sample_of[c] = at;
-          share_of[c] = at + std::ptrdiff_t{4} * kMostRun;
-          visible_of[c] = at + std::ptrdiff_t{5} * kMostRun;
+          share_of[c] = at + std::ptrdiff_t{4} * kMaxRunPixels;
+          visible_of[c] = at + std::ptrdiff_t{5} * kMaxRunPixels;
         }
         body(tile, y,
              BlendRun{sample_of, share_of, visible_of, tile.right - tile.left,
@@ -216,17 +218,17 @@ class BandBlend {
   }
 
   const ViewRequest& request_;
-  const Plan& plan_;
+  const DepthViewPlan& plan_;
   const ViewSources& sources_;
-  const HostGroup& group_;
+  const RankCommunicator& group_;
   int top_ = 0;  // row of the view at which the band begins
   std::vector<TileSamples> tiles_;
 };
 
 /// Rows of tiles from `first` on whose samples fit, of all hosts: so that all take the same steps.
-int end_of_band(const Plan& plan, int first, std::size_t working_bytes) {
+int end_of_band(const DepthViewPlan& plan, int first, std::size_t working_bytes) {
   constexpr std::size_t kPerCamera =
-      6 * sizeof(float) * static_cast<std::size_t>(kMostRun) * CameraField::kTile;
+      6 * sizeof(float) * static_cast<std::size_t>(kMaxRunPixels) * BlendingField::kTile;
   std::size_t bytes = 0;
   for (int row = first; row < plan.field.rows(); ++row) {
     for (int column = 0; column < plan.field.columns(); ++column) {
@@ -241,13 +243,13 @@ int end_of_band(const Plan& plan, int first, std::size_t working_bytes) {
 
 Contribution contribute(const ViewRequest& request) {
   const NoOthers alone;
-  const HostGroup& group = request.group != nullptr ? *request.group : alone;
+  const RankCommunicator& group = request.group != nullptr ? *request.group : alone;
   const auto start = Clock::now();
   Contribution contribution;
-  contribution.planes.assign(2, PixelValues(values_of_view(request.view), 0.0F));
-  std::optional<Plan> plan = plan_without_depths(request);
+  contribution.planes.assign(2, PixelValues(view_value_count(request.view), 0.0F));
+  std::optional<DepthViewPlan> plan = plan_without_depths(request);
   if (!plan) return contribution;
-  const auto held = held_depths(request, plan->settings, group);
+  const auto held = local_depths(request, plan->settings, group);
   plan->depths = std::shared_ptr<const CameraDepths>(held, &held->depths);
   contribution.notes = held->notes;
   plan->view_depths = vote_together(request, *plan, group);
@@ -269,9 +271,9 @@ Contribution contribute(const ViewRequest& request) {
 }
 
 RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>& planes) {
-  std::optional<Plan> plan = plan_without_depths(request);
-  if (!plan) return view_of_nothing(request);
-  RenderedView image = unset_view(request.view);
+  std::optional<DepthViewPlan> plan = plan_without_depths(request);
+  if (!plan) return transparent_view(request);
+  RenderedView image = uninitialised_view(request.view);
   const FrameCache& cache = *request.instant.cache;
   const auto width = static_cast<std::size_t>(request.view.width);
   raystage::parallel_for(0, request.view.height, [&](int y) {
@@ -288,7 +290,7 @@ RenderedView combine(const ViewRequest& request, const std::vector<PixelValues>&
     for (std::size_t x = 0; x < width; ++x) {
       const float alpha = image.rgba[4 * (row + x) + 3];
       const float depth = planes.at(1)[4 * (row + x)];
-      const float absent = absent_share(*plan, request.instant, static_cast<int>(x), y);
+      const float absent = absent_camera_weight(*plan, request.instant, static_cast<int>(x), y);
       image.coverage[row + x] = alpha * (1 - absent);
       image.z[row + x] =
           alpha > 0 && depth > 0 ? 1 / depth : std::numeric_limits<float>::infinity();

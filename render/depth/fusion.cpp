@@ -1,23 +1,31 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fuses the depth hypotheses of several cameras into one inverse depth map of a view: each
+// camera's map is warped to the view (warp.cpp), each pixel takes the hypothesis with the largest
+// weighted support of the others (vote() in estimation_kernels.cpp), unknown pixels take the
+// farther of their known neighbours in row and column, and a 3x3 median removes outliers.
+// domain_transform_filter() is the recursive edge-aware filter of Gastal and Oliveira, "Domain
+// transform for edge-aware image and video processing", SIGGRAPH 2011. Input and output: inverse
+// planar depths, 1/m, row-major. Cost: O(pixels x hypotheses) for warping, O(pixels x
+// hypotheses^2) for the vote within tiles of 32 x 32 pixels. Reference: fusion_reference.cpp.
 #include "render/depth/fusion.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 
-#include "render/depth/solve_kernels.h"
+#include "base/parallel.h"
+#include "render/depth/estimation_kernels.h"
 #include "render/depth/warp.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
 
-std::size_t pixels_of(const VirtualCamera& view) {
+std::size_t view_pixel_count(const VirtualCamera& view) {
   return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
 }
 
 /// The farthest of the known depths next along the row and the column; unknown where none is near.
-float depth_behind(const InverseDepthMap& map, const std::vector<float>& share, float least_share,
+float depth_behind(const InverseDepthMap& map, const std::vector<float>& share, float min_support,
                    int x, int y) {
   constexpr int kReach = 40;  // pixels
   constexpr std::array<std::array<int, 2>, 4> kWays{{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}};
@@ -28,7 +36,7 @@ float depth_behind(const InverseDepthMap& map, const std::vector<float>& share, 
       if (column < 0 || row < 0 || column >= map.width || row >= map.height) break;
       const std::size_t at = static_cast<std::size_t>(row) * static_cast<std::size_t>(map.width) +
                              static_cast<std::size_t>(column);
-      if (map.values[at] < 0 || share[at] < least_share) continue;
+      if (map.values[at] < 0 || share[at] < min_support) continue;
       behind = behind < 0 ? map.values[at] : std::min(behind, map.values[at]);
       break;
     }
@@ -37,14 +45,14 @@ float depth_behind(const InverseDepthMap& map, const std::vector<float>& share, 
 }
 
 InverseDepthMap filled(const InverseDepthMap& map, const std::vector<float>& share,
-                       float least_share) {
+                       float min_support) {
   InverseDepthMap result = map;
   raystage::parallel_for(0, map.height, [&](int y) {
     for (int x = 0; x < map.width; ++x) {
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(map.width) +
                              static_cast<std::size_t>(x);
-      if (map.values[at] >= 0 && share[at] >= least_share) continue;
-      const float behind = depth_behind(map, share, least_share, x, y);
+      if (map.values[at] >= 0 && share[at] >= min_support) continue;
+      const float behind = depth_behind(map, share, min_support, x, y);
       if (behind >= 0) result.values[at] = behind;
     }
   });
@@ -84,26 +92,26 @@ void weigh_row(const CornerWeights& corners, int y, int width, int height,
 }
 
 /// The vote in one tile.
-void vote_in_tile(const VirtualCamera& view, std::span<const DepthReport> reports,
+void vote_in_tile(const VirtualCamera& view, std::span<const DepthHypotheses> hypotheses,
                   std::span<const DepthTiles> warped, std::size_t tile, float tolerance,
                   InverseDepthMap& fused, std::vector<float>& share) {
-  static_assert(kDepthTile <= kMostVotes);
+  static_assert(kDepthTile <= kMaxVotePixels);
   const int columns = depth_tile_columns(view);
   const int left = static_cast<int>(tile) % columns * kDepthTile;
   const int top = static_cast<int>(tile) / columns * kDepthTile;
   const int width = std::min(kDepthTile, view.width - left);
   const int height = std::min(kDepthTile, view.height - top);
   std::vector<std::size_t> members;
-  for (std::size_t i = 0; i < reports.size() && members.size() < kMostReports; ++i) {
+  for (std::size_t i = 0; i < hypotheses.size() && members.size() < kMaxHypotheses; ++i) {
     if (warped[i].wanted(tile)) members.push_back(i);
   }
-  std::array<std::array<float, kDepthTile>, kMostReports> weights;
-  std::array<const float*, kMostReports> depth_of, weight_of;
-  std::array<float, kMostVotes> depth, agreeing;
+  std::array<std::array<float, kDepthTile>, kMaxHypotheses> weights;
+  std::array<const float*, kMaxHypotheses> depth_of, weight_of;
+  std::array<float, kMaxVotePixels> depth, agreeing;
   for (int y = 0; y < height; ++y) {
     for (std::size_t i = 0; i < members.size(); ++i) {
       depth_of[i] = warped[members[i]].row(tile, y);
-      weigh_row(reports[members[i]].weights[tile], y, width, height, weights[i]);
+      weigh_row(hypotheses[members[i]].weights[tile], y, width, height, weights[i]);
       weight_of[i] = weights[i].data();
     }
     vote({std::span(depth_of).first(members.size()), std::span(weight_of).first(members.size()),
@@ -121,17 +129,17 @@ struct TileBand {
 };
 
 /// As many rows each as fit `room`, at least one.
-std::vector<TileBand> bands_within(const VirtualCamera& view, std::span<const DepthReport> reports,
-                                   std::size_t room) {
+std::vector<TileBand> bands_within(const VirtualCamera& view,
+                                   std::span<const DepthHypotheses> hypotheses, std::size_t room) {
   constexpr std::size_t kTileBytes = sizeof(float) * kDepthTile * kDepthTile;
   const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
   const std::size_t tiles = depth_tile_count(view);
   // Of each report: where its tiles are, and the tile that is none.
-  const std::size_t tables = reports.size() * (sizeof(std::int32_t) * tiles + kTileBytes);
+  const std::size_t tables = hypotheses.size() * (sizeof(std::int32_t) * tiles + kTileBytes);
   std::vector<TileBand> bands;
   for (std::size_t row = 0; row < tiles / columns; ++row) {
     std::size_t bytes = 0;
-    for (const DepthReport& report : reports) {
+    for (const DepthHypotheses& report : hypotheses) {
       const auto of_row = std::span(report.weights).subspan(row * columns, columns);
       bytes += kTileBytes * static_cast<std::size_t>(std::ranges::count_if(of_row, counts));
     }
@@ -144,25 +152,28 @@ std::vector<TileBand> bands_within(const VirtualCamera& view, std::span<const De
 }
 
 /// Beside the warped depths: what is fused, and how many agree.
-std::size_t fused_bytes(const VirtualCamera& view) { return 2 * sizeof(float) * pixels_of(view); }
+std::size_t fused_bytes(const VirtualCamera& view) {
+  return 2 * sizeof(float) * view_pixel_count(view);
+}
 
-std::vector<TileBand> bands_of(const VirtualCamera& view, std::span<const DepthReport> reports,
+std::vector<TileBand> bands_of(const VirtualCamera& view,
+                               std::span<const DepthHypotheses> hypotheses,
                                std::size_t working_bytes) {
-  return bands_within(view, reports, working_bytes - std::min(working_bytes, fused_bytes(view)));
+  return bands_within(view, hypotheses, working_bytes - std::min(working_bytes, fused_bytes(view)));
 }
 
 }  // namespace
 
-std::vector<std::array<float, 4>> even_weights(const VirtualCamera& view, float weight) {
+std::vector<std::array<float, 4>> uniform_weights(const VirtualCamera& view, float weight) {
   std::vector<CornerWeights> weights(depth_tile_count(view));
   for (CornerWeights& tile : weights) tile.fill(weight);
   return weights;
 }
 
-std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthReport> reports,
+std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypotheses> hypotheses,
                          std::size_t working_bytes) {
   std::size_t most = fused_bytes(view);  // with gaps filled, and smoothed: as much again
-  for (const TileBand& band : bands_of(view, reports, working_bytes)) {
+  for (const TileBand& band : bands_of(view, hypotheses, working_bytes)) {
     most = std::max(most, band.bytes);
   }
   return fused_bytes(view) + most;
@@ -171,7 +182,7 @@ std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthReport>
 namespace {
 
 /// Of tiles [first, end).
-DepthTiles warp_tiles(const VirtualCamera& view, const DepthReport& report, std::size_t first,
+DepthTiles warp_tiles(const VirtualCamera& view, const DepthHypotheses& report, std::size_t first,
                       std::size_t end) {
   std::vector<std::uint8_t> wanted(depth_tile_count(view));
   for (std::size_t tile = first; tile < end; ++tile) {
@@ -182,43 +193,46 @@ DepthTiles warp_tiles(const VirtualCamera& view, const DepthReport& report, std:
 
 }  // namespace
 
-DepthTiles warp_report(const VirtualCamera& view, const DepthReport& report) {
+DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& report) {
   return warp_tiles(view, report, 0, depth_tile_count(view));
 }
 
-InverseDepthMap fuse_warped(const VirtualCamera& view, std::span<const DepthReport> reports,
-                            std::span<const DepthTiles> warped, const FusionSettings& settings) {
+InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
+                                       std::span<const DepthHypotheses> hypotheses,
+                                       std::span<const DepthTiles> warped,
+                                       const FusionSettings& settings) {
   InverseDepthMap fused{view.width, view.height, {}};
-  fused.values.resize(pixels_of(view));
-  std::vector<float> share(pixels_of(view));
+  fused.values.resize(view_pixel_count(view));
+  std::vector<float> share(view_pixel_count(view));
   raystage::parallel_for(std::size_t{0}, depth_tile_count(view), [&](std::size_t tile) {
-    vote_in_tile(view, reports, warped, tile, settings.tolerance, fused, share);
+    vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, share);
   });
-  return median(filled(fused, share, settings.least_share), settings.line_tolerance);
+  return median(filled(fused, share, settings.min_support), settings.line_tolerance);
 }
 
-InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
-                            const FusionSettings& settings) {
+InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
+                                std::span<const DepthHypotheses> hypotheses,
+                                const FusionSettings& settings) {
   const auto columns = static_cast<std::size_t>(depth_tile_columns(view));
   InverseDepthMap fused{view.width, view.height, {}};
-  fused.values.resize(pixels_of(view));
-  std::vector<float> share(pixels_of(view));
-  for (const TileBand& band : bands_of(view, reports, settings.working_bytes)) {
+  fused.values.resize(view_pixel_count(view));
+  std::vector<float> share(view_pixel_count(view));
+  for (const TileBand& band : bands_of(view, hypotheses, settings.working_bytes)) {
     const std::size_t first = static_cast<std::size_t>(band.first) * columns;
     const std::size_t end = static_cast<std::size_t>(band.end) * columns;
-    std::vector<DepthTiles> warped(reports.size());
-    raystage::parallel_for(std::size_t{0}, reports.size(), [&](std::size_t i) {
-      warped[i] = warp_tiles(view, reports[i], first, end);
+    std::vector<DepthTiles> warped(hypotheses.size());
+    raystage::parallel_for(std::size_t{0}, hypotheses.size(), [&](std::size_t i) {
+      warped[i] = warp_tiles(view, hypotheses[i], first, end);
     });
     raystage::parallel_for(first, end, [&](std::size_t tile) {
-      vote_in_tile(view, reports, warped, tile, settings.tolerance, fused, share);
+      vote_in_tile(view, hypotheses, warped, tile, settings.tolerance, fused, share);
     });
   }
-  return median(filled(fused, share, settings.least_share), settings.line_tolerance);
+  return median(filled(fused, share, settings.min_support), settings.line_tolerance);
 }
 
-void smooth_along_links(std::vector<float>& values, int channels, int width, int height,
-                        const PixelLinks& links) {
+void domain_transform_filter(std::vector<float>& values, int channels, int width, int height,
+                             const EdgeWeights& links) {
   const auto n = static_cast<std::ptrdiff_t>(channels);
   const std::ptrdiff_t pitch = n * width;
   const auto draw = [n](float* value, const float* towards, float link) {

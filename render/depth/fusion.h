@@ -7,63 +7,66 @@
 #include <span>
 #include <vector>
 
-#include "render/depth/pinhole.h"
+#include "render/depth/inverse_depth_map.h"
 #include "render/depth/warp.h"
 
 namespace raystage {
 
 /// A camera's depths, and how much they count.
-struct DepthReport {
+struct DepthHypotheses {
   const InverseDepthMap* map = nullptr;
   const VirtualCamera* camera = nullptr;
   /// For each tile of the view (DepthTiles): weights, not negative, at its upper left, upper right,
   /// lower left and lower right corner; linear in between.
   std::vector<std::array<float, 4>> weights;
-  const InverseDepthMap* nearest = nullptr;  ///< nearest_of_blocks() of the map, if at hand
+  const InverseDepthMap* nearest = nullptr;  ///< block_nearest_depths() of the map, if at hand
 };
 /// For all of a view.
-std::vector<std::array<float, 4>> even_weights(const VirtualCamera& view, float weight);
+std::vector<std::array<float, 4>> uniform_weights(const VirtualCamera& view, float weight);
 
 struct FusionSettings {
   float tolerance = 0;    ///< 1/m, above 0: see VoteRun
-  float least_share = 0;  ///< of the weights that must agree on a depth, 0 to 1
+  float min_support = 0;  ///< of the weights that must agree on a depth, 0 to 1
   /// 1/m: see median_row(); infinite: lines one pixel wide go with other outliers.
   float line_tolerance = std::numeric_limits<float>::infinity();
   /// Cameras' depths are warped for as many rows of tiles at a time as fit; for one at the least.
   std::size_t working_bytes = std::numeric_limits<std::size_t>::max();
 };
-/// What several cameras say of a view's depths (kMostReports a tile): the depth that most agree on
-/// (vote). Where too few do, the farthest of the depths next in the row and column, as it is
+/// What several cameras say of a view's depths (kMaxHypotheses a tile): the depth that most agree
+/// on (vote). Where too few do, the farthest of the depths next in the row and column, as it is
 /// what lies behind that cameras fail to see; then a 3x3 median that may let lines be.
 /// kUnknownDepth where nothing is near.
-InverseDepthMap fuse_depths(const VirtualCamera& view, std::span<const DepthReport> reports,
-                            const FusionSettings& settings);
+InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
+                                std::span<const DepthHypotheses> hypotheses,
+                                const FusionSettings& settings);
 /// The depths of one report as seen from the view, where it counts.
-DepthTiles warp_report(const VirtualCamera& view, const DepthReport& report);
-/// fuse_depths() of reports that are warped already, all of the view at once; their maps are not
-/// read.
-InverseDepthMap fuse_warped(const VirtualCamera& view, std::span<const DepthReport> reports,
-                            std::span<const DepthTiles> warped, const FusionSettings& settings);
+DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& report);
+/// fuse_hypotheses() of hypotheses that are warped already, all of the view at once; their maps are
+/// not read.
+InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
+                                       std::span<const DepthHypotheses> hypotheses,
+                                       std::span<const DepthTiles> warped,
+                                       const FusionSettings& settings);
 /// Memory that it takes beside its arguments where so much is granted: 8 bytes a pixel, and 4 a
 /// pixel for each report that counts there in the rows of tiles that it is at; 16 at the least.
-std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthReport> reports,
+std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypotheses> hypotheses,
                          std::size_t working_bytes);
 
 /// How alike neighbouring pixels are, 0 to 1: of each pixel and the one left of it, and above it.
-struct PixelLinks {
+struct EdgeWeights {
   std::vector<float> left, above;
 };
 /// A recursive edge-aware filter (Gastal and Oliveira 2011): along rows, then along columns, forth
 /// and back, each value is drawn towards its neighbour's as far as they are linked. In place;
 /// `channels` values a pixel.
-void smooth_along_links(std::vector<float>& values, int channels, int width, int height,
-                        const PixelLinks& links);
+void domain_transform_filter(std::vector<float>& values, int channels, int width, int height,
+                             const EdgeWeights& links);
 
-/// The slow, obvious ways; any number of reports.
-InverseDepthMap fuse_depths_reference(const VirtualCamera& view,
-                                      std::span<const DepthReport> reports,
-                                      const FusionSettings& settings);
-void smooth_along_links_reference(std::vector<float>& values, int channels, int width, int height,
-                                  const PixelLinks& links);
+/// The slow, obvious ways; any number of hypotheses.
+InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
+                                          std::span<const DepthHypotheses> hypotheses,
+                                          const FusionSettings& settings);
+void domain_transform_filter_reference(std::vector<float>& values, int channels, int width,
+                                       int height, const EdgeWeights& links);
 
 }  // namespace raystage

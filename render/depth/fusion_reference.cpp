@@ -8,8 +8,8 @@
 namespace raystage {
 namespace {
 
-/// What a report counts at a pixel: see DepthReport::weights.
-double weight_at(const VirtualCamera& view, const DepthReport& report, int x, int y) {
+/// What a report counts at a pixel: see DepthHypotheses::weights.
+double weight_at(const VirtualCamera& view, const DepthHypotheses& report, int x, int y) {
   const int column = x / kDepthTile, row = y / kDepthTile;
   const auto& corners =
       report.weights[static_cast<std::size_t>(row * depth_tile_columns(view) + column)];
@@ -25,25 +25,25 @@ double weight_at(const VirtualCamera& view, const DepthReport& report, int x, in
 struct Agreed {
   double depth = static_cast<double>(kUnknownDepth), share = 0;
 };
-Agreed vote_of(const std::vector<double>& reports, const std::vector<double>& weights,
+Agreed vote_of(const std::vector<double>& hypotheses, const std::vector<double>& weights,
                double tolerance) {
   Agreed agreed;
   double all = 0, best = 0, chosen = -1;
-  for (std::size_t i = 0; i < reports.size(); ++i) {
-    if (reports[i] < 0 || weights[i] <= 0) continue;
+  for (std::size_t i = 0; i < hypotheses.size(); ++i) {
+    if (hypotheses[i] < 0 || weights[i] <= 0) continue;
     all += weights[i];
     double support = 0, sum = 0;
-    for (std::size_t j = 0; j < reports.size(); ++j) {
-      if (reports[j] < 0) continue;
+    for (std::size_t j = 0; j < hypotheses.size(); ++j) {
+      if (hypotheses[j] < 0) continue;
       const double weight =
-          weights[j] * std::max(0.0, 1 - std::abs(reports[j] - reports[i]) / tolerance);
+          weights[j] * std::max(0.0, 1 - std::abs(hypotheses[j] - hypotheses[i]) / tolerance);
       support += weight;
-      sum += weight * reports[j];
+      sum += weight * hypotheses[j];
     }
-    const bool is_as_good = support > 0.9999 * best && reports[i] > chosen;
+    const bool is_as_good = support > 0.9999 * best && hypotheses[i] > chosen;
     if (support > 1.0001 * best || is_as_good) {
       best = support;
-      chosen = reports[i];
+      chosen = hypotheses[i];
       agreed.depth = sum / support;
     }
   }
@@ -52,7 +52,7 @@ Agreed vote_of(const std::vector<double>& reports, const std::vector<double>& we
 }
 
 /// The farthest of the depths next in the row and column that enough agree on.
-float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& share, float least_share,
+float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& share, float min_support,
                    int x, int y) {
   constexpr int kReach = 40;  // pixels
   std::vector<float> around;
@@ -60,7 +60,7 @@ float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& share, 
     for (int i = 1; i <= kReach; ++i) {
       const int column = x + i * dx, row = y + i * dy;
       if (column < 0 || row < 0 || column >= depths.width || row >= depths.height) break;
-      if (depths.at(column, row) < 0 || share.at(column, row) < least_share) continue;
+      if (depths.at(column, row) < 0 || share.at(column, row) < min_support) continue;
       around.push_back(depths.at(column, row));
       break;
     }
@@ -68,7 +68,7 @@ float depth_behind(const InverseDepthMap& depths, const InverseDepthMap& share, 
   return around.empty() ? depths.at(x, y) : *std::ranges::min_element(around);
 }
 
-InverseDepthMap median(const InverseDepthMap& depths, float line_tolerance) {
+InverseDepthMap median_reference(const InverseDepthMap& depths, float line_tolerance) {
   InverseDepthMap result{depths.width, depths.height, {}};
   for (int y = 0; y < depths.height; ++y) {
     for (int x = 0; x < depths.width; ++x) {
@@ -92,20 +92,20 @@ InverseDepthMap median(const InverseDepthMap& depths, float line_tolerance) {
 
 }  // namespace
 
-InverseDepthMap fuse_depths_reference(const VirtualCamera& view,
-                                      std::span<const DepthReport> reports,
-                                      const FusionSettings& settings) {
+InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
+                                          std::span<const DepthHypotheses> hypotheses,
+                                          const FusionSettings& settings) {
   std::vector<InverseDepthMap> warped;
-  for (const DepthReport& report : reports) {
+  for (const DepthHypotheses& report : hypotheses) {
     warped.push_back(warp_depths_reference(*report.map, *report.camera, view));
   }
   InverseDepthMap depths{view.width, view.height, {}}, share = depths, result = depths;
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
       std::vector<double> said, weights;
-      for (std::size_t i = 0; i < reports.size(); ++i) {
+      for (std::size_t i = 0; i < hypotheses.size(); ++i) {
         said.push_back(static_cast<double>(warped[i].at(x, y)));
-        weights.push_back(weight_at(view, reports[i], x, y));
+        weights.push_back(weight_at(view, hypotheses[i], x, y));
       }
       const Agreed found = vote_of(said, weights, static_cast<double>(settings.tolerance));
       depths.values.push_back(static_cast<float>(found.depth));
@@ -114,16 +114,16 @@ InverseDepthMap fuse_depths_reference(const VirtualCamera& view,
   }
   for (int y = 0; y < view.height; ++y) {
     for (int x = 0; x < view.width; ++x) {
-      const bool is_known = depths.at(x, y) >= 0 && share.at(x, y) >= settings.least_share;
+      const bool is_known = depths.at(x, y) >= 0 && share.at(x, y) >= settings.min_support;
       result.values.push_back(is_known ? depths.at(x, y)
-                                       : depth_behind(depths, share, settings.least_share, x, y));
+                                       : depth_behind(depths, share, settings.min_support, x, y));
     }
   }
-  return median(result, settings.line_tolerance);
+  return median_reference(result, settings.line_tolerance);
 }
 
-void smooth_along_links_reference(std::vector<float>& values, int channels, int width, int height,
-                                  const PixelLinks& links) {
+void domain_transform_filter_reference(std::vector<float>& values, int channels, int width,
+                                       int height, const EdgeWeights& links) {
   const auto pixel = [&](int x, int y) {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
            static_cast<std::size_t>(x);

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <random>
 
-#include "render/depth/solve_kernels.h"
+#include "render/depth/estimation_kernels.h"
 #include "render/depth/warp.h"
-#include "schemas/test_targets.h"
+#include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::fusion_test {
 namespace {
 
 VirtualCamera camera_at(const Eigen::Vector3d& position, int width = 40, int height = 30) {
@@ -113,7 +113,7 @@ TEST(WarpDepths, EveryInstructionSetAgreesWithTheReference) {
     const unsigned choice = random() % 10;
     depth = choice == 0 ? kUnknownDepth : 0.2F + 0.05F * static_cast<float>(choice);
   }
-  testing::for_each_target(depth_solve_target, [&] {
+  testing::for_each_simd_target(depth_estimation_target, [&] {
     for (const VirtualCamera& view :
          {camera_at({0.31, 0.12, 0.4}, 75, 41),  // aside and behind
           camera_at({-0.1, 0, -0.9}, 66, 60),    // in front: pixels are drawn out
@@ -153,7 +153,7 @@ TEST(WarpDepths, WhatIsNotLookedAtIsNotMissed) {
     const bool known = random() % 5 != 0;
     map.values[i] = known ? 0.1F + 0.003F * static_cast<float>(i % 170) : kUnknownDepth;
   }
-  const InverseDepthMap nearest = nearest_of_blocks(map);
+  const InverseDepthMap nearest = block_nearest_depths(map);
   for (const VirtualCamera& view :
        {camera_at({0.3, 0.1, 0.2}, 160, 100), camera_at({-0.2, 0, -1.2}, 200, 150),
         camera_at({0, 0.1, -1.9}, 100, 100)}) {
@@ -176,16 +176,16 @@ TEST(FuseDepths, TheMajorityDecidesAndHolesAreFilledFromBehind) {
     }
     for (int x = 30; x < 40; ++x) at(right, x, y) = at(also, x, y) = 2;
   }
-  const auto one = even_weights(view, 1);
-  const std::vector<DepthReport> reports{
+  const auto one = uniform_weights(view, 1);
+  const std::vector<DepthHypotheses> hypotheses{
       {&right, &view, one}, {&wrong, &view, one}, {&also, &view, one}};
-  const InverseDepthMap fused = fuse_depths(view, reports, {0.1F, 0.5F});
+  const InverseDepthMap fused = fuse_hypotheses(view, hypotheses, {0.1F, 0.5F});
   EXPECT_FLOAT_EQ(fused.at(5, 15), 0.5F);
   EXPECT_FLOAT_EQ(fused.at(25, 15), 0.5F);
   EXPECT_FLOAT_EQ(fused.at(35, 15), 2);
   const InverseDepthMap nothing = flat(view, kUnknownDepth);
-  const std::vector<DepthReport> nobody{{&nothing, &view, one}};
-  EXPECT_EQ(fuse_depths(view, nobody, {0.1F, 0.5F}).at(5, 5), kUnknownDepth);
+  const std::vector<DepthHypotheses> nobody{{&nothing, &view, one}};
+  EXPECT_EQ(fuse_hypotheses(view, nobody, {0.1F, 0.5F}).at(5, 5), kUnknownDepth);
 }
 
 TEST(FuseDepths, KeepsLinesOnePixelWideAndNotSpecks) {
@@ -196,9 +196,9 @@ TEST(FuseDepths, KeepsLinesOnePixelWideAndNotSpecks) {
   for (int i = 0; i < 12; ++i) at(map, 25 + i, 10 + i) = kNear;   // another, aslant
   at(map, 5, 5) = at(map, 6, 5) = kNear;                          // a speck
   for (int y = 0; y < view.height; ++y) at(map, 12, y) = 0.001F;  // a crack: wrong, or seen past
-  const std::vector<DepthReport> reports{{&map, &view, even_weights(view, 1)}};
-  const InverseDepthMap fused = fuse_depths(view, reports, {0.1F, 0.2F, 0.1F});
-  const InverseDepthMap plain = fuse_depths(view, reports, {0.1F, 0.2F});
+  const std::vector<DepthHypotheses> hypotheses{{&map, &view, uniform_weights(view, 1)}};
+  const InverseDepthMap fused = fuse_hypotheses(view, hypotheses, {0.1F, 0.2F, 0.1F});
+  const InverseDepthMap plain = fuse_hypotheses(view, hypotheses, {0.1F, 0.2F});
   for (int y = 1; y + 1 < view.height; ++y) {
     EXPECT_EQ(fused.at(20, y), kNear);
     EXPECT_EQ(plain.at(20, y), kBehind);
@@ -207,16 +207,17 @@ TEST(FuseDepths, KeepsLinesOnePixelWideAndNotSpecks) {
   for (int i = 1; i < 11; ++i) EXPECT_EQ(fused.at(25 + i, 10 + i), kNear);
   EXPECT_EQ(fused.at(5, 5), kBehind);
   EXPECT_EQ(fused.at(6, 5), kBehind);
-  EXPECT_EQ(fused.values, fuse_depths_reference(view, reports, {0.1F, 0.2F, 0.1F}).values);
+  EXPECT_EQ(fused.values, fuse_hypotheses_reference(view, hypotheses, {0.1F, 0.2F, 0.1F}).values);
 }
 
 TEST(FuseDepths, WeightsGoOverFromCameraToCamera) {
   const VirtualCamera view = camera_at({0, 0, 0}, 64, 32);
   const InverseDepthMap near = flat(view, 0.8F), far = flat(view, 0.4F);
   // From tile to tile and within them: the one counts from 1 to 0, the other from 0 to 1.
-  const std::vector<DepthReport> reports{{&near, &view, {{1, 0.5, 1, 0.5}, {0.5, 0, 0.5, 0}}},
-                                         {&far, &view, {{0, 0.5, 0, 0.5}, {0.5, 1, 0.5, 1}}}};
-  const InverseDepthMap fused = fuse_depths(view, reports, {0.1F, 0.2F});
+  const std::vector<DepthHypotheses> hypotheses{
+      {&near, &view, {{1, 0.5, 1, 0.5}, {0.5, 0, 0.5, 0}}},
+      {&far, &view, {{0, 0.5, 0, 0.5}, {0.5, 1, 0.5, 1}}}};
+  const InverseDepthMap fused = fuse_hypotheses(view, hypotheses, {0.1F, 0.2F});
   EXPECT_FLOAT_EQ(fused.at(28, 15), 0.8F);
   EXPECT_FLOAT_EQ(fused.at(36, 15), 0.4F);
 }
@@ -233,23 +234,23 @@ TEST(FuseDepths, InBandsOfRowsTheSameInLessMemory) {
       const unsigned choice = random() % 10;
       depth = choice == 0 ? kUnknownDepth : 0.3F + 0.02F * static_cast<float>(choice);
     }
-    nearest.push_back(nearest_of_blocks(maps.back()));
+    nearest.push_back(block_nearest_depths(maps.back()));
   }
-  std::vector<DepthReport> reports;
+  std::vector<DepthHypotheses> hypotheses;
   for (std::size_t i = 0; i < maps.size(); ++i) {
-    reports.push_back({&maps[i], &cameras[i], even_weights(view, 1), &nearest[i]});
-    reports.back().weights[i] = {};  // a tile where it does not count
+    hypotheses.push_back({&maps[i], &cameras[i], uniform_weights(view, 1), &nearest[i]});
+    hypotheses.back().weights[i] = {};  // a tile where it does not count
   }
-  const InverseDepthMap whole = fuse_depths(view, reports, {0.03F, 0.3F});
-  const std::size_t most = fusion_bytes(view, reports, std::size_t{1} << 30);
+  const InverseDepthMap whole = fuse_hypotheses(view, hypotheses, {0.03F, 0.3F});
+  const std::size_t most = fusion_bytes(view, hypotheses, std::size_t{1} << 30);
   std::size_t last = most;
   for (const std::size_t bytes : {most - 1, most * 2 / 3, std::size_t{0}}) {
-    const std::size_t takes = fusion_bytes(view, reports, bytes);
+    const std::size_t takes = fusion_bytes(view, hypotheses, bytes);
     EXPECT_LT(takes, last);
     last = takes;
     EXPECT_TRUE(takes <= bytes || bytes == 0) << takes;
-    EXPECT_EQ(fuse_depths(view, reports,
-                          {.tolerance = 0.03F, .least_share = 0.3F, .working_bytes = bytes})
+    EXPECT_EQ(fuse_hypotheses(view, hypotheses,
+                              {.tolerance = 0.03F, .min_support = 0.3F, .working_bytes = bytes})
                   .values,
               whole.values);
   }
@@ -257,7 +258,7 @@ TEST(FuseDepths, InBandsOfRowsTheSameInLessMemory) {
 
 TEST(SmoothAlongLinks, SpreadsWithinAndNotAcross) {
   constexpr int kWidth = 70, kHeight = 9;
-  PixelLinks links;
+  EdgeWeights links;
   links.left.assign(kWidth * kHeight, 0.8F);
   links.above.assign(kWidth * kHeight, 0.8F);
   for (std::size_t y = 0; y < kHeight; ++y) links.left[y * kWidth + 35] = 0;  // an edge
@@ -265,7 +266,7 @@ TEST(SmoothAlongLinks, SpreadsWithinAndNotAcross) {
   const std::size_t spike = 4 * kWidth + 30;
   values[2 * spike] = 1;
   for (std::size_t i = 0; i < kWidth * kHeight; ++i) values[2 * i + 1] = 3;  // stays flat
-  smooth_along_links(values, 2, kWidth, kHeight, links);
+  domain_transform_filter(values, 2, kWidth, kHeight, links);
   EXPECT_LT(values[2 * spike], 0.2F);
   EXPECT_GT(values[2 * spike + 2], 0.001F);
   EXPECT_GT(values[2 * (spike - kWidth)], 0.001F);
@@ -274,4 +275,4 @@ TEST(SmoothAlongLinks, SpreadsWithinAndNotAcross) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::fusion_test

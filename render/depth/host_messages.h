@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
-#include "render/view/host_group.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "render/common/rank_communicator.h"
 
 // Arrays of numbers in messages between hosts, one after the other. All hosts run the same program
 // on the same kind of machine.
@@ -15,7 +15,7 @@
 namespace raystage::depth {
 
 template <class T>
-void append_values(std::span<const T> values, HostGroup::Message& message) {
+void append_values(std::span<const T> values, RankCommunicator::Message& message) {
   const auto bytes = std::as_bytes(values);
   message.insert(message.end(), bytes.begin(), bytes.end());
 }

@@ -5,8 +5,8 @@
 #include <array>
 #include <cmath>
 
-#include "schemas/parallel.h"
-#include "schemas/transfer_function.h"
+#include "base/parallel.h"
+#include "base/transfer_function.h"
 
 namespace raystage {
 namespace {

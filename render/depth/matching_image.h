@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "render/depth/pinhole.h"
-#include "store/frames/frame_cache.h"
+#include "render/depth/inverse_depth_map.h"
+#include "store/processing/frames/frame_cache.h"
 
 namespace raystage {
 

@@ -7,14 +7,14 @@
 #include <random>
 #include <set>
 
+#include "render/common/large_buffer.h"
 #include "render/depth/depth.h"
 #include "render/depth/depth_file.h"
-#include "render/depth/temporal.h"
-#include "render/matching/large_buffer.h"
+#include "render/depth/temporal_filter.h"
 #include "render/renderer.h"
-#include "render/view/synthetic_take.h"
+#include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::temporal_take_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -25,7 +25,7 @@ constexpr double kDepth = 4, kStillFrom = 0;  ///< right of it, metres, nothing 
 constexpr Nanoseconds kInterval = kNanosecondsPerSecond / 15;
 
 /// A wall; what is painted on its left changes from frame to frame.
-testing::Painting wall(int frame) {
+testing::SceneFunction wall(int frame) {
   return [frame](const Eigen::Vector3d& from, const Eigen::Vector3d& direction) {
     const Eigen::Vector3d hit = from - (from.z() + kDepth) / direction.z() * direction;
     const double moved = hit.x() < kStillFrom ? 1.7 * frame : 0.0;
@@ -56,10 +56,11 @@ class TemporalTake : public ::testing::Test {
     std::mt19937 random(7);
     std::normal_distribution<double> noise(0, 1.2);  // codes
     for (int frame = 0; frame < kTicks; ++frame) {
-      settings.painting = wall(frame);
+      settings.scene = wall(frame);
       for (int camera = 0; camera < kCameras; ++camera) {
         if (camera == kDropping && frame == kDropped) continue;
-        RgbImage image = photograph(settings.cameras[static_cast<std::size_t>(camera)], settings);
+        RgbImage image =
+            render_camera_image(settings.cameras[static_cast<std::size_t>(camera)], settings);
         for (std::size_t i = 0; i < image.pixels.size(); i += 3) {
           const double grey = noise(random);
           for (std::size_t c = i; c < i + 3; ++c) {
@@ -76,44 +77,45 @@ class TemporalTake : public ::testing::Test {
     cache_ = std::make_unique<FrameCache>(*take_, std::size_t{1} << 26, BlendSpace::kPerceptual);
   }
 
-  Instant at(int tick) const {
-    Instant instant;
+  LightFieldFrame at(int tick) const {
+    LightFieldFrame instant;
     instant.take = take_.get();
     instant.rig = &take_->rig();
     instant.cache = cache_.get();
     instant.frame_of_camera = timeline_.ticks[static_cast<std::size_t>(tick)].frame;
     std::vector<int> present;
     for (int camera = 0; camera < kCameras; ++camera) {
-      instant.members.push_back(camera);
+      instant.included_cameras.push_back(camera);
       if (instant.is_present(camera)) present.push_back(camera);
     }
-    instant.present = std::make_shared<Topology>(topology_of(take_->rig(), present));
-    instant.complete = std::make_shared<Topology>(topology_of(take_->rig(), instant.members));
+    instant.present = std::make_shared<Topology>(make_topology(take_->rig(), present));
+    instant.complete =
+        std::make_shared<Topology>(make_topology(take_->rig(), instant.included_cameras));
     return instant;
   }
 
-  CameraDepths depths(const Instant& instant, bool temporal) const {
+  CameraDepths depths(const LightFieldFrame& instant, bool temporal) const {
     const MethodOptions options(depth_method().options(), {{"temporal", temporal}, {"keep", false}},
                                 "test");
     const VirtualCamera view = virtual_camera_with_fov(40, 30, 0.5, {});
-    KeptResults kept(std::size_t{1} << 28);
+    ResultCache kept(std::size_t{1} << 28);
     BufferPool buffers;
     const auto plan =
         depth::plan({view, instant, {0, 0, 0, 1}, options, kept, std::size_t{1} << 28, buffers});
     return *plan.value().depths;
   }
 
-  RenderedView render(int tick, std::vector<int> left_out = {}) const {
+  RenderedView render(int tick, std::vector<int> excluded_cameras = {}) const {
     RendererSettings settings;
     settings.ticks = timeline_.ticks;
-    settings.left_out = std::move(left_out);
+    settings.excluded_cameras = std::move(excluded_cameras);
     return LightFieldRenderer(*take_, settings)
         .render(virtual_camera_with_fov(40, 30, 0.5, {}),
                 timeline_.ticks[static_cast<std::size_t>(tick)],
                 {"depth", {0, 0, 0, 1}, {{"temporal", true}}});
   }
 
-  std::size_t kept_files() const {
+  std::size_t stored_depth_files() const {
     std::size_t files = 0;
     for (const auto& entry : fs::recursive_directory_iterator(take_->folder() / "depth")) {
       files += entry.is_regular_file() ? 1 : 0;
@@ -128,9 +130,9 @@ class TemporalTake : public ::testing::Test {
 };
 
 TEST_F(TemporalTake, WhatStandsStillComesNearerToTheTruthAndWhatMovesStays) {
-  Instant instant = at(1);
+  LightFieldFrame instant = at(1);
   const CameraDepths alone = depths(instant, true);  // nothing beside it
-  instant.frames_beside = {at(0).frame_of_camera, at(2).frame_of_camera};
+  instant.adjacent_frames = {at(0).frame_of_camera, at(2).frame_of_camera};
   const CameraDepths steady = depths(instant, true);
   const CameraDepths unasked = depths(instant, false);
   double before = 0, after = 0, moving = 0;
@@ -163,25 +165,26 @@ TEST_F(TemporalTake, WhatStandsStillComesNearerToTheTruthAndWhatMovesStays) {
 
 TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
   for (const int tick : {1, 2, 3}) {
-    Instant instant = at(tick);
-    std::vector<Instant> beside{at(tick - 1)};
+    LightFieldFrame instant = at(tick);
+    std::vector<LightFieldFrame> beside{at(tick - 1)};
     if (tick + 1 < kTicks) beside.push_back(at(tick + 1));
-    for (const Instant& other : beside) instant.frames_beside.push_back(other.frame_of_camera);
+    for (const LightFieldFrame& other : beside)
+      instant.adjacent_frames.push_back(other.frame_of_camera);
     const CameraDepths fast = depths(instant, true);
 
-    DepthSettings settings;
+    DepthEstimationSettings settings;
     settings.scene = {2.5, 7};
-    const auto solved = [&](const Instant& of) {
-      CameraDepths found = solve_camera_depths(of, settings, std::size_t{1} << 28);
-      for (InverseDepthMap& map : found.maps) quantise(map);
+    const auto solved = [&](const LightFieldFrame& of) {
+      CameraDepths found = estimate_camera_depths(of, settings, std::size_t{1} << 28);
+      for (InverseDepthMap& map : found.maps) quantise_depths(map);
       return found;
     };
     const CameraDepths now = solved(instant);
     std::vector<CameraDepths> then;
-    for (const Instant& other : beside) then.push_back(solved(other));
+    for (const LightFieldFrame& other : beside) then.push_back(solved(other));
     int changed = 0;
     for (std::size_t i = 0; i < kCameras; ++i) {
-      const auto picture = [&](const Instant& of) {
+      const auto picture = [&](const LightFieldFrame& of) {
         std::int64_t decoded = 0;
         const auto frame = cache_->fetch(static_cast<int>(i), of.frame_of_camera[i], {}, decoded);
         return MatchingImage(*frame, cache_->blend_space(), take_->rig().cameras[i],
@@ -192,7 +195,7 @@ TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
         continue;
       }
       std::vector<MatchingImage> pictures;
-      std::vector<OtherInstant> others;
+      std::vector<TemporalNeighbour> others;
       pictures.reserve(2);
       for (std::size_t j = 0; j < beside.size(); ++j) {
         if (!beside[j].is_present(static_cast<int>(i))) continue;
@@ -200,8 +203,8 @@ TEST_F(TemporalTake, AgreesWithInstantsFetchedOneByOne) {
         others.push_back({&pictures.back(), &then[j].maps[i]});
       }
       const InverseDepthMap expected =
-          steadied_reference(now.maps[i], picture(instant), others,
-                             static_cast<float>(settings.tolerance_px * now.pixel));
+          temporal_filter_reference(now.maps[i], picture(instant), others,
+                                    static_cast<float>(settings.tolerance_px * now.pixel));
       for (std::size_t p = 0; p < expected.values.size(); ++p) {
         ASSERT_NEAR(fast.maps[i].values[p], expected.values[p], 1e-5) << "tick " << tick;
         changed += fast.maps[i].values[p] == now.maps[i].values[p] ? 0 : 1;
@@ -216,19 +219,19 @@ TEST_F(TemporalTake, TheInstantsBesideAreTheTicks) {
   ASSERT_EQ(timeline_.ticks[kDropped].frame[kDropping], -1);
   ASSERT_EQ(timeline_.ticks[3].frame[kDropping], 2);  // as an archive counts, not as ticks do
   render(1);
-  EXPECT_EQ(kept_files(), 3U);
+  EXPECT_EQ(stored_depth_files(), 3U);
   for (int tick = 0; tick < kTicks; ++tick) render(tick);
-  EXPECT_EQ(kept_files(), static_cast<std::size_t>(kTicks));
+  EXPECT_EQ(stored_depth_files(), static_cast<std::size_t>(kTicks));
   render(2, {0});  // a camera that is left out is so before and after, too
-  EXPECT_EQ(kept_files(), kTicks + 3U);
+  EXPECT_EQ(stored_depth_files(), kTicks + 3U);
 }
 
 TEST_F(TemporalTake, WithoutATimelineThereIsNothingBeside) {
   const LightFieldRenderer renderer(*take_, {});
   renderer.render(virtual_camera_with_fov(40, 30, 0.5, {}), timeline_.ticks[1],
                   {"depth", {0, 0, 0, 1}, {{"temporal", true}}});
-  EXPECT_EQ(kept_files(), 1U);
+  EXPECT_EQ(stored_depth_files(), 1U);
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::temporal_take_test

@@ -13,7 +13,7 @@
 
 #include <array>
 
-#include "render/depth/pinhole.h"
+#include "render/depth/inverse_depth_map.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace raystage {
@@ -34,7 +34,7 @@ class RowTransfer {
   }
 
   template <class V, class M>
-  struct Place {
+  struct TransferredPoint {
     V u, v, inverse_depth;
     V per_w;   ///< 1 / W, where that is above 0
     M inside;  ///< in front, and within [0, width] x [0, height]; elsewhere u and v are harmless
@@ -57,7 +57,7 @@ class RowTransfer {
                 hn::And(hn::Ge(v, zero), hn::Le(v, hn::Set(d, height_))));
     u = hn::IfThenElseZero(inside, u);
     v = hn::IfThenElseZero(inside, v);
-    return Place<V, decltype(inside)>{u, v, hn::Mul(q, inverse), inverse, inside};
+    return TransferredPoint<V, decltype(inside)>{u, v, hn::Mul(q, inverse), inverse, inside};
   }
 
  private:

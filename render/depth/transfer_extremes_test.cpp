@@ -11,12 +11,12 @@
 #include <string>
 #include <vector>
 
-#include "render/depth/transfer_probe.h"
 #include "render/depth/warp.h"
-#include "render/view/any_geometry.h"
-#include "render/view/exact_geometry.h"
-#include "render/view/worst_error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/exact_geometry.h"
+#include "testing/render/geometry_generators.h"
+#include "testing/render/transfer_probe.h"
+#include "testing/render/worst_error.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -27,7 +27,7 @@ using testing::exact;
 using testing::exact_ray;
 using testing::ExactVector;
 using testing::off;
-using testing::ray_terms;
+using testing::ray_term_magnitude;
 using testing::Real;
 using testing::WorstError;
 
@@ -44,7 +44,7 @@ struct Shot {
 
 Shot some_shot() {
   Shot shot;
-  shot.from = testing::some_view(testing::some_pose(testing::far_off(), 1));
+  shot.from = testing::random_view(testing::random_pose(testing::random_origin(), 1));
   shot.x = *rc::gen::inRange(0, shot.from.width);
   shot.y = *rc::gen::inRange(0, shot.from.height);
   shot.inverse_depth = *rc::gen::element(0.0F, 1e-12F, 1e-9F, 1e-6F, 0.01F, 0.25F, 10.0F, 1e3F);
@@ -59,10 +59,10 @@ Shot some_shot() {
   const int kind = *rc::gen::inRange(0, 6);  // as the first, any way, or towards the point
   if (kind == 0) other.world_from_camera_rotation = testing::rotation();
   if (kind > 1) {
-    other.world_from_camera_rotation = testing::looking_at(
+    other.world_from_camera_rotation = testing::rotation_towards(
         Vector3d::Zero(), way.normalized() + between(0, 0.3) * testing::direction());
   }
-  shot.to = testing::some_view(other);
+  shot.to = testing::random_view(other);
   return shot;
 }
 
@@ -82,7 +82,7 @@ std::optional<Place> exact_place(const Shot& shot) {
     if (ahead <= 0) return std::nullopt;
     inverse_depth = 1 / ahead;
   }
-  const auto pixel = testing::exact_look(shot.to.intrinsics, shot.to.pose, towards);
+  const auto pixel = testing::exact_projection(shot.to.intrinsics, shot.to.pose, towards);
   if (!pixel) return std::nullopt;
   return Place{(*pixel)[0], (*pixel)[1], inverse_depth};
 }
@@ -114,7 +114,7 @@ struct Bound {
 /// second sees at an angle, or what all but cancels ahead of it, is known the less.
 Bound bound_in_double(const Shot& shot, const Sum& sum) {
   const double away = (shot.from.pose.position - shot.to.pose.position).norm();
-  const double terms = ray_terms(shot.from, shot.x + 0.5, shot.y + 0.5) +
+  const double terms = ray_term_magnitude(shot.from, shot.x + 0.5, shot.y + 0.5) +
                        static_cast<double>(shot.inverse_depth) * away;
   const double w = sum.value[2];
   const double u = std::max(std::abs(sum.value[0]), std::abs(sum.value[1])) / w;
@@ -144,7 +144,7 @@ TEST(TransferExtremes, PositionsAndDepthsAreThoseOf50Digits) {
     const double w = sum.value[2];
     if (!truth || !(w > 0)) {  // behind it, or all but beside it
       const double away = (shot.from.pose.position - shot.to.pose.position).norm();
-      const double terms = ray_terms(shot.from, shot.x + 0.5, shot.y + 0.5) +
+      const double terms = ray_term_magnitude(shot.from, shot.x + 0.5, shot.y + 0.5) +
                            static_cast<double>(shot.inverse_depth) * away;
       if (truth || w > 0) RC_ASSERT(std::abs(w) <= 16 * kEpsilon * terms);
       return;
@@ -160,7 +160,7 @@ TEST(TransferExtremes, PositionsAndDepthsAreThoseOf50Digits) {
 }
 
 TEST(TransferExtremes, OfTheKernelsAreThoseOf50Digits) {
-  testing::for_each_target(testing::transfer_target, [] {
+  testing::for_each_simd_target(testing::transfer_target, [] {
     const std::string target = testing::transfer_target();
     WorstError position(target + ": position, px", 1), depth(target + ": depth, relative", 1e-3);
     EXPECT_TRUE(rc::check("any two cameras, pixel and depth", [&] {
@@ -196,7 +196,7 @@ TEST(TransferExtremes, OfTheKernelsAreThoseOf50Digits) {
 }
 
 TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
-  testing::for_each_target(testing::transfer_target, [] {
+  testing::for_each_simd_target(testing::transfer_target, [] {
     int put_down = 0;
     EXPECT_TRUE(rc::check("any two cameras, pixel and depth", [&] {
       Shot shot = some_shot();
@@ -207,7 +207,7 @@ TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
                  static_cast<std::size_t>(shot.x)] = shot.inverse_depth;
       const std::vector<std::uint8_t> wanted(depth_tile_count(shot.to), 1);
       const DepthTiles tiles = warp_depths(map, shot.from, shot.to, wanted);
-      const InverseDepthMap blocks = nearest_of_blocks(map);
+      const InverseDepthMap blocks = block_nearest_depths(map);
       RC_ASSERT(warp_depths(map, shot.from, shot.to, wanted, &blocks).values == tiles.values);
       RC_ASSERT(std::ranges::all_of(tiles.values, [](float v) { return std::isfinite(v); }));
 
@@ -216,7 +216,7 @@ TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
       if (!truth || !(sum.value[2] > 0)) return;
       // The kernel tells positions from a few pixels beyond the border.
       const Bound in_float = bound_in_float(shot, sum);
-      const Bound bound{in_float.position + 2 * kMostFootprint * in_float.depth, in_float.depth};
+      const Bound bound{in_float.position + 2 * kMaxSplatSize * in_float.depth, in_float.depth};
       if (bound.depth >= 0.5 || truth->u < 0 || truth->v < 0 || truth->u >= shot.to.width ||
           truth->v >= shot.to.height) {
         return;
@@ -227,7 +227,8 @@ TEST(TransferExtremes, APointIsPutDownWhere50DigitsSeeIt) {
       const double focal_ratio = std::max(shot.to.intrinsics.fx / shot.from.intrinsics.fx,
                                           shot.to.intrinsics.fy / shot.from.intrinsics.fy);
       const double extent = focal_ratio / sum.value[2];
-      if (extent > 0.99 * double{kOnePixel} && extent < 2) return;  // may leave its own pixel out
+      if (extent > 0.99 * double{kSinglePixelFootprint} && extent < 2)
+        return;  // may leave its own pixel out
       ++put_down;
       const auto tile = static_cast<std::size_t>(
           (row >> kDepthTileLog2) * depth_tile_columns(shot.to) + (column >> kDepthTileLog2));

@@ -5,18 +5,18 @@
 #include <atomic>
 #include <limits>
 
+#include "base/parallel.h"
 #include "render/depth/blend_kernels.h"
 #include "render/sampling/depth_planning.h"
-#include "schemas/parallel.h"
 
 namespace raystage::depth {
 namespace {
 
-using Tile = CameraField::Tile;
-static_assert(CameraField::kTile <= kMostRun);
+using Tile = BlendingField::Tile;
+static_assert(BlendingField::kTile <= kMaxRunPixels);
 
 bool has_camera(const Tile& tile, int camera) {
-  return std::ranges::binary_search(tile.cameras, camera, {}, &CameraField::TileCamera::camera);
+  return std::ranges::binary_search(tile.cameras, camera, {}, &BlendingField::TileCamera::camera);
 }
 
 }  // namespace
@@ -32,9 +32,9 @@ ViewSources::Range ViewSources::range_of(const Tile& tile) const {
   return range;
 }
 
-ViewSources::ViewSources(const ViewRequest& request, const Plan& plan)
+ViewSources::ViewSources(const ViewRequest& request, const DepthViewPlan& plan)
     : request_(request), plan_(plan), sources_(request.instant.rig->cameras.size()) {
-  const CameraField& field = plan_.field;
+  const BlendingField& field = plan_.field;
   std::vector<Range> ranges(static_cast<std::size_t>(field.columns() * field.rows()));
   raystage::parallel_for(0, field.rows(), [&](int row) {
     for (int column = 0; column < field.columns(); ++column) {
@@ -42,11 +42,11 @@ ViewSources::ViewSources(const ViewRequest& request, const Plan& plan)
           range_of(field.tile(column, row));
     }
   });
-  const Instant& instant = request_.instant;
+  const LightFieldFrame& instant = request_.instant;
   for (int row = 0; row < field.rows(); ++row) {
     for (int column = 0; column < field.columns(); ++column) {
       for (const auto& camera : field.tile(column, row).cameras) {
-        sources_[static_cast<std::size_t>(camera.camera)].used = instant.is_held(camera.camera);
+        sources_[static_cast<std::size_t>(camera.camera)].used = instant.is_local(camera.camera);
       }
     }
   }
@@ -58,7 +58,7 @@ ViewSources::ViewSources(const ViewRequest& request, const Plan& plan)
     opened.transfer = pixel_transfer(plan_.depths->pinholes[i], request_.view);
     const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
     opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
-    plan_into(opened.look_up.camera, *layout, opened.wanted.data());
+    set_mcu_layout(opened.look_up.camera, *layout, opened.wanted.data());
     for (int row = 0; row < field.rows(); ++row) {
       for (int column = 0; column < field.columns(); ++column) {
         const Tile& tile = field.tile(column, row);
@@ -89,29 +89,29 @@ void ViewSources::decode(RenderStatistics& statistics) {
   statistics.cameras_used = cameras;
 }
 
-void sample_camera(const ViewSources& sources, const Plan& plan, const Tile& tile,
-                   const CameraField::TileCamera& camera, int y, const CameraRun& run) {
-  constexpr std::array<float, kMostRun> kAll = [] {
-    std::array<float, kMostRun> ones{};
+void sample_camera(const ViewSources& sources, const DepthViewPlan& plan, const Tile& tile,
+                   const BlendingField::TileCamera& camera, int y, const CameraRun& run) {
+  constexpr std::array<float, kMaxRunPixels> kAll = [] {
+    std::array<float, kMaxRunPixels> ones{};
     ones.fill(1);
     return ones;
   }();
   const auto n = static_cast<std::size_t>(tile.right - tile.left);
   const std::span<const float> depths(sources.depths_at(tile.left, y), n);
   const ViewSources::Source& from = sources.source(camera.camera);
-  CameraField::shares(tile, camera, y, {run.shares, n});
+  BlendingField::weights(tile, camera, y, {run.weights, n});
   std::fill_n(run.samples, 4 * n, 0.0F);
   add_samples_at_depth(from.look_up, tile.left, y, depths, {kAll.data(), n}, plan.settings.look_up,
                        {run.samples, 4 * n});
   const auto index = static_cast<std::size_t>(camera.camera);
-  find_visibility({tile.left,
-                   y,
-                   from.transfer,
-                   &plan.depths->maps[index],
-                   &plan.depths->nearest[index],
-                   depths,
-                   visibility_tolerance(plan),
-                   {run.visible, n}});
+  compute_visibility({tile.left,
+                      y,
+                      from.transfer,
+                      &plan.depths->maps[index],
+                      &plan.depths->nearest[index],
+                      depths,
+                      visibility_tolerance(plan),
+                      {run.visible, n}});
 }
 
 }  // namespace raystage::depth

@@ -21,7 +21,7 @@ class ViewSources {
 
   /// Finds which cameras take part, and which of their pixels. Keeps references. Throws Error (bad
   /// input) for frames that cannot be read.
-  ViewSources(const ViewRequest& request, const Plan& plan);
+  ViewSources(const ViewRequest& request, const DepthViewPlan& plan);
   void decode(RenderStatistics& statistics);
 
   const Source& source(int camera) const { return sources_[static_cast<std::size_t>(camera)]; }
@@ -36,21 +36,23 @@ class ViewSources {
   struct Range {
     float farthest = 0, nearest = 0;
   };
-  Range range_of(const CameraField::Tile& tile) const;
+  Range range_of(const BlendingField::Tile& tile) const;
 
   const ViewRequest& request_;
-  const Plan& plan_;
+  const DepthViewPlan& plan_;
   std::vector<Source> sources_;  // per camera of the rig
 };
 
-/// Samples, shares and visibility of a run of a tile's pixels in one camera: what a run is blended
-/// from. `n`: pixels, kMostRun at most; arrays of kMostRun, `samples` of four times as many.
+/// Samples, weights and visibility of a run of a tile's pixels in one camera: what a run is blended
+/// from. `n`: pixels, kMaxRunPixels at most; arrays of kMaxRunPixels, `samples` of four times as
+/// many.
 struct CameraRun {
   float* samples = nullptr;  ///< R, G, B, seen per pixel
-  float* shares = nullptr;
+  float* weights = nullptr;
   float* visible = nullptr;
 };
-void sample_camera(const ViewSources& sources, const Plan& plan, const CameraField::Tile& tile,
-                   const CameraField::TileCamera& camera, int y, const CameraRun& run);
+void sample_camera(const ViewSources& sources, const DepthViewPlan& plan,
+                   const BlendingField::Tile& tile, const BlendingField::TileCamera& camera, int y,
+                   const CameraRun& run);
 
 }  // namespace raystage::depth

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Forward warping (splatting) of a camera's inverse depth map to a view: each pixel is written
+// where the view sees its point, over the pixels that it covers there, and the nearest surface
+// wins. Works in tiles of 32 x 32 pixels of the view; blocks of the map that cannot reach a wanted
+// tile are skipped. Cost: O(pixels of the map + pixels written). Must match
+// warp_depths_reference() in warp_reference.cpp.
 #include "render/depth/warp.h"
 
 #include <algorithm>
@@ -23,7 +28,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 /// Puts a point down over all that it covers.
 HWY_INLINE void put_down(const VirtualCamera& view, DepthTiles& tiles, float u, float v,
                          float extent, float inverse_depth) {
-  const float half = std::min(extent, static_cast<float>(kMostFootprint)) / 2;
+  const float half = std::min(extent, static_cast<float>(kMaxSplatSize)) / 2;
   const auto bound = [](float at, int size) HWY_ATTR {
     return static_cast<int>(std::clamp(std::round(at), 0.0F, static_cast<float>(size)));
   };
@@ -53,8 +58,8 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
   // A pixel is drawn out by the ratio of the focal lengths, and of the depths.
   const auto focal_ratio = static_cast<float>(std::max(view.intrinsics.fx / camera.intrinsics.fx,
                                                        view.intrinsics.fy / camera.intrinsics.fy));
-  const float reach = kMostFootprint / 2.0F;  // from beyond the view's border
-  PixelTransfer shifted = transfer;           // so that all that reaches in has positions above 0
+  const float reach = kMaxSplatSize / 2.0F;  // from beyond the view's border
+  PixelTransfer shifted = transfer;          // so that all that reaches in has positions above 0
   for (std::size_t i = 0; i < 3; ++i) {
     for (const std::size_t r : {0, 1}) {
       shifted.direction[3 * r + i] += static_cast<double>(reach) * transfer.direction[6 + i];
@@ -64,7 +69,7 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
     shifted.parallax[r] += static_cast<double>(reach) * transfer.parallax[2];
   }
   const auto zero = hn::Zero(d), shift = hn::Set(d, reach), ratio = hn::Set(d, focal_ratio);
-  const auto one_pixel = hn::Set(d, kOnePixel);
+  const auto one_pixel = hn::Set(d, kSinglePixelFootprint);
   const auto width = hn::Set(d, static_cast<float>(view.width));
   const auto height = hn::Set(d, static_cast<float>(view.height));
   const auto columns = hn::Set(di, depth_tile_columns(view)), within = hn::Set(di, kDepthTile - 1);
@@ -72,7 +77,7 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
   HWY_ALIGN float depth[kMostLanes], u[kMostLanes], v[kMostLanes], extent[kMostLanes];
   HWY_ALIGN std::int32_t at[kMostLanes];
   for (int y = 0; y < map.height; ++y) {
-    const RowTransfer along(shifted, y, view.width + kMostFootprint, view.height + kMostFootprint);
+    const RowTransfer along(shifted, y, view.width + kMaxSplatSize, view.height + kMaxSplatSize);
     const float* row = map.values.data() + static_cast<std::ptrdiff_t>(y) * map.width;
     const std::uint8_t* blocks = needed.data() + (y >> kDepthTileLog2) * blocks_per_row;
     for (int x = 0; x < map.width; x += lanes) {
@@ -101,7 +106,7 @@ void warp(const InverseDepthMap& map, const VirtualCamera& camera, const Virtual
                   depth);
         for (int i = 0; i < n; ++i) {
           if (depth[i] < 0) continue;
-          if (extent[i] > kOnePixel) {
+          if (extent[i] > kSinglePixelFootprint) {
             put_down(view, tiles, u[i], v[i], extent[i], depth[i]);
           } else if (u[i] >= 0 && v[i] >= 0) {
             put_down(view, tiles, std::floor(u[i]) + 0.5F, std::floor(v[i]) + 0.5F, 1, depth[i]);
@@ -176,7 +181,7 @@ class BlockChoice {
       v0 = std::min(v0, part(1) / w);
       v1 = std::max(v1, part(1) / w);
     }
-    constexpr double kMargin = kMostFootprint / 2.0 + 1;
+    constexpr double kMargin = kMaxSplatSize / 2.0 + 1;
     const auto tile = [](double at, int size) {
       return static_cast<int>(std::clamp(at, 0.0, size - 1.0)) >> kDepthTileLog2;
     };
@@ -213,9 +218,9 @@ std::vector<std::uint8_t> needed_blocks(const InverseDepthMap& map, const Invers
       const int right = std::min(left + kDepthTile, map.width);
       const int bottom = std::min(top + kDepthTile, map.height);
       float most = kUnknownDepth;
-      for (int y = top; y < bottom; y += kSightBlock) {
-        for (int x = left; x < right; x += kSightBlock) {
-          most = std::max(most, nearest->at(x >> kSightBlockLog2, y >> kSightBlockLog2));
+      for (int y = top; y < bottom; y += kVisibilityBlock) {
+        for (int x = left; x < right; x += kVisibilityBlock) {
+          most = std::max(most, nearest->at(x >> kVisibilityBlockLog2, y >> kVisibilityBlockLog2));
         }
       }
       const bool may =

@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "render/depth/pinhole.h"
+#include "render/depth/inverse_depth_map.h"
 
 namespace raystage {
 
@@ -29,15 +29,15 @@ int depth_tile_columns(const VirtualCamera& view);
 std::size_t depth_tile_count(const VirtualCamera& view);
 
 /// A camera's depths as seen from `view`: each of its pixels put down where the view sees its
-/// point, over as many pixels as it covers there (kMostFootprint a side at most), the nearest of
-/// several. `wanted`: by tile, 0 or not. `nearest`: nearest_of_blocks() of the map; where given,
+/// point, over as many pixels as it covers there (kMaxSplatSize a side at most), the nearest of
+/// several. `wanted`: by tile, 0 or not. `nearest`: block_nearest_depths() of the map; where given,
 /// what cannot come down in a wanted tile is not looked at. Run-time dispatch.
 DepthTiles warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
                        const VirtualCamera& view, std::span<const std::uint8_t> wanted,
                        const InverseDepthMap* nearest = nullptr);
-inline constexpr int kMostFootprint = 8;
+inline constexpr int kMaxSplatSize = 8;
 /// A point that covers no more than this is put down on one pixel: it leaves few holes.
-inline constexpr float kOnePixel = 1.25F;
+inline constexpr float kSinglePixelFootprint = 1.25F;
 
 /// The slow, obvious way, for all of the view.
 InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualCamera& camera,

@@ -26,7 +26,7 @@ InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualC
       const double w = part(2);
       if (!(w > 0)) continue;
       const double u = part(0) / w, v = part(1) / w;
-      const double extent = std::min<double>(focal_ratio / w, kMostFootprint);
+      const double extent = std::min<double>(focal_ratio / w, kMaxSplatSize);
       const auto bound = [](double at, int size) {
         return static_cast<int>(std::clamp(at, 0.0, static_cast<double>(size)));
       };
@@ -34,7 +34,7 @@ InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualC
       int right = bound(std::round(u + extent / 2), view.width);
       int top = bound(std::round(v - extent / 2), view.height);
       int bottom = bound(std::round(v + extent / 2), view.height);
-      if (focal_ratio / w <= static_cast<double>(kOnePixel)) {
+      if (focal_ratio / w <= static_cast<double>(kSinglePixelFootprint)) {
         if (!(u >= 0 && v >= 0)) continue;
         left = bound(u, view.width);
         top = bound(v, view.height);

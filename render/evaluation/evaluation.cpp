@@ -10,28 +10,28 @@
 #include <optional>
 #include <set>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "images/image_file.h"
-#include "render/evaluation/subjects.h"
-#include "render/memory_shares.h"
+#include "render/evaluation/evaluation_cases.h"
+#include "render/memory_budgets.h"
 #include "render/methods.h"
 #include "render/renderer.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
 #include "store/timeline.h"
 
 namespace raystage {
 namespace {
 
 /// 1 per pixel that is covered and of which there is a truth.
-std::vector<std::uint8_t> measured_pixels(const RenderedView& view, const Truth& truth) {
-  std::vector<std::uint8_t> measured = covered_pixels(view);
+std::vector<std::uint8_t> measured_pixels(const RenderedView& view, const GroundTruth& truth) {
+  std::vector<std::uint8_t> measured = coverage_mask(view);
   for (std::size_t i = 0; i < truth.known.size() && i < measured.size(); ++i) {
     measured[i] &= truth.known[i];
   }
   return measured;
 }
 
-double known_share(const Truth& truth) {
+double known_share(const GroundTruth& truth) {
   if (truth.known.empty()) return 1;
   const auto known = static_cast<double>(std::ranges::count(truth.known, 1));
   return std::max(1.0, known) / static_cast<double>(truth.known.size());
@@ -41,9 +41,10 @@ double focal_depth_of(const Take& take, const EvaluationSettings& settings) {
   if (settings.focal_depth) return *settings.focal_depth;
   if (!take.document().depth_range) {
     throw Error::bad_input("the take has no depth range to find the best plane from",
-                           take.folder().string(), "Give --focal-depth in metres");
+                           take.folder().string(), "Give the depth of the focal plane in metres")
+        .concerning({"focal_depth"});
   }
-  return best_focal_depth(*take.document().depth_range);
+  return optimal_focal_depth(*take.document().depth_range);
 }
 
 ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
@@ -55,7 +56,7 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
     mean.quality.covered += view.quality.covered / static_cast<double>(views.size());
     mean.decode_ms += view.decode_ms / static_cast<double>(views.size());
     mean.render_ms += view.render_ms / static_cast<double>(views.size());
-    mean.render_least_ms += view.render_least_ms / static_cast<double>(views.size());
+    mean.min_render_ms += view.min_render_ms / static_cast<double>(views.size());
     mean.working_mb += view.working_mb / static_cast<double>(views.size());
     mean.prepare_ms += view.prepare_ms / static_cast<double>(views.size());
     if (std::isnan(view.quality.psnr_db)) continue;
@@ -75,9 +76,9 @@ ViewEvaluation mean_of(const std::vector<ViewEvaluation>& views) {
 
 /// Says how many of the views show nothing as the take has no frames then; empty: none. Throws
 /// Error (bad input) where none shows anything.
-std::string outside_note(const std::vector<EvaluationSubject>& subjects, const Take& take) {
+std::string outside_note(const std::vector<EvaluationCase>& subjects, const Take& take) {
   const auto outside = static_cast<std::size_t>(std::ranges::count_if(
-      subjects, [](const EvaluationSubject& subject) { return subject.frames.present() == 0; }));
+      subjects, [](const EvaluationCase& subject) { return subject.frames.present() == 0; }));
   if (outside == 0) return {};
   if (outside == subjects.size()) {
     throw Error::bad_input("no view lies within the take's time", take.folder().string(),
@@ -98,15 +99,16 @@ double prepare_ms_of(const std::vector<ViewEvaluation>& views) {
 }
 
 /// Reads the frames of the views, so that the first setting measured does not pay for the disk.
-void read_ahead(const Take& take, const std::vector<EvaluationSubject>& subjects,
-                const std::vector<int>& left_out) {
+void read_ahead(const Take& take, const std::vector<EvaluationCase>& subjects,
+                const std::vector<int>& excluded_cameras) {
   std::set<Nanoseconds> seen;
   std::uint64_t sum = 0;
-  for (const EvaluationSubject& subject : subjects) {
+  for (const EvaluationCase& subject : subjects) {
     if (!seen.insert(subject.frames.time_ns).second) continue;
     for (int camera = 0; camera < take.camera_count(); ++camera) {
       const int frame = subject.frames.frame[static_cast<std::size_t>(camera)];
-      if (frame < 0 || std::ranges::find(left_out, camera) != left_out.end()) continue;
+      if (frame < 0 || std::ranges::find(excluded_cameras, camera) != excluded_cameras.end())
+        continue;
       constexpr std::size_t kPage = 4096;
       const FrameBytes jpeg = take.archive(camera).jpeg(frame);
       const std::span<const std::byte> bytes = jpeg;
@@ -127,8 +129,8 @@ double ms_since(Clock::time_point start) {
 /// Renders one view as often as its times ask for.
 class TimedView {
  public:
-  TimedView(const Take& take, const RendererSettings& settings, const EvaluationSubject& subject,
-            const Reconstruction& reconstruction)
+  TimedView(const Take& take, const RendererSettings& settings, const EvaluationCase& subject,
+            const ReconstructionSettings& reconstruction)
       : take_(take), settings_(settings), subject_(subject), reconstruction_(reconstruction) {}
 
   /// Fills the times of `result`. A renderer of its own, so that no frame is cached when its time
@@ -142,7 +144,7 @@ class TimedView {
     const bool prepared = settings_.kept->bytes_held() != kept_before;
     result.decode_ms = view.statistics.decode_ms;
     result.working_mb = static_cast<double>(view.statistics.working_bytes) / 1e6;
-    result.render_ms = result.render_least_ms = first_ms;
+    result.render_ms = result.min_render_ms = first_ms;
     if (repeat == 0) return view;
 
     constexpr double kEnoughMs = 2000;
@@ -157,7 +159,7 @@ class TimedView {
     std::ranges::sort(times);
     const std::size_t half = times.size() / 2;
     result.render_ms = times.size() % 2 == 1 ? times[half] : (times[half - 1] + times[half]) / 2;
-    result.render_least_ms = times.front();
+    result.min_render_ms = times.front();
     if (prepared) result.prepare_ms = std::max(0.0, first_ms - result.render_ms);
     return view;
   }
@@ -178,17 +180,19 @@ class TimedView {
  private:
   const Take& take_;
   const RendererSettings& settings_;
-  const EvaluationSubject& subject_;
-  const Reconstruction& reconstruction_;
+  const EvaluationCase& subject_;
+  const ReconstructionSettings& reconstruction_;
 };
 
 }  // namespace
 
-std::vector<int> cameras_left_out(const Take& take, const std::vector<std::string>& leave_out,
-                                  int camera_step) {
-  std::vector<int> left_out;
-  for (const std::string& id : leave_out) left_out.push_back(camera_named(take, id));
-  if (camera_step <= 1) return left_out;
+std::vector<int> excluded_camera_indices(const Take& take,
+                                         const std::vector<std::string>& excluded_camera_ids,
+                                         int camera_step) {
+  std::vector<int> excluded_cameras;
+  for (const std::string& id : excluded_camera_ids)
+    excluded_cameras.push_back(camera_named(take, id));
+  if (camera_step <= 1) return excluded_cameras;
   // By rank, not number: a grid may count 0, 2, 4.
   std::set<int> rows, columns;
   for (const Rig::Camera& camera : take.rig().cameras) {
@@ -205,15 +209,16 @@ std::vector<int> cameras_left_out(const Take& take, const std::vector<std::strin
   for (int i = 0; i < take.camera_count(); ++i) {
     const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(i)];
     const bool stays = kept(rows, *camera.row) && kept(columns, *camera.column);
-    if (!stays && std::ranges::find(left_out, i) == left_out.end()) left_out.push_back(i);
+    if (!stays && std::ranges::find(excluded_cameras, i) == excluded_cameras.end())
+      excluded_cameras.push_back(i);
   }
-  return left_out;
+  return excluded_cameras;
 }
 
-Steadiness steadiness_of(std::span<const ViewEvaluation> views) {
+TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> views) {
   std::map<std::string_view, double> last_of_shot;
   double sum = 0, squares = 0, count = 0;
-  Steadiness steadiness;
+  TemporalStability temporal_stability;
   for (const ViewEvaluation& view : views) {
     const double psnr = view.quality.psnr_db;
     if (!std::isfinite(psnr)) continue;
@@ -222,15 +227,15 @@ Steadiness steadiness_of(std::span<const ViewEvaluation> views) {
     ++count;
     const auto [last, is_first] = last_of_shot.try_emplace(shot_of_view(view.id), psnr);
     if (!is_first) {
-      steadiness.largest_step_db =
-          std::max(steadiness.largest_step_db, std::abs(psnr - last->second));
+      temporal_stability.max_step_db =
+          std::max(temporal_stability.max_step_db, std::abs(psnr - last->second));
     }
     last->second = psnr;
   }
-  if (count == 0) return steadiness;
+  if (count == 0) return temporal_stability;
   const double mean = sum / count;
-  steadiness.deviation_db = std::sqrt(std::max(0.0, squares / count - mean * mean));
-  return steadiness;
+  temporal_stability.stddev_db = std::sqrt(std::max(0.0, squares / count - mean * mean));
+  return temporal_stability;
 }
 
 Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
@@ -249,32 +254,34 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
   evaluation.options = options.values();
   evaluation.focal_depth = focal_depth_of(take, settings);
   const std::optional<Timeline> timeline = read_timeline_if_any(take);
-  const std::vector<EvaluationSubject> subjects =
-      evaluation_subjects(take, timeline ? &*timeline : nullptr, views, views_folder, settings);
+  const std::vector<EvaluationCase> subjects =
+      make_evaluation_cases(take, timeline ? &*timeline : nullptr, views, views_folder, settings);
   if (auto note = outside_note(subjects, take); !note.empty()) {
     evaluation.notes.push_back(std::move(note));
   }
-  const Reconstruction reconstruction{settings.method,
-                                      plane_in_front_of(take.rig(), evaluation.focal_depth),
-                                      settings.options, settings.fill};
+  const ReconstructionSettings reconstruction{
+      settings.method, fronto_parallel_plane(take.rig(), evaluation.focal_depth), settings.options,
+      settings.fill};
   RendererSettings renderer_settings;
-  const MemoryShares memory = share_memory(settings.memory_bytes, reconstruction);
+  const MemoryBudgets memory = split_memory_budget(settings.memory_bytes, reconstruction);
   renderer_settings.cache_bytes = memory.cache;
-  renderer_settings.kept_bytes = memory.kept;
+  renderer_settings.result_cache_bytes = memory.kept;
   renderer_settings.working_bytes = memory.working;
   renderer_settings.blend_space = settings.blend_space;
-  renderer_settings.left_out = cameras_left_out(take, settings.leave_out, settings.camera_step);
+  renderer_settings.excluded_cameras =
+      excluded_camera_indices(take, settings.excluded_camera_ids, settings.camera_step);
   // What is derived from fewer cameras nobody will want again.
   renderer_settings.use_take_folder =
-      settings.use_take_folder && renderer_settings.left_out.empty();
-  renderer_settings.kept = std::make_shared<KeptResults>(renderer_settings.kept_bytes);
+      settings.use_take_folder && renderer_settings.excluded_cameras.empty();
+  renderer_settings.kept = std::make_shared<ResultCache>(renderer_settings.result_cache_bytes);
   if (timeline) renderer_settings.ticks = timeline->ticks;
-  evaluation.cameras = take.camera_count() - static_cast<int>(renderer_settings.left_out.size());
+  evaluation.cameras =
+      take.camera_count() - static_cast<int>(renderer_settings.excluded_cameras.size());
   if (!settings.image_folder.empty()) create_folder(settings.image_folder);
-  read_ahead(take, subjects, renderer_settings.left_out);
+  read_ahead(take, subjects, renderer_settings.excluded_cameras);
 
   ShotErrors shot_errors;
-  for (const EvaluationSubject& subject : subjects) {
+  for (const EvaluationCase& subject : subjects) {
     if (stop.stop_requested()) {
       throw Error::failed("stopped", take.folder().string(), "Run the command again");
     }
@@ -287,13 +294,13 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
     if (!settings.image_folder.empty()) {
       write_image(image, settings.image_folder / (subject.id + ".png"));
     }
-    const Truth truth = subject.truth();
+    const GroundTruth truth = subject.truth();
     const std::vector<std::uint8_t> covered = measured_pixels(view, truth);
     result.quality = compare_images(image, truth.image, covered);
     result.quality.covered /= known_share(truth);
     shot_errors.add(subject.id, image, truth.image, covered);
-    if (settings.on_picture) {
-      settings.on_picture(
+    if (settings.on_view) {
+      settings.on_view(
           {evaluation.views.size(), subjects.size(), subject.id, image, truth.image, covered});
     }
     for (const std::string& note : view.notes) {
@@ -303,8 +310,8 @@ Evaluation evaluate_views(const Take& take, const ViewsDocument& views,
     progress(static_cast<double>(evaluation.views.size()) / static_cast<double>(subjects.size()));
   }
   evaluation.mean = mean_of(evaluation.views);
-  evaluation.steadiness = steadiness_of(evaluation.views);
-  evaluation.shots = shot_errors.steadiness();
+  evaluation.temporal_stability = measure_temporal_stability(evaluation.views);
+  evaluation.shots = shot_errors.temporal_stability();
   evaluation.prepare_ms = prepare_ms_of(evaluation.views);
   return evaluation;
 }

@@ -11,18 +11,18 @@
 #include <string>
 #include <vector>
 
+#include "render/common/image_quality.h"
 #include "render/evaluation/shot_errors.h"
-#include "render/quality/image_quality.h"
 #include "schemas/hole_fill.h"
 #include "schemas/option_values.h"
-#include "schemas/views.h"
-#include "store/frames/blend_space.h"
+#include "schemas/views_document.h"
+#include "store/processing/frames/blend_space.h"
 #include "store/take.h"
 
 namespace raystage {
 
 /// A view as it was rendered, and what is true there.
-struct EvaluatedPicture {
+struct EvaluatedView {
   std::size_t index, count;  ///< which of how many views
   const std::string& id;
   const RgbImage& image;
@@ -37,8 +37,8 @@ struct EvaluationSettings {
   std::optional<double> focal_depth;
   /// Ids of cameras that do not contribute; each of their frames that the timeline takes becomes a
   /// view with itself as truth: where their lens distorts, both without distortion
-  /// (undistorted_truth()), so that times are those of the fast ways.
-  std::vector<std::string> leave_out;
+  /// (undistorted_ground_truth()), so that times are those of the fast ways.
+  std::vector<std::string> excluded_camera_ids;
   /// Every n-th row and column of the grid contributes, counted from the first: fewer cameras.
   int camera_step = 1;
   HoleFill fill = HoleFill::kNone;  ///< when not none, all pixels are measured
@@ -51,8 +51,8 @@ struct EvaluationSettings {
   /// As RendererSettings: false measures what is derived anew. Not used with cameras left out.
   bool use_take_folder = true;
   std::filesystem::path image_folder;        ///< rendered views as PNG go here; empty: nowhere
-  std::size_t memory_bytes = 4'000'000'000;  ///< shared out by share_memory()
-  std::function<void(const EvaluatedPicture&)> on_picture;  ///< sees every view; may be empty
+  std::size_t memory_bytes = 4'000'000'000;  ///< shared out by split_memory_budget()
+  std::function<void(const EvaluatedView&)> on_view;  ///< sees every view; may be empty
 };
 
 /// What one view cost and how wrong it was.
@@ -62,7 +62,7 @@ struct ViewEvaluation {
   double decode_ms = 0;  ///< wall clock, nothing cached before
   /// Wall clock without decoding: the median of the repeated renderings, else the first one's.
   double render_ms = 0;
-  double render_least_ms = 0;  ///< the shortest of them
+  double min_render_ms = 0;  ///< the shortest of them
   /// What the method worked out in this view and kept for others, wall clock; measured only where
   /// renderings are repeated, otherwise part of `render_ms`.
   double prepare_ms = 0;
@@ -72,9 +72,9 @@ struct ViewEvaluation {
 };
 
 /// How PSNR goes along the views in their order, where it is finite.
-struct Steadiness {
-  double deviation_db = 0;     ///< standard deviation over the views
-  double largest_step_db = 0;  ///< from one view of a shot (shot_of_view()) to its next, absolute
+struct TemporalStability {
+  double stddev_db = 0;    ///< standard deviation over the views
+  double max_step_db = 0;  ///< from one view of a shot (shot_of_view()) to its next, absolute
 };
 
 struct Evaluation {
@@ -84,21 +84,22 @@ struct Evaluation {
   int cameras = 0;         ///< that could contribute
   std::vector<ViewEvaluation> views;
   ViewEvaluation mean;  ///< over the views that cover anything
-  Steadiness steadiness;
-  std::vector<ShotSteadiness> shots;  ///< of two views and more
+  TemporalStability temporal_stability;
+  std::vector<ShotStability> shots;  ///< of two views and more
   double prepare_ms = 0;  ///< mean over the views that had anything to prepare: once an instant
   /// How many views lie outside the take's time, and of the views (RenderedView::notes), each once.
   std::vector<std::string> notes;
 };
 
-Steadiness steadiness_of(std::span<const ViewEvaluation> views);
+TemporalStability measure_temporal_stability(std::span<const ViewEvaluation> views);
 
 /// Indices of the take's cameras that do not contribute. Throws Error (bad input): an id that the
 /// take does not have; a camera without a place in a grid, with a step above 1.
-std::vector<int> cameras_left_out(const Take& take, const std::vector<std::string>& leave_out,
-                                  int camera_step);
+std::vector<int> excluded_camera_indices(const Take& take,
+                                         const std::vector<std::string>& excluded_camera_ids,
+                                         int camera_step);
 
-/// Renders every view at its instant (see evaluation_subjects()) and compares it with its truth
+/// Renders every view at its instant (see make_evaluation_cases()) and compares it with its truth
 /// image. `views` may be empty if cameras are left out. Throws Error (bad input): unknown camera,
 /// no depth range for the best plane, unreadable truth, a truth image of another size, a timeline
 /// that is damaged or not of this take, no view within the take's time.

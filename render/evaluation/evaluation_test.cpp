@@ -9,13 +9,13 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "images/image_file.h"
 #include "render/methods.h"
-#include "render/view/synthetic_take.h"
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
 #include "store/jpeg/decode.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 namespace {
@@ -29,30 +29,32 @@ std::vector<ViewEvaluation> views_of(const std::vector<double>& psnr) {
   return views;
 }
 
-TEST(Steadiness, IsSpreadAndLargestStep) {
-  const Steadiness steadiness = steadiness_of(views_of({30, 32, 31, 35}));
-  EXPECT_NEAR(steadiness.deviation_db, std::sqrt((4 + 0 + 1 + 9) / 4.0), 1e-9);
-  EXPECT_EQ(steadiness.largest_step_db, 4);
-  EXPECT_EQ(steadiness_of(views_of({30})).largest_step_db, 0);
-  EXPECT_EQ(steadiness_of({}).deviation_db, 0);
+TEST(TemporalStability, IsSpreadAndLargestStep) {
+  const TemporalStability temporal_stability =
+      measure_temporal_stability(views_of({30, 32, 31, 35}));
+  EXPECT_NEAR(temporal_stability.stddev_db, std::sqrt((4 + 0 + 1 + 9) / 4.0), 1e-9);
+  EXPECT_EQ(temporal_stability.max_step_db, 4);
+  EXPECT_EQ(measure_temporal_stability(views_of({30})).max_step_db, 0);
+  EXPECT_EQ(measure_temporal_stability({}).stddev_db, 0);
 }
 
-TEST(Steadiness, StepsWithinAShotOnly) {
+TEST(TemporalStability, StepsWithinAShotOnly) {
   std::vector<ViewEvaluation> views = views_of({30, 36, 30.5, 37});
   const char* ids[] = {"dolly_0", "left_0", "dolly_1", "left_1"};
   for (std::size_t i = 0; i < views.size(); ++i) views[i].id = ids[i];
-  EXPECT_EQ(steadiness_of(views).largest_step_db, 1);
+  EXPECT_EQ(measure_temporal_stability(views).max_step_db, 1);
   views[2].id = "elsewhere";
   views[3].id = "nowhere";
-  EXPECT_EQ(steadiness_of(views).largest_step_db, 0);
+  EXPECT_EQ(measure_temporal_stability(views).max_step_db, 0);
 }
 
-TEST(Steadiness, PassesOverViewsWithoutAValue) {
+TEST(TemporalStability, PassesOverViewsWithoutAValue) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const double same = std::numeric_limits<double>::infinity();
-  const Steadiness steadiness = steadiness_of(views_of({30, nan, 31, same, 30.5}));
-  EXPECT_EQ(steadiness.largest_step_db, 1);
-  EXPECT_LT(steadiness.deviation_db, 1);
+  const TemporalStability temporal_stability =
+      measure_temporal_stability(views_of({30, nan, 31, same, 30.5}));
+  EXPECT_EQ(temporal_stability.max_step_db, 1);
+  EXPECT_LT(temporal_stability.stddev_db, 1);
 }
 
 class EvaluatedTake : public ::testing::Test {
@@ -67,7 +69,7 @@ class EvaluatedTake : public ::testing::Test {
     }
     write_synthetic_take(settings, folder_.path() / "take");
     settings_.focal_depth = 4;
-    settings_.leave_out = {"r2c2"};
+    settings_.excluded_camera_ids = {"r2c2"};
   }
   Evaluation evaluate(const Take& take) const {
     return evaluate_views(take, {}, {}, settings_, [](double) {}, {});
@@ -78,13 +80,13 @@ class EvaluatedTake : public ::testing::Test {
 
 TEST_F(EvaluatedTake, StepsCountRowsNotTheirNumbers) {
   const Take take(folder_.path() / "take");
-  EXPECT_TRUE(cameras_left_out(take, {}, 1).empty());
+  EXPECT_TRUE(excluded_camera_indices(take, {}, 1).empty());
   // Rows 0, 4, 8 of 0, 2, 4, 6, 8: 9 of 25 stay.
-  const std::vector<int> second = cameras_left_out(take, {}, 2);
+  const std::vector<int> second = excluded_camera_indices(take, {}, 2);
   EXPECT_EQ(second.size(), 16U);
-  EXPECT_THAT(cameras_left_out(take, {}, 4), ::testing::SizeIs(21));
-  EXPECT_THAT(cameras_left_out(take, {"r0c1"}, 1), ElementsAre(1));
-  EXPECT_THROW(cameras_left_out(take, {"nobody"}, 1), Error);
+  EXPECT_THAT(excluded_camera_indices(take, {}, 4), ::testing::SizeIs(21));
+  EXPECT_THAT(excluded_camera_indices(take, {"r0c1"}, 1), ElementsAre(1));
+  EXPECT_THROW(excluded_camera_indices(take, {"nobody"}, 1), Error);
 }
 
 TEST_F(EvaluatedTake, RepeatingChangesTimesOnly) {
@@ -93,7 +95,7 @@ TEST_F(EvaluatedTake, RepeatingChangesTimesOnly) {
   settings_.repeat = 4;
   settings_.count_needed_pixels = false;
   std::size_t seen = 0;
-  settings_.on_picture = [&](const EvaluatedPicture& picture) {
+  settings_.on_view = [&](const EvaluatedView& picture) {
     EXPECT_EQ(picture.index, seen++);
     EXPECT_EQ(picture.count, 1U);
     EXPECT_EQ(picture.id, "r2c2");
@@ -105,8 +107,8 @@ TEST_F(EvaluatedTake, RepeatingChangesTimesOnly) {
   EXPECT_EQ(seen, 1U);
   EXPECT_EQ(repeated.mean.quality.psnr_db, once.mean.quality.psnr_db);
   EXPECT_GT(repeated.mean.render_ms, 0);
-  EXPECT_GT(repeated.mean.render_least_ms, 0);
-  EXPECT_LE(repeated.mean.render_least_ms, repeated.mean.render_ms);
+  EXPECT_GT(repeated.mean.min_render_ms, 0);
+  EXPECT_LE(repeated.mean.min_render_ms, repeated.mean.render_ms);
   EXPECT_EQ(repeated.prepare_ms, 0);  // one plane keeps nothing
   EXPECT_FALSE(std::isnan(once.mean.decoded_per_needed));
   EXPECT_TRUE(std::isnan(repeated.mean.decoded_per_needed));
@@ -115,7 +117,7 @@ TEST_F(EvaluatedTake, RepeatingChangesTimesOnly) {
 
 TEST_F(EvaluatedTake, EveryNthView) {
   const Take take(folder_.path() / "take");
-  settings_.leave_out = {"r2c2", "r1c1", "r3c3"};
+  settings_.excluded_camera_ids = {"r2c2", "r1c1", "r3c3"};
   settings_.view_step = 2;
   Evaluation evaluation = evaluate(take);
   ASSERT_EQ(evaluation.views.size(), 2U);
@@ -139,7 +141,7 @@ TEST_F(EvaluatedTake, ADistortedCameraIsMeasuredByTheFastWayAndNoWorse) {
   distorted.cameras = testing::camera_grid(3, 3, 0.05, 320, 240, {-0.15, 0.03, 0.001, 0, 0});
   write_synthetic_take(distorted, folder_.path() / "distorted");
   const Take take(folder_.path() / "distorted");
-  settings_.leave_out = {"r1c1"};
+  settings_.excluded_camera_ids = {"r1c1"};
   const Evaluation left_out = evaluate(take);
   EXPECT_TRUE(left_out.notes.empty()) << left_out.notes.front();
 

@@ -34,24 +34,26 @@ void ShotErrors::add(std::string_view view_id, const RgbImage& image, const RgbI
   for (std::size_t i = 0; i < covered.size(); ++i) shot->covered[i] &= covered[i];
 }
 
-std::vector<ShotSteadiness> ShotErrors::steadiness() const {
-  std::vector<ShotSteadiness> all;
+std::vector<ShotStability> ShotErrors::temporal_stability() const {
+  std::vector<ShotStability> all;
   for (const Shot& shot : shots_) {
     if (shot.views < 2) continue;
-    ShotSteadiness steadiness{shot.id, shot.views};
+    ShotStability temporal_stability{shot.id, shot.views};
     double count = 0;
     for (std::size_t i = 0; i < shot.sum.size(); ++i) {
       if (shot.covered[i / 3] == 0) continue;
       const double mean = static_cast<double>(shot.sum[i]) / shot.views;
       const double mean_square = static_cast<double>(shot.square_sum[i]) / shot.views;
-      steadiness.error_variance += mean_square - mean * mean;
-      steadiness.mean_square_error += mean_square;
+      temporal_stability.error_variance += mean_square - mean * mean;
+      temporal_stability.mean_square_error += mean_square;
       ++count;
     }
     const double none = std::numeric_limits<double>::quiet_NaN();
-    steadiness.error_variance = count > 0 ? steadiness.error_variance / count : none;
-    steadiness.mean_square_error = count > 0 ? steadiness.mean_square_error / count : none;
-    all.push_back(steadiness);
+    temporal_stability.error_variance =
+        count > 0 ? temporal_stability.error_variance / count : none;
+    temporal_stability.mean_square_error =
+        count > 0 ? temporal_stability.mean_square_error / count : none;
+    all.push_back(temporal_stability);
   }
   return all;
 }

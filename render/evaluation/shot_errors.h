@@ -12,7 +12,7 @@
 namespace raystage {
 
 /// How the error of a shot changes while it goes on.
-struct ShotSteadiness {
+struct ShotStability {
   std::string id;
   int views = 0;
   /// Of each pixel's signed error over the views, the variance; of these the mean over the pixels
@@ -34,7 +34,7 @@ class ShotErrors {
   void add(std::string_view view_id, const RgbImage& image, const RgbImage& truth,
            std::span<const std::uint8_t> covered);
   /// Shots of at least two views, in the order in which they came.
-  std::vector<ShotSteadiness> steadiness() const;
+  std::vector<ShotStability> temporal_stability() const;
 
  private:
   struct Shot {

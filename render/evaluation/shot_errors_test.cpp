@@ -31,7 +31,7 @@ TEST(ShotErrors, AnErrorThatStaysDoesNotFlicker) {
   for (const char* id : {"a_0", "a_1", "a_2"}) {
     errors.add(id, grey(3, 2, 110), grey(3, 2, 100), all);
   }
-  const auto shots = errors.steadiness();
+  const auto shots = errors.temporal_stability();
   ASSERT_EQ(shots.size(), 1U);
   EXPECT_EQ(shots[0].id, "a");
   EXPECT_EQ(shots[0].views, 3);
@@ -48,7 +48,7 @@ TEST(ShotErrors, IsTheVarianceOverTheViewsOfOneShot) {
   errors.add("a_1", grey(3, 2, 104), grey(3, 2, 100), all);
   errors.add("b_1", grey(3, 2, 60), grey(3, 2, 60), all);
   errors.add("alone", grey(3, 2, 0), grey(3, 2, 255), all);
-  const auto shots = errors.steadiness();
+  const auto shots = errors.temporal_stability();
   ASSERT_EQ(shots.size(), 2U);
   EXPECT_EQ(shots[0].error_variance, 16);
   EXPECT_EQ(shots[0].mean_square_error, 16);
@@ -63,11 +63,11 @@ TEST(ShotErrors, CountsWhatAllViewsCover) {
   but_first[0] = 0;
   errors.add("a_0", wrong, grey(3, 2, 100), but_first);
   errors.add("a_1", grey(3, 2, 100), grey(3, 2, 100), all);
-  EXPECT_EQ(errors.steadiness()[0].mean_square_error, 0);
+  EXPECT_EQ(errors.temporal_stability()[0].mean_square_error, 0);
   errors.add("a_2", grey(4, 2, 0), grey(4, 2, 100), std::vector<std::uint8_t>(8, 1));
-  EXPECT_EQ(errors.steadiness()[0].views, 2);
+  EXPECT_EQ(errors.temporal_stability()[0].views, 2);
   errors.add("a_3", grey(3, 2, 100), grey(3, 2, 100), none);
-  EXPECT_TRUE(std::isnan(errors.steadiness()[0].error_variance));
+  EXPECT_TRUE(std::isnan(errors.temporal_stability()[0].error_variance));
 }
 
 }  // namespace

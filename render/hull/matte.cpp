@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "store/mattes/matte_file.h"
+#include "store/processing/mattes/matte_file.h"
 
 namespace raystage {
 namespace {
@@ -88,20 +88,20 @@ Matte::Matte(const CameraModel& model, std::vector<std::uint8_t> codes, double t
       raster_.values.push_back(pixel ? at_pixel(*pixel) : MatteValue::kUnseen);
     }
   }
-  raster_.find_alike();
+  raster_.compute_uniform_radius();
 }
 
 /// Chessboard distances (Rosenfeld and Pfaltz, "Distance functions on digital pictures", 1968) to
 /// the pixels beside which another value stands.
-void Matte::Raster::find_alike() {
+void Matte::Raster::compute_uniform_radius() {
   const auto columns = static_cast<std::size_t>(width);
-  alike.resize(values.size());
+  uniform_radius.resize(values.size());
   for (int y = 0; y < height; ++y) {
     const auto row_at = [&](int v) {
       return values.data() + static_cast<std::size_t>(std::clamp(v, 0, height - 1)) * columns;
     };
     const MatteValue *above = row_at(y - 1), *row = row_at(y), *below = row_at(y + 1);
-    std::uint8_t* out = alike.data() + static_cast<std::size_t>(y) * columns;
+    std::uint8_t* out = uniform_radius.data() + static_cast<std::size_t>(y) * columns;
     const auto all_are = [&](std::size_t x, MatteValue value) {
       return above[x] == value && row[x] == value && below[x] == value;
     };
@@ -114,7 +114,7 @@ void Matte::Raster::find_alike() {
   // Down and to the right, then up and to the left.
   std::vector<std::uint8_t> least(columns);
   for (int y = 0; y < height; ++y) {
-    std::uint8_t* row = alike.data() + static_cast<std::size_t>(y) * columns;
+    std::uint8_t* row = uniform_radius.data() + static_cast<std::size_t>(y) * columns;
     least_of_three(y > 0 ? row - columns : nullptr, least);
     for (std::size_t x = 0; x < columns; ++x) {
       const int beside = x > 0 ? std::min(least[x], row[x - 1]) : least[x];
@@ -122,7 +122,7 @@ void Matte::Raster::find_alike() {
     }
   }
   for (int y = height - 1; y >= 0; --y) {
-    std::uint8_t* row = alike.data() + static_cast<std::size_t>(y) * columns;
+    std::uint8_t* row = uniform_radius.data() + static_cast<std::size_t>(y) * columns;
     least_of_three(y + 1 < height ? row + columns : nullptr, least);
     for (std::size_t x = columns; x-- > 0;) {
       const int beside = x + 1 < columns ? std::min(least[x], row[x + 1]) : least[x];

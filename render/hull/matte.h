@@ -29,15 +29,17 @@ class Matte {
 
     /// How far, in pixels along either axis or both, all pixels have the same value as this one:
     /// 254 at most. A walk may leave out what it knows already.
-    std::vector<std::uint8_t> alike;
-    void find_alike();
+    std::vector<std::uint8_t> uniform_radius;
+    void compute_uniform_radius();
   };
   const Raster& raster() const { return raster_; }
 
   /// The reference: through the lens, at the pixel that holds the point.
   MatteValue at(const CameraModel& model, const Eigen::Vector3d& direction_in_camera) const;
 
-  std::size_t bytes() const { return codes_.size() + raster_.values.size() + raster_.alike.size(); }
+  std::size_t bytes() const {
+    return codes_.size() + raster_.values.size() + raster_.uniform_radius.size();
+  }
 
  private:
   MatteValue at_pixel(const Eigen::Vector2d& pixel) const;

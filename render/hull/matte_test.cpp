@@ -37,10 +37,10 @@ TEST(MatteRaster, KnowsHowFarAllIsAlike) {
       raster.values[static_cast<std::size_t>(y * raster.width + x)] =
           *rc::gen::element(MatteValue::kForeground, MatteValue::kUnseen);
     }
-    raster.find_alike();
+    raster.compute_uniform_radius();
     for (int y = 0; y < raster.height; ++y) {
       for (int x = 0; x < raster.width; ++x) {
-        const int found = raster.alike[static_cast<std::size_t>(y * raster.width + x)];
+        const int found = raster.uniform_radius[static_cast<std::size_t>(y * raster.width + x)];
         RC_ASSERT(found == alike_around(raster, x, y));
       }
     }
@@ -53,11 +53,11 @@ TEST(MatteRaster, CountsNoFurtherThanAByteHolds) {
   raster.height = 1;
   raster.values.assign(700, MatteValue::kForeground);
   raster.values[0] = MatteValue::kBackground;
-  raster.find_alike();
-  EXPECT_EQ(raster.alike[0], 0);
-  EXPECT_EQ(raster.alike[1], 0);
-  EXPECT_EQ(raster.alike[100], 99);
-  EXPECT_EQ(raster.alike[600], 254);
+  raster.compute_uniform_radius();
+  EXPECT_EQ(raster.uniform_radius[0], 0);
+  EXPECT_EQ(raster.uniform_radius[1], 0);
+  EXPECT_EQ(raster.uniform_radius[100], 99);
+  EXPECT_EQ(raster.uniform_radius[600], 254);
 }
 
 }  // namespace

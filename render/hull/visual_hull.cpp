@@ -7,19 +7,19 @@
 #include <cmath>
 #include <string>
 
-#include "render/hull/carving.h"
+#include "base/error.h"
+#include "base/parallel.h"
+#include "render/hull/hull_surface.h"
 #include "render/lumigraph/lumigraph.h"
-#include "schemas/error.h"
-#include "schemas/parallel.h"
-#include "store/mattes/matte_file.h"
+#include "store/processing/mattes/matte_file.h"
 
 namespace raystage {
 namespace {
 
 constexpr int kReferenceSteps = 4096;
 
-std::shared_ptr<const Matte> kept_matte(const Instant& instant, KeptResults& kept, int camera,
-                                        double threshold) {
+std::shared_ptr<const Matte> kept_matte(const LightFieldFrame& instant, ResultCache& kept,
+                                        int camera, double threshold) {
   const auto index = static_cast<std::size_t>(camera);
   const auto file = matte_file(*instant.take, camera, instant.frame_of_camera[index]);
   const CameraModel& model = instant.rig->cameras[index].model;
@@ -43,11 +43,11 @@ void check_mattes(const MethodOptions&, const Take& take) {
 }
 
 /// Of the cameras that have a frame and a matte of it.
-std::vector<Silhouette> silhouettes_of(const Instant& instant, KeptResults& kept,
+std::vector<Silhouette> silhouettes_of(const LightFieldFrame& instant, ResultCache& kept,
                                        double threshold) {
   std::vector<Silhouette> silhouettes;
   const Take& take = *instant.take;
-  for (const int camera : instant.members) {
+  for (const int camera : instant.included_cameras) {
     const int frame = instant.frame_of_camera[static_cast<std::size_t>(camera)];
     if (frame < 0 || !std::filesystem::exists(matte_file(take, camera, frame))) continue;
     silhouettes.push_back({camera, nullptr});
@@ -59,7 +59,7 @@ std::vector<Silhouette> silhouettes_of(const Instant& instant, KeptResults& kept
   return silhouettes;
 }
 
-int least_seeing(const MethodOptions& options, const std::vector<Silhouette>& silhouettes) {
+int min_views(const MethodOptions& options, const std::vector<Silhouette>& silhouettes) {
   const double share = options.number("seen_by");
   return std::max(1, static_cast<int>(std::ceil(share * static_cast<double>(silhouettes.size()))));
 }
@@ -75,7 +75,7 @@ std::vector<std::filesystem::path> mattes_of(const Take& take, std::span<const i
 }
 
 /// A hull of few silhouettes is wider than what it holds, and nothing in the picture says so.
-void note_missing_mattes(const Instant& instant, RenderedView& view) {
+void note_missing_mattes(const LightFieldFrame& instant, RenderedView& view) {
   const auto frames = std::ranges::count_if(instant.frame_of_camera, [](int f) { return f >= 0; });
   const auto mattes =
       static_cast<std::ptrdiff_t>(mattes_of(*instant.take, instant.frame_of_camera).size());
@@ -88,24 +88,24 @@ void note_missing_mattes(const Instant& instant, RenderedView& view) {
 
 }  // namespace
 
-RaySurface visual_hull_surface(const MethodOptions& options, const Instant& instant,
-                               KeptResults& kept) {
+RaySurface visual_hull_surface(const MethodOptions& options, const LightFieldFrame& instant,
+                               ResultCache& kept) {
   const auto silhouettes = silhouettes_of(instant, kept, options.number("threshold"));
-  return hull_surface(*instant.rig, silhouettes, least_seeing(options, silhouettes),
+  return hull_surface(*instant.rig, silhouettes, min_views(options, silhouettes),
                       options.number("nearest"));
 }
 
-RaySurface visual_hull_surface_reference(const MethodOptions& options, const Instant& instant,
-                                         KeptResults& kept) {
+RaySurface visual_hull_surface_reference(const MethodOptions& options,
+                                         const LightFieldFrame& instant, ResultCache& kept) {
   const auto silhouettes = silhouettes_of(instant, kept, options.number("threshold"));
-  return hull_surface_reference(*instant.rig, silhouettes, least_seeing(options, silhouettes),
+  return hull_surface_reference(*instant.rig, silhouettes, min_views(options, silhouettes),
                                 options.number("nearest"), kReferenceSteps);
 }
 
 namespace {
 
 std::vector<OptionSpec> hull_options() {
-  std::vector<OptionSpec> all = ray_weighing_options();
+  std::vector<OptionSpec> all = ray_weight_options();
   all.push_back(number_option("threshold", 0.5, 0, 1,
                               "share of a matte's full scale from which a pixel is foreground"));
   all.push_back(number_option(
@@ -126,14 +126,14 @@ class VisualHullMethod final : public Method {
   RenderedView render(const ViewRequest& request) const override {
     RenderedView view = render_lumigraph(
         request, visual_hull_surface(request.options, request.instant, request.kept),
-        ray_weighing(request.options), WeightField::kPerPixel, Missed::kNothingThere);
+        ray_weight_settings(request.options), WeightField::kPerPixel, MissedRay::kKnownEmpty);
     note_missing_mattes(request.instant, view);
     return view;
   }
   RenderedView render_reference(const ViewRequest& request) const override {
     RenderedView view = render_lumigraph_reference(
         request, visual_hull_surface_reference(request.options, request.instant, request.kept),
-        ray_weighing(request.options), Missed::kNothingThere);
+        ray_weight_settings(request.options), MissedRay::kKnownEmpty);
     note_missing_mattes(request.instant, view);
     return view;
   }
@@ -141,8 +141,8 @@ class VisualHullMethod final : public Method {
   void check(const MethodOptions& options, const Take& take) const override {
     check_mattes(options, take);
   }
-  std::vector<std::filesystem::path> files_read(const MethodOptions&, const Take& take,
-                                                const FrameSelection& frames) const override {
+  std::vector<std::filesystem::path> input_files(const MethodOptions&, const Take& take,
+                                                 const FrameSelection& frames) const override {
     return mattes_of(take, frames.frame);
   }
 

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "render/view/method.h"
-#include "render/view/world_ray.h"
+#include "render/common/method.h"
+#include "render/common/world_ray.h"
 
 namespace raystage {
 
@@ -15,10 +15,10 @@ const Method& visual_hull_method();
 /// Where rays meet the hull that the method's options ask for, for who queries rays instead of a
 /// view; `instant`'s rig must live on. Throws Error (bad input) where no camera has a matte at the
 /// instant, or one that is none.
-RaySurface visual_hull_surface(const MethodOptions& options, const Instant& instant,
-                               KeptResults& kept);
+RaySurface visual_hull_surface(const MethodOptions& options, const LightFieldFrame& instant,
+                               ResultCache& kept);
 /// hull_surface_reference() of it.
-RaySurface visual_hull_surface_reference(const MethodOptions& options, const Instant& instant,
-                                         KeptResults& kept);
+RaySurface visual_hull_surface_reference(const MethodOptions& options,
+                                         const LightFieldFrame& instant, ResultCache& kept);
 
 }  // namespace raystage

@@ -7,12 +7,12 @@
 #include <limits>
 #include <mutex>
 
-#include "render/lumigraph/camera_choice.h"
-#include "render/lumigraph/frames_of_cameras.h"
+#include "base/parallel.h"
+#include "render/common/ray_cells.h"
+#include "render/lumigraph/camera_frames.h"
+#include "render/lumigraph/camera_selection.h"
 #include "render/lumigraph/ray_chunk.h"
-#include "render/lumigraph/view_rays.h"
-#include "render/view/ray_cells.h"
-#include "schemas/parallel.h"
+#include "render/lumigraph/ray_directions.h"
 
 namespace raystage {
 namespace {
@@ -20,9 +20,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using Eigen::Vector3d;
 
-constexpr int kBlockWidth = RayChunk::kSize, kBlockHeight = kFieldTile;
+constexpr int kBlockWidth = RayChunk::kSize, kBlockHeight = kBlendingTileSize;
 constexpr float kNowhere = std::numeric_limits<float>::infinity();
-constexpr int kFieldColumns = kBlockWidth / kFieldTile + 1;
+constexpr int kFieldColumns = kBlockWidth / kBlendingTileSize + 1;
 
 double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
@@ -38,7 +38,7 @@ struct Block {
 struct Scratch {
   std::vector<WorldRay> rays;
   std::vector<double> inverse_distance;
-  RayRow row;
+  RayDirections row;
   RayChunk chunk, corners;
   std::vector<const ChunkCamera*> cameras, in_field;
   std::vector<ChunkWeights> weights, corner_weights;
@@ -48,14 +48,14 @@ struct Scratch {
 /// decode, blend.
 class LumigraphFrame {
  public:
-  LumigraphFrame(const ViewRequest& request, const RaySurface& surface, const RayWeighing& weighing,
-                 WeightField field, Missed missed)
+  LumigraphFrame(const ViewRequest& request, const RaySurface& surface,
+                 const RayWeightSettings& weighing, WeightField field, MissedRay missed)
       : request_(request),
         view_(request.view),
         rig_(*request.instant.rig),
         surface_(surface),
         weighing_(weighing),
-        spacing_(camera_spacing(rig_)),
+        spacing_(max_neighbour_baseline(rig_)),
         chunk_weighing_(weighing, spacing_),
         field_(field),
         missed_(missed),
@@ -66,17 +66,18 @@ class LumigraphFrame {
     for (int camera = 0; camera < static_cast<int>(rig_.cameras.size()); ++camera) {
       if (request.instant.is_present(camera)) present_.push_back(camera);
     }
-    complete_ = request.instant.members;
+    complete_ = request.instant.included_cameras;
   }
 
   RenderedView render() {
-    sums_ = SampleSums::kFinish;
-    return render(unset_view(view_));
+    sums_ = SumStage::kSampleAndFinish;
+    return render(uninitialised_view(view_));
   }
 
   Contribution contribute() {
-    sums_ = SampleSums::kLeave;
-    RenderedView image = render(unset_view(view_, PixelValues(values_of_view(view_), 0.0F)));
+    sums_ = SumStage::kSampleOnly;
+    RenderedView image =
+        render(uninitialised_view(view_, PixelValues(view_value_count(view_), 0.0F)));
     Contribution contribution;
     contribution.planes.push_back(std::move(image.rgba));
     contribution.statistics = image.statistics;
@@ -84,8 +85,8 @@ class LumigraphFrame {
   }
 
   RenderedView combine(PixelValues sums) {
-    sums_ = SampleSums::kGiven;
-    return render(unset_view(view_, std::move(sums)));
+    sums_ = SumStage::kFinishOnly;
+    return render(uninitialised_view(view_, std::move(sums)));
   }
 
  private:
@@ -94,7 +95,7 @@ class LumigraphFrame {
       image.cameras.assign(image.coverage.size(), 0.0F);
       image.nearest_ray.assign(image.coverage.size(), kNowhere);
     }
-    if (missed_ == Missed::kNothingThere) image.nothing_there.assign(image.coverage.size(), 0.0F);
+    if (missed_ == MissedRay::kKnownEmpty) image.empty_space.assign(image.coverage.size(), 0.0F);
     const int rows = rows_of_band();
     for (top_ = 0; top_ < view_.height; top_ += rows) {
       render_band(std::min(top_ + rows, view_.height), image);
@@ -127,13 +128,13 @@ class LumigraphFrame {
     make_blocks(end);
     meet_surface(end, image);
     frames_.open(used_cameras());
-    if (sums_ != SampleSums::kGiven && !frames_.are_whole()) mark_wanted();
+    if (sums_ != SumStage::kFinishOnly && !frames_.are_fully_decoded()) mark_wanted();
     const auto planned = Clock::now();
     frames_.decode(image.statistics);
     for (ChunkCamera& camera : cameras_) camera.lens.rgba = frames_.pixels(camera.camera);
     const auto decoded = Clock::now();
     for_each_block([&](const Block& block, Scratch& scratch) {
-      if (sums_ == SampleSums::kLeave && !reads_any(block)) return;  // the sums are 0
+      if (sums_ == SumStage::kSampleOnly && !reads_any(block)) return;  // the sums are 0
       if (block.present.empty()) leave_empty(block, image);
       for_each_row(block, scratch, [&](int y) { blend_row(block, y, scratch, image); });
     });
@@ -198,11 +199,11 @@ class LumigraphFrame {
       bundle.eye = view_.pose.position;
       bundle.corners = {direction(block.x0, block.y0), direction(block.x1, block.y0),
                         direction(block.x0, block.y1), direction(block.x1, block.y1)};
-      bundle.least_inverse = least;
-      bundle.most_inverse = most;
-      block.present = choose_cameras(rig_, present_, bundle, weighing_, spacing_);
+      bundle.min_inverse_distance = least;
+      bundle.max_inverse_distance = most;
+      block.present = select_candidate_cameras(rig_, present_, bundle, weighing_, spacing_);
       if (present_ == complete_) return;
-      block.complete = choose_cameras(rig_, complete_, bundle, weighing_, spacing_);
+      block.complete = select_candidate_cameras(rig_, complete_, bundle, weighing_, spacing_);
     });
   }
 
@@ -215,12 +216,12 @@ class LumigraphFrame {
         tbb::blocked_range<int>(0, rows), [&](const tbb::blocked_range<int>& range) {
           std::vector<WorldRay> rays;
           std::vector<double> inverse_distance;
-          RayRow row;
+          RayDirections row;
           for (int i = range.begin(); i < range.end(); ++i) {
             const Block& block = blocks_[static_cast<std::size_t>(i / kBlockHeight)];
             const int y = block.y0 + i % kBlockHeight;
             if (y >= block.y1) continue;
-            find_directions(world_ray_, block.x0, y, block.x1 - block.x0, row);
+            compute_ray_directions(world_ray_, block.x0, y, block.x1 - block.x0, row);
             rays.clear();
             for (int k = 0; k < row.count; ++k) rays.push_back({view_.pose.position, row[k]});
             inverse_distance.resize(rays.size());
@@ -228,8 +229,8 @@ class LumigraphFrame {
             for (int x = block.x0; x < block.x1; ++x) {
               const double inverse = inverse_distance[static_cast<std::size_t>(x - block.x0)];
               inverse_distance_[in_band(x, y)] = inverse;
-              if (!(inverse >= 0) && missed_ == Missed::kNothingThere)
-                image.nothing_there[at(x, y)] = 1;
+              if (!(inverse >= 0) && missed_ == MissedRay::kKnownEmpty)
+                image.empty_space[at(x, y)] = 1;
             }
           }
         });
@@ -237,7 +238,7 @@ class LumigraphFrame {
 
   /// Whether this host reads the frame of a camera.
   bool is_read(int camera) const {
-    return sums_ != SampleSums::kGiven && request_.instant.is_held(camera);
+    return sums_ != SumStage::kFinishOnly && request_.instant.is_local(camera);
   }
 
   bool reads_any(const Block& block) const {
@@ -264,7 +265,7 @@ class LumigraphFrame {
 
   void set_chunk(const Block& block, int y, Scratch& scratch) const {
     const int count = block.x1 - block.x0;
-    find_directions(world_ray_, block.x0, y, count, scratch.row);
+    compute_ray_directions(world_ray_, block.x0, y, count, scratch.row);
     fill_chunk(view_.pose.position, scratch.row,
                std::span(&inverse_distance_[in_band(block.x0, y)], static_cast<std::size_t>(count)),
                middle_, scratch.chunk);
@@ -279,12 +280,12 @@ class LumigraphFrame {
       set_chunk(block, y, scratch);
       if (field_ == WeightField::kPerPixel) {
         set_cameras(block.present, scratch);
-        weigh_cameras(scratch.chunk, scratch.cameras, chunk_weighing_, scratch.weights);
+        compute_camera_weights(scratch.chunk, scratch.cameras, chunk_weighing_, scratch.weights);
       } else {
         scratch.cameras = scratch.in_field;
         scratch.weights.resize(scratch.in_field.size());
         interpolate(y - block.y0, scratch);
-        share_rays(scratch.chunk, scratch.cameras, scratch.weights);
+        apply_given_weights(scratch.chunk, scratch.cameras, scratch.weights);
       }
       body(y);
     }
@@ -293,16 +294,17 @@ class LumigraphFrame {
   /// The weights at the corners of the block's tiles, of those cameras that have any.
   void weigh_corners(const Block& block, Scratch& scratch) const {
     scratch.rays.clear();
-    for (const int y : {block.y0, block.y0 + kFieldTile}) {
+    for (const int y : {block.y0, block.y0 + kBlendingTileSize}) {
       for (int column = 0; column < kFieldColumns; ++column) {
-        scratch.rays.push_back({view_.pose.position, direction(block.x0 + column * kFieldTile, y)});
+        scratch.rays.push_back(
+            {view_.pose.position, direction(block.x0 + column * kBlendingTileSize, y)});
       }
     }
     scratch.inverse_distance.resize(scratch.rays.size());
     surface_(scratch.rays, scratch.inverse_distance);
     fill_chunk(scratch.rays, scratch.inverse_distance, middle_, scratch.corners);
     set_cameras(block.present, scratch);
-    weigh_cameras(scratch.corners, scratch.cameras, chunk_weighing_, scratch.weights);
+    compute_camera_weights(scratch.corners, scratch.cameras, chunk_weighing_, scratch.weights);
     scratch.in_field.clear();
     scratch.corner_weights.clear();
     for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
@@ -317,7 +319,7 @@ class LumigraphFrame {
   }
 
   static void interpolate(int row, Scratch& scratch) {
-    const float down = (static_cast<float>(row) + 0.5F) / kFieldTile;
+    const float down = (static_cast<float>(row) + 0.5F) / kBlendingTileSize;
     for (std::size_t c = 0; c < scratch.in_field.size(); ++c) {
       const float* upper = scratch.corner_weights[c].weight.data();
       const float* lower = upper + kFieldColumns;
@@ -325,21 +327,21 @@ class LumigraphFrame {
       for (int tile = 0; tile + 1 < kFieldColumns; ++tile) {
         const float left = upper[tile] + down * (lower[tile] - upper[tile]);
         const float right = upper[tile + 1] + down * (lower[tile + 1] - upper[tile + 1]);
-        for (int i = 0; i < kFieldTile; ++i) {
-          *to++ = left + (static_cast<float>(i) + 0.5F) / kFieldTile * (right - left);
+        for (int i = 0; i < kBlendingTileSize; ++i) {
+          *to++ = left + (static_cast<float>(i) + 0.5F) / kBlendingTileSize * (right - left);
         }
       }
     }
   }
 
   void mark_wanted() {
-    for (ChunkCamera& camera : cameras_) frames_.plan_into(camera.camera, camera.lens);
+    for (ChunkCamera& camera : cameras_) frames_.set_mcu_layout(camera.camera, camera.lens);
     for_each_block([&](const Block& block, Scratch& scratch) {
       if (!reads_any(block)) return;
       for_each_row(block, scratch, [&](int) {
         for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
           if (!is_read(scratch.cameras[c]->camera)) continue;
-          mark_camera(scratch.cameras[c]->lens, scratch.weights[c], scratch.chunk.count);
+          mark_needed_mcus(scratch.cameras[c]->lens, scratch.weights[c], scratch.chunk.count);
         }
       });
     });
@@ -361,7 +363,7 @@ class LumigraphFrame {
     blend_chunk(
         scratch.cameras, scratch.weights, chunk.count, request_.instant.cache->blend_space(),
         static_cast<float>(request_.instant.cache->full_scale()), &image.rgba[first * 4], sums_);
-    if (sums_ == SampleSums::kLeave) return;
+    if (sums_ == SumStage::kSampleOnly) return;
     const Vector3d forward = view_.pose.viewing_direction();
     for (std::size_t i = 0; i < static_cast<std::size_t>(chunk.count); ++i) {
       const float alpha = image.rgba[(first + i) * 4 + 3];
@@ -375,8 +377,8 @@ class LumigraphFrame {
 
   static void measure(std::size_t first, const Scratch& scratch, RenderedView& image) {
     alignas(64) std::array<float, RayChunk::kSize> effective{}, nearest{};
-    measure_cameras(scratch.chunk, scratch.cameras, scratch.weights, effective.data(),
-                    nearest.data());
+    measure_effective_cameras(scratch.chunk, scratch.cameras, scratch.weights, effective.data(),
+                              nearest.data());
     std::copy_n(effective.begin(), scratch.chunk.count, &image.cameras[first]);
     std::copy_n(nearest.begin(), scratch.chunk.count, &image.nearest_ray[first]);
   }
@@ -384,7 +386,7 @@ class LumigraphFrame {
   void lower_coverage(const Block& block, std::size_t first, Scratch& scratch,
                       RenderedView& image) const {
     set_cameras(block.complete, scratch);
-    weigh_cameras(scratch.chunk, scratch.cameras, chunk_weighing_, scratch.weights);
+    compute_camera_weights(scratch.chunk, scratch.cameras, chunk_weighing_, scratch.weights);
     for (std::size_t i = 0; i < static_cast<std::size_t>(scratch.chunk.count); ++i) {
       float total = 0, absent = 0;
       for (std::size_t c = 0; c < scratch.cameras.size(); ++c) {
@@ -400,18 +402,18 @@ class LumigraphFrame {
   const VirtualCamera& view_;
   const Rig& rig_;
   const RaySurface& surface_;
-  RayWeighing weighing_;
+  RayWeightSettings weighing_;
   double spacing_;
-  ChunkWeighing chunk_weighing_;
+  ChunkWeightSettings chunk_weighing_;
   WeightField field_;
-  Missed missed_;
+  MissedRay missed_;
   Vector3d middle_;
   Eigen::Matrix3d world_ray_;
   std::vector<ChunkCamera> cameras_;
-  FramesOfCameras frames_;
+  CameraFrames frames_;
   std::vector<int> present_, complete_;
   int top_ = 0;  // of the band, whose are
-  SampleSums sums_ = SampleSums::kFinish;
+  SumStage sums_ = SumStage::kSampleAndFinish;
   std::vector<Block> blocks_;
   std::vector<double> inverse_distance_;
 };
@@ -419,18 +421,20 @@ class LumigraphFrame {
 }  // namespace
 
 Contribution contribute_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                                  const RayWeighing& weighing, WeightField field) {
-  return LumigraphFrame(request, surface, weighing, field, Missed::kUnseen).contribute();
+                                  const RayWeightSettings& weighing, WeightField field) {
+  return LumigraphFrame(request, surface, weighing, field, MissedRay::kUnseen).contribute();
 }
 
 RenderedView combine_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                               const RayWeighing& weighing, WeightField field, PixelValues sums) {
-  return LumigraphFrame(request, surface, weighing, field, Missed::kUnseen)
+                               const RayWeightSettings& weighing, WeightField field,
+                               PixelValues sums) {
+  return LumigraphFrame(request, surface, weighing, field, MissedRay::kUnseen)
       .combine(std::move(sums));
 }
 
 RenderedView render_lumigraph(const ViewRequest& request, const RaySurface& surface,
-                              const RayWeighing& weighing, WeightField field, Missed missed) {
+                              const RayWeightSettings& weighing, WeightField field,
+                              MissedRay missed) {
   return LumigraphFrame(request, surface, weighing, field, missed).render();
 }
 

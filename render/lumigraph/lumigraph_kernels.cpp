@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+// Kernels of the unstructured lumigraph (Buehler et al., SIGGRAPH 2001; thesis eq. 2.3), 64 rays
+// at a time: penalties and weights of the cameras, positions of the points in their frames,
+// bilinear samples and their weighted mean. Input:
+// RayChunk (floats about the centre of the rig, metres), output: ChunkWeights, premultiplied
+// linear light. Cost:
+// O(rays x cameras). Must match compute_camera_weights_reference() (ray_weights.cpp) and
+// lumigraph_reference.cpp.
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
@@ -78,8 +85,8 @@ hn::Vec<D> locate(D d, const RayChunk& chunk, const ChunkCamera& camera, float b
   const auto depth = hn::Neg(in_camera(2));
   const auto in_front = hn::Gt(depth, zero);
   const auto scale = hn::Div(one, hn::IfThenElse(in_front, depth, one));
-  const auto sight = through_lens(d, camera.lens, hn::Mul(in_camera(0), scale),
-                                  hn::Neg(hn::Mul(in_camera(1), scale)), in_front);
+  const auto sight = project_through_lens(d, camera.lens, hn::Mul(in_camera(0), scale),
+                                          hn::Neg(hn::Mul(in_camera(1), scale)), in_front);
   hn::Store(sight.u, d, out.u.data() + i);
   hn::Store(sight.v, d, out.v.data() + i);
   hn::Store(sight.seen, d, out.seen.data() + i);
@@ -114,14 +121,14 @@ void normalise(std::span<ChunkWeights> weights, int count) {
 }
 
 void weigh(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-           const ChunkWeighing& weighing, std::span<ChunkWeights> weights) {
+           const ChunkWeightSettings& weighing, std::span<ChunkWeights> weights) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
   const auto one = set(1), zero = hn::Zero(d), never = set(kNever);
   const int kept = weighing.cameras + 1;
   // The least penalties so far, sorted, for all rays of the chunk.
-  HWY_ALIGN float least[(kMostCameras + 1) * kRays];
+  HWY_ALIGN float least[(kMaxWeightedCameras + 1) * kRays];
   for (int i = 0; i < kept * kRays; i += lanes) hn::Store(never, d, least + i);
 
   for (std::size_t c = 0; c < cameras.size(); ++c) {
@@ -142,7 +149,8 @@ void weigh(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
                                        hn::Div(b.distance, hn::Max(sum, set(kTiny))));
       const auto longer = hn::IfThenElse(behind, hn::Div(sum, inverse), hn::Mul(across, half));
       const auto further = hn::Add(longer, hn::Sub(hn::Load(d, chunk.eye.data() + i), b.along));
-      const auto angular = hn::Min(hn::Mul(set(2), half), set(static_cast<float>(kMostAngular)));
+      const auto angular =
+          hn::Min(hn::Mul(set(2), half), set(static_cast<float>(kMaxAngularPenalty)));
       auto penalty = hn::MulAdd(set(weighing.angular), angular, set(weighing.least));
       penalty = hn::MulAdd(set(weighing.resolution), hn::Max(further, zero), penalty);
       const auto sees = hn::Gt(within, zero);
@@ -220,7 +228,7 @@ int count_rays(const ChunkWeights& weights, int count) {
   const hn::ScalableTag<float> d;
   std::size_t rays = 0;
   for (int i = 0; i < count; i += static_cast<int>(hn::Lanes(d))) {
-    const auto is_ray = hn::Lt(counting_from(d, i), hn::Set(d, static_cast<float>(count)));
+    const auto is_ray = hn::Lt(iota_from(d, i), hn::Set(d, static_cast<float>(count)));
     const auto weight = hn::Load(d, weights.weight.data() + i);
     rays += hn::CountTrue(d, hn::And(is_ray, hn::Gt(weight, hn::Zero(d))));
   }
@@ -231,7 +239,8 @@ bool any(const ChunkWeights& weights, int count) { return count_rays(weights, co
 
 /// Where rays [i, i + lanes) are looked up: from the first pixel's centre, pixels.
 template <class D>
-Sight<hn::Vec<D>> position(D d, const SourceView& lens, const ChunkWeights& weights, int i) {
+FramePosition<hn::Vec<D>> position(D d, const SourceView& lens, const ChunkWeights& weights,
+                                   int i) {
   const auto half = hn::Set(d, 0.5F), zero = hn::Zero(d);
   const auto within = [&](const std::array<float, kRays>& at, int size) HWY_ATTR {
     const auto last = hn::Set(d, static_cast<float>(size - 1));
@@ -248,7 +257,7 @@ void find_taps_of(const SourceView& lens, const ChunkWeights& weights, int count
     const auto at = position(d, lens, weights, i);
     store_taps(d, lens.width, hn::Sub(at.u, half), hn::Sub(at.v, half), at.seen, i, taps);
   }
-  end_taps(count, taps);
+  pad_taps(count, taps);
 }
 
 /// add_samples() of one camera, to the same end, ray by ray: quicker where it has few.
@@ -258,7 +267,7 @@ void add_few(const SourceView& lens, const Taps& taps, int count, float* HWY_RES
   const std::size_t row = std::size_t{4} * static_cast<std::size_t>(lens.width);
   for (int i = 0; i < count; ++i) {
     if (!(taps.share[i] > 0)) continue;
-    float* sum = sums + 4 * slot_of(hn::ScalableTag<float>(), i);
+    float* sum = sums + 4 * transposed_index(hn::ScalableTag<float>(), i);
     hn::Store(add_taps<0>(d, lens.rgba, row, taps.pixel + i, hn::Set(di, taps.upper[i]),
                           hn::Set(di, taps.lower[i]), hn::Set(d, taps.share[i]), hn::Load(d, sum)),
               d, sum);
@@ -290,17 +299,17 @@ void sample_cameras(std::span<const ChunkCamera* const> cameras,
 
 void blend_all(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
                int count, BlendSpace space, float full_scale, float* HWY_RESTRICT rgba,
-               SampleSums mode) {
+               SumStage mode) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   HWY_ALIGN float sums[4 * kRays] = {};
-  if (mode == SampleSums::kGiven) {
-    read_sums(rgba, count, sums);
+  if (mode == SumStage::kFinishOnly) {
+    load_sums(rgba, count, sums);
   } else {
     sample_cameras(cameras, weights, count, sums);
   }
-  if (mode == SampleSums::kLeave) {
-    leave_sums(sums, nullptr, count, rgba);
+  if (mode == SumStage::kSampleOnly) {
+    store_sums(sums, nullptr, count, rgba);
     return;
   }
   for (int i = 0; i < count; i += lanes) {
@@ -325,14 +334,14 @@ struct PixelBox {
 };
 
 void mark_box(const SourceView& lens, const PixelBox& box) {
-  const int reach = lens.chroma_reach;
+  const int reach = lens.chroma_radius;
   const int first_x = std::max(0, static_cast<int>(box.left) - reach) >> lens.mcu_width_log2;
   const int first_y = std::max(0, static_cast<int>(box.top) - reach) >> lens.mcu_height_log2;
   const int last_x = std::min(lens.width - 1, static_cast<int>(box.right) + 1 + reach);
   const int last_y = std::min(lens.height - 1, static_cast<int>(box.bottom) + 1 + reach);
   for (int y = first_y; y <= last_y >> lens.mcu_height_log2; ++y) {
     for (int x = first_x; x <= last_x >> lens.mcu_width_log2; ++x) {
-      want_mcu(lens.wanted_mcus, y * lens.mcus_per_row + x);
+      mark_mcu(lens.wanted_mcus, y * lens.mcus_per_row + x);
     }
   }
 }
@@ -344,7 +353,7 @@ void mark(const SourceView& lens, const ChunkWeights& weights, int count) {
   const auto never = hn::Set(d, kNever);
   for (int i = 0; i < count; i += lanes) {
     const auto at = position(d, lens, weights, i);
-    const auto is_ray = hn::Lt(counting_from(d, i), hn::Set(d, static_cast<float>(count)));
+    const auto is_ray = hn::Lt(iota_from(d, i), hn::Set(d, static_cast<float>(count)));
     const auto counts = hn::And(is_ray, hn::Gt(at.seen, hn::Zero(d)));
     if (hn::AllFalse(d, counts)) continue;
     const auto least = [&](auto values) HWY_ATTR {
@@ -388,26 +397,27 @@ HWY_EXPORT(any);
 HWY_EXPORT(blend_all);
 HWY_EXPORT(mark);
 
-void weigh_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-                   const ChunkWeighing& weighing, std::span<ChunkWeights> weights) {
+void compute_camera_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                            const ChunkWeightSettings& weighing, std::span<ChunkWeights> weights) {
   HWY_DYNAMIC_DISPATCH(weigh)(chunk, cameras, weighing, weights);
 }
-void share_rays(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-                std::span<ChunkWeights> weights) {
+void apply_given_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                         std::span<ChunkWeights> weights) {
   HWY_DYNAMIC_DISPATCH(share)(chunk, cameras, weights);
 }
-void measure_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-                     std::span<const ChunkWeights> weights, float* effective, float* nearest) {
+void measure_effective_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                               std::span<const ChunkWeights> weights, float* effective,
+                               float* nearest) {
   HWY_DYNAMIC_DISPATCH(measure)(chunk, cameras, weights, effective, nearest);
 }
 bool counts(const ChunkWeights& weights, int count) {
   return HWY_DYNAMIC_DISPATCH(any)(weights, count);
 }
 void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
-                 int count, BlendSpace space, float full_scale, float* rgba, SampleSums sums) {
+                 int count, BlendSpace space, float full_scale, float* rgba, SumStage sums) {
   HWY_DYNAMIC_DISPATCH(blend_all)(cameras, weights, count, space, full_scale, rgba, sums);
 }
-void mark_camera(const SourceView& lens, const ChunkWeights& weights, int count) {
+void mark_needed_mcus(const SourceView& lens, const ChunkWeights& weights, int count) {
   HWY_DYNAMIC_DISPATCH(mark)(lens, weights, count);
 }
 }  // namespace raystage

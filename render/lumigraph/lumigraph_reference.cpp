@@ -3,28 +3,28 @@
 #include <chrono>
 #include <limits>
 
+#include "base/parallel.h"
 #include "render/lumigraph/lumigraph.h"
-#include "render/lumigraph/ray_samples.h"
-#include "schemas/parallel.h"
+#include "render/lumigraph/reference_frames.h"
 
 namespace raystage {
 
 RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySurface& surface,
-                                        const RayWeighing& weighing, Missed missed) {
+                                        const RayWeightSettings& weighing, MissedRay missed) {
   const VirtualCamera& view = request.view;
-  const Instant& instant = request.instant;
+  const LightFieldFrame& instant = request.instant;
   RenderedView image = empty_view(view);
   const auto start = std::chrono::steady_clock::now();
   ReferenceFrames frames(instant, request.count_needed_pixels, image.statistics);
   const auto decoded = std::chrono::steady_clock::now();
   const CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
-  const double spacing = camera_spacing(*instant.rig);
+  const double spacing = max_neighbour_baseline(*instant.rig);
 
   if (request.measure_coverage) {
     image.cameras.assign(image.coverage.size(), 0.0F);
     image.nearest_ray = image.z;  // infinity
   }
-  if (missed == Missed::kNothingThere) image.nothing_there.assign(image.coverage.size(), 0.0F);
+  if (missed == MissedRay::kKnownEmpty) image.empty_space.assign(image.coverage.size(), 0.0F);
 
   const auto reconstruct = [&](int x, int y, std::size_t at) {
     const auto ray_in_view = view_model.unproject({x + 0.5, y + 0.5});
@@ -34,11 +34,11 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
     double inverse_distance = 0;
     surface({&ray, 1}, {&inverse_distance, 1});
     if (!(inverse_distance >= 0)) {
-      if (missed == Missed::kNothingThere) image.nothing_there[at] = 1;
+      if (missed == MissedRay::kKnownEmpty) image.empty_space[at] = 1;
       return;
     }
-    const auto cameras = weigh_cameras_reference(*instant.rig, frames.present(), ray,
-                                                 inverse_distance, weighing, spacing);
+    const auto cameras = compute_camera_weights_reference(*instant.rig, frames.present(), ray,
+                                                          inverse_distance, weighing, spacing);
     const auto pixel = frames.blend(cameras);
     std::copy(pixel.begin(), pixel.end(), &image.rgba[at * 4]);
     image.coverage[at] = pixel[3];
@@ -49,9 +49,9 @@ RenderedView render_lumigraph_reference(const ViewRequest& request, const RaySur
     if (!(pixel[3] > 0)) return;
     image.z[at] =
         static_cast<float>(view.pose.viewing_direction().dot(ray.direction) / inverse_distance);
-    if (frames.present().size() == instant.members.size()) return;
-    for (const WeightedCamera& camera : weigh_cameras_reference(
-             *instant.rig, instant.members, ray, inverse_distance, weighing, spacing)) {
+    if (frames.present().size() == instant.included_cameras.size()) return;
+    for (const WeightedCamera& camera : compute_camera_weights_reference(
+             *instant.rig, instant.included_cameras, ray, inverse_distance, weighing, spacing)) {
       if (!instant.is_present(camera.camera))
         image.coverage[at] -= static_cast<float>(camera.weight) * pixel[3];
     }

@@ -50,12 +50,12 @@ std::vector<ChunkCamera> chunk_cameras(const Rig& rig) {
   return cameras;
 }
 
-ChunkWeighing::ChunkWeighing(const RayWeighing& weighing, double spacing)
+ChunkWeightSettings::ChunkWeightSettings(const RayWeightSettings& weighing, double spacing)
     : cameras(weighing.cameras),
       angular(static_cast<float>(weighing.angular)),
       resolution(static_cast<float>(weighing.resolution)),
       field_of_view(static_cast<float>(weighing.field_of_view * spacing)),
       border(static_cast<float>(weighing.border)),
-      least(static_cast<float>(kLeastPenalty * spacing)) {}
+      least(static_cast<float>(kMinPenalty * spacing)) {}
 
 }  // namespace raystage

@@ -6,9 +6,9 @@
 #include <span>
 #include <vector>
 
+#include "render/common/world_ray.h"
 #include "render/lumigraph/ray_weights.h"
 #include "render/sampling/source_view.h"
-#include "render/view/world_ray.h"
 #include "rig/rig.h"
 
 namespace raystage {
@@ -49,32 +49,33 @@ struct ChunkWeights {
   alignas(64) std::array<float, RayChunk::kSize> seen;
 };
 
-/// RayWeighing in metres, for the kernels.
-struct ChunkWeighing {
+/// RayWeightSettings in metres, for the kernels.
+struct ChunkWeightSettings {
   int cameras = 4;
   float angular = 1, resolution = 0, field_of_view = 0, border = 0, least = 0;
 
-  ChunkWeighing(const RayWeighing& weighing, double spacing);
+  ChunkWeightSettings(const RayWeightSettings& weighing, double spacing);
 };
 
 // The kernels. Run-time dispatch, no allocation; lengths and orders of `cameras` and `weights` are
 // those of each other.
 
-/// weigh_cameras_reference() for a chunk: fills all of `weights`, whose sum over the cameras is,
-/// per ray, the largest `seen` of a camera: 0 where none sees the point.
-void weigh_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-                   const ChunkWeighing& weighing, std::span<ChunkWeights> weights);
+/// compute_camera_weights_reference() for a chunk: fills all of `weights`, whose sum over the
+/// cameras is, per ray, the largest `seen` of a camera: 0 where none sees the point.
+void compute_camera_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                            const ChunkWeightSettings& weighing, std::span<ChunkWeights> weights);
 
 /// With weights given (of any scale, 0 or more) instead of worked out: fills u, v and seen, and
 /// brings the weights to the same sum.
-void share_rays(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-                std::span<ChunkWeights> weights);
+void apply_given_weights(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                         std::span<ChunkWeights> weights);
 
 /// Per ray, of the cameras that have a weight: how many of equal weight would be as many
 /// (effective_cameras()), and how near the nearest of their centres is to the ray's line, metres;
 /// 0 and infinity where there are none. Aligned, kSize each.
-void measure_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
-                     std::span<const ChunkWeights> weights, float* effective, float* nearest);
+void measure_effective_cameras(const RayChunk& chunk, std::span<const ChunkCamera* const> cameras,
+                               std::span<const ChunkWeights> weights, float* effective,
+                               float* nearest);
 
 /// Whether a camera has a weight for any of the rays.
 bool counts(const ChunkWeights& weights, int count);
@@ -84,10 +85,10 @@ bool counts(const ChunkWeights& weights, int count);
 /// nothing. `sums`: as blend_run().
 void blend_chunk(std::span<const ChunkCamera* const> cameras, std::span<const ChunkWeights> weights,
                  int count, BlendSpace space, float full_scale, float* rgba,
-                 SampleSums sums = SampleSums::kFinish);
+                 SumStage sums = SumStage::kSampleAndFinish);
 
 /// Marks in the lens's wanted_mcus all that blend_chunk() will read, and in its read_pixels, if
 /// there are any, exactly that. Many threads may mark the same bytes.
-void mark_camera(const SourceView& lens, const ChunkWeights& weights, int count);
+void mark_needed_mcus(const SourceView& lens, const ChunkWeights& weights, int count);
 
 }  // namespace raystage

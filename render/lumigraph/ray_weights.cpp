@@ -6,7 +6,7 @@
 #include <cmath>
 #include <limits>
 
-#include "render/sampling/sight.h"
+#include "render/sampling/direction_visibility.h"
 
 namespace raystage {
 namespace {
@@ -14,7 +14,7 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kInfinitePenalty = std::numeric_limits<double>::infinity();
 
 double within_image(const CameraModel& model, const Vector2d& pixel, double border) {
   const double to_border =
@@ -31,20 +31,21 @@ double angular_penalty(const Vector3d& towards, const WorldRay& ray, double inve
   const double half =
       ahead < 0 ? (towards.norm() - ahead) / (beside * inverse_distance * inverse_distance)
                 : beside / (towards.norm() + ahead);
-  return std::min(2 * half, kMostAngular);
+  return std::min(2 * half, kMaxAngularPenalty);
 }
 
 }  // namespace
 
-RayWeighing ray_weighing(const MethodOptions& options) {
+RayWeightSettings ray_weight_settings(const MethodOptions& options) {
   return {options.whole("cameras"), options.number("angular"), options.number("resolution"),
           options.number("field_of_view"), options.number("border")};
 }
 
-std::vector<OptionSpec> ray_weighing_options() {
-  const RayWeighing fallback;
+std::vector<OptionSpec> ray_weight_options() {
+  const RayWeightSettings fallback;
   constexpr double kMost = 1e6;
-  return {whole_option("cameras", fallback.cameras, 1, kMostCameras, "cameras that count a ray"),
+  return {integer_option("cameras", fallback.cameras, 1, kMaxWeightedCameras,
+                         "cameras that count a ray"),
           number_option("angular", fallback.angular, 0, kMost,
                         "penalty of a camera beside the ray, per metre"),
           number_option("resolution", fallback.resolution, 0, kMost,
@@ -56,10 +57,10 @@ std::vector<OptionSpec> ray_weighing_options() {
                         "width of that border, as a share of the image's width")};
 }
 
-double camera_spacing(const Rig& rig) {
+double max_neighbour_baseline(const Rig& rig) {
   double sum = 0;
   for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
-    double nearest = kInfinity;
+    double nearest = kInfinitePenalty;
     for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
       if (i == j) continue;
       nearest =
@@ -71,9 +72,9 @@ double camera_spacing(const Rig& rig) {
   return mean > 0 && std::isfinite(mean) ? mean : 1;
 }
 
-std::vector<WeightedCamera> weigh_cameras_reference(const Rig& rig, std::span<const int> cameras,
-                                                    const WorldRay& ray, double inverse_distance,
-                                                    const RayWeighing& weighing, double spacing) {
+std::vector<WeightedCamera> compute_camera_weights_reference(
+    const Rig& rig, std::span<const int> cameras, const WorldRay& ray, double inverse_distance,
+    const RayWeightSettings& weighing, double spacing) {
   std::vector<WeightedCamera> found;
   std::vector<double> penalties;
   for (const int index : cameras) {
@@ -83,9 +84,9 @@ std::vector<WeightedCamera> weigh_cameras_reference(const Rig& rig, std::span<co
     const Vector3d towards = ray.direction - eye_to_camera * inverse_distance;
     WeightedCamera candidate{index, 0, 0, Vector2d::Zero(),
                              ray.direction.cross(eye_to_camera).norm()};
-    candidate.seen =
-        seen_along(camera.model, camera.pose.world_from_camera_rotation.transpose() * towards,
-                   candidate.pixel);
+    candidate.seen = direction_visibility(
+        camera.model, camera.pose.world_from_camera_rotation.transpose() * towards,
+        candidate.pixel);
     const double within =
         std::min(candidate.seen, within_image(camera.model, candidate.pixel, weighing.border));
     if (!(within > 0)) continue;
@@ -98,12 +99,12 @@ std::vector<WeightedCamera> weigh_cameras_reference(const Rig& rig, std::span<co
     found.push_back(candidate);
     penalties.push_back(weighing.angular * angular + weighing.resolution * std::max(0.0, further) +
                         weighing.field_of_view * spacing * (1 / within - 1) +
-                        kLeastPenalty * spacing);
+                        kMinPenalty * spacing);
   }
   std::vector<double> sorted = penalties;
   std::sort(sorted.begin(), sorted.end());
   const auto k = static_cast<std::size_t>(weighing.cameras);
-  const double threshold = sorted.size() > k ? sorted[k] * (1 + kSoftening) : kInfinity;
+  const double threshold = sorted.size() > k ? sorted[k] * (1 + kSoftening) : kInfinitePenalty;
   double total = 0;
   for (std::size_t i = 0; i < found.size(); ++i) {
     found[i].weight = std::max(0.0, 1 - penalties[i] / threshold) / penalties[i];
@@ -124,7 +125,7 @@ double effective_cameras(std::span<const WeightedCamera> cameras) {
 }
 
 double nearest_ray(std::span<const WeightedCamera> cameras) {
-  double nearest = kInfinity;
+  double nearest = kInfinitePenalty;
   for (const WeightedCamera& camera : cameras) nearest = std::min(nearest, camera.beside);
   return nearest;
 }

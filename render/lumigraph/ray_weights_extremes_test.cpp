@@ -9,14 +9,14 @@
 #include <optional>
 #include <vector>
 
-#include "render/lumigraph/camera_choice.h"
+#include "render/lumigraph/camera_selection.h"
 #include "render/lumigraph/ray_chunk.h"
 #include "render/lumigraph/ray_weights.h"
 #include "render/sampling/source_view.h"
-#include "render/view/any_geometry.h"
-#include "render/view/exact_geometry.h"
-#include "render/view/worst_error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/exact_geometry.h"
+#include "testing/render/geometry_generators.h"
+#include "testing/render/worst_error.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -26,7 +26,7 @@ using testing::all_cameras;
 using testing::between;
 using testing::direction;
 using testing::exact;
-using testing::exact_look;
+using testing::exact_projection;
 using testing::ExactVector;
 using testing::off;
 using testing::Real;
@@ -42,7 +42,7 @@ struct Shot {
 /// The ray comes from the array's plane or next to it, or from up to 1e6 m before or behind it.
 Shot some_shot() {
   const int width = *rc::gen::element(1, 64, 640, 16384);
-  Shot shot{testing::some_rig(width, std::min(width, 480)), {}, 0};
+  Shot shot{testing::random_rig(width, std::min(width, 480)), {}, 0};
   std::vector<Rig::Camera>& cameras = shot.rig.cameras;
   if (*rc::gen::inRange(0, 6) == 0) {  // all in one place
     for (Rig::Camera& camera : cameras) camera.pose = cameras[0].pose;
@@ -70,7 +70,7 @@ struct Rounding {
   double further = 0;  ///< of how much further away it is from the point than the eye, metres
 };
 
-/// weigh_cameras_reference(): in double, from the eye.
+/// compute_camera_weights_reference(): in double, from the eye.
 Rounding rounding_in_double(const Shot& shot, const Rig::Camera& camera) {
   const double epsilon = std::numeric_limits<double>::epsilon();
   const double away = (camera.pose.position - shot.ray.origin).norm();
@@ -103,7 +103,7 @@ struct Penalty {
 enum class Sees { kNot, kYes, kRoundingDecides };
 
 /// As ray_weights.h has it: with the angle at the point, and distances to it.
-Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeighing& weighing,
+Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeightSettings& weighing,
                    double spacing, const Rounding& rounding, Penalty& penalty) {
   const ExactVector eye = exact(shot.ray.origin), centre = exact(camera.pose.position);
   const ExactVector given = exact(shot.ray.direction), ray = (1 / norm(given)) * given;
@@ -117,7 +117,7 @@ Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeighin
   const double ahead =
       static_cast<double>(-dot(exact(camera.pose.world_from_camera_rotation.col(2)), towards));
   if (std::abs(ahead) <= 4 * rounding.towards) return Sees::kRoundingDecides;
-  const auto pixel = exact_look(k, camera.pose, towards);
+  const auto pixel = exact_projection(k, camera.pose, towards);
   if (!pixel) return Sees::kNot;
   penalty.u = (*pixel)[0];
   penalty.v = (*pixel)[1];
@@ -145,7 +145,7 @@ Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeighin
   const Real half_tangent =
       at_infinity ? Real(0) : Real(norm(cross(eye_from_point, camera_from_point)) / facing);
   const Real angular =
-      at_infinity ? beside : std::min(Real(2 * distance * half_tangent), Real(kMostAngular));
+      at_infinity ? beside : std::min(Real(2 * distance * half_tangent), Real(kMaxAngularPenalty));
   const double facing_over_distances =
       at_infinity ? 2 : static_cast<double>(facing / (distance * distance));
   const double angular_bound =
@@ -156,7 +156,7 @@ Sees exact_penalty(const Shot& shot, const Rig::Camera& camera, const RayWeighin
                    facing_over_distances;
   const Real further = at_infinity ? Real(-along) : Real(norm(camera_from_point) - distance);
   penalty.value = weighing.angular * angular + weighing.resolution * std::max(Real(0), further) +
-                  weighing.field_of_view * spacing * (1 / within - 1) + kLeastPenalty * spacing;
+                  weighing.field_of_view * spacing * (1 / within - 1) + kMinPenalty * spacing;
   penalty.bound = weighing.angular * angular_bound + weighing.resolution * rounding.further +
                   weighing.field_of_view * spacing * within_bound +
                   16 * rounding.epsilon * static_cast<double>(penalty.value);
@@ -173,7 +173,7 @@ struct ExactWeight {
 /// By camera of the rig; nullopt where rounding may decide whether a camera sees the point, or all
 /// about who counts.
 std::optional<std::vector<ExactWeight>> exact_camera_weights(
-    const Shot& shot, const RayWeighing& weighing, double spacing,
+    const Shot& shot, const RayWeightSettings& weighing, double spacing,
     Rounding (*rounding_of)(const Shot&, const Rig::Camera&)) {
   std::vector<ExactWeight> weights(shot.rig.cameras.size());
   std::vector<Real> sorted;
@@ -222,9 +222,9 @@ std::optional<std::vector<ExactWeight>> exact_camera_weights(
   return weights;
 }
 
-RayWeighing some_weighing() {
-  RayWeighing weighing;
-  weighing.cameras = *rc::gen::element(1, 2, 4, kMostCameras);
+RayWeightSettings some_weighing() {
+  RayWeightSettings weighing;
+  weighing.cameras = *rc::gen::element(1, 2, 4, kMaxWeightedCameras);
   weighing.angular = *rc::gen::element(1.0, 1.0, 0.0, 1e3);
   weighing.resolution = *rc::gen::element(0.05, 0.05, 0.0, 1.0, 1e3);
   weighing.field_of_view = *rc::gen::element(1.0, 1.0, 0.0);
@@ -237,10 +237,10 @@ TEST(RayWeightsExtremes, OfTheReferenceAreThoseOf50Digits) {
       beside("reference: beside the ray, relative");
   EXPECT_TRUE(rc::check("any array, ray and penalties", [&] {
     const Shot shot = some_shot();
-    const RayWeighing weighing = some_weighing();
-    const double spacing = camera_spacing(shot.rig);
-    const auto found = weigh_cameras_reference(shot.rig, all_cameras(shot.rig), shot.ray,
-                                               shot.inverse_distance, weighing, spacing);
+    const RayWeightSettings weighing = some_weighing();
+    const double spacing = max_neighbour_baseline(shot.rig);
+    const auto found = compute_camera_weights_reference(shot.rig, all_cameras(shot.rig), shot.ray,
+                                                        shot.inverse_distance, weighing, spacing);
     double sum = 0;
     for (const WeightedCamera& camera : found) {
       RC_ASSERT(camera.weight > 0 && camera.weight <= 1 + 1e-15);
@@ -275,21 +275,21 @@ TEST(RayWeightsExtremes, OfTheReferenceAreThoseOf50Digits) {
 }
 
 TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
-  testing::for_each_target(kernel_target, [] {
+  testing::for_each_simd_target(kernel_target, [] {
     WorstError weight(std::string(kernel_target()) + ": weight", 1e-3),
         position(std::string(kernel_target()) + ": position, px", 0.1),
         sum_of_weights(std::string(kernel_target()) + ": sum of weights");
     EXPECT_TRUE(rc::check("any array, ray and penalties", [&] {
       const Shot shot = some_shot();
-      const RayWeighing weighing = some_weighing();
-      const double spacing = camera_spacing(shot.rig);
+      const RayWeightSettings weighing = some_weighing();
+      const double spacing = max_neighbour_baseline(shot.rig);
       RayChunk chunk;
       fill_chunk({&shot.ray, 1}, {&shot.inverse_distance, 1}, shot.rig.centre(), chunk);
       const std::vector<ChunkCamera> cameras = chunk_cameras(shot.rig);
       std::vector<const ChunkCamera*> pointers;
       for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
       std::vector<ChunkWeights> found(cameras.size());
-      weigh_cameras(chunk, pointers, ChunkWeighing(weighing, spacing), found);
+      compute_camera_weights(chunk, pointers, ChunkWeightSettings(weighing, spacing), found);
       double sum = 0, most = 0;
       for (const ChunkWeights& camera : found) {
         RC_ASSERT(std::isfinite(camera.weight[0]) && camera.weight[0] >= 0);
@@ -317,12 +317,12 @@ TEST(RayWeightsExtremes, OfTheKernelsAreThoseOf50Digits) {
 struct Shares {
   std::vector<double> reference, kernels;
 };
-Shares shares_of(const Rig& rig, const RayWeighing& weighing) {
+Shares shares_of(const Rig& rig, const RayWeightSettings& weighing) {
   const WorldRay ray{Vector3d::Zero(), -Vector3d::UnitZ()};
   const double inverse_distance = 1;
   Shares shares{std::vector<double>(rig.cameras.size()), {}};
-  for (const WeightedCamera& camera :
-       weigh_cameras_reference(rig, all_cameras(rig), ray, inverse_distance, weighing, 0.1)) {
+  for (const WeightedCamera& camera : compute_camera_weights_reference(
+           rig, all_cameras(rig), ray, inverse_distance, weighing, 0.1)) {
     shares.reference[static_cast<std::size_t>(camera.camera)] = camera.weight;
   }
   RayChunk chunk;
@@ -331,7 +331,7 @@ Shares shares_of(const Rig& rig, const RayWeighing& weighing) {
   std::vector<const ChunkCamera*> pointers;
   for (const ChunkCamera& camera : cameras) pointers.push_back(&camera);
   std::vector<ChunkWeights> found(cameras.size());
-  weigh_cameras(chunk, pointers, ChunkWeighing(weighing, 0.1), found);
+  compute_camera_weights(chunk, pointers, ChunkWeightSettings(weighing, 0.1), found);
   for (const ChunkWeights& camera : found) shares.kernels.push_back(double{camera.weight[0]});
   return shares;
 }
@@ -345,7 +345,7 @@ TEST(RayWeightsExtremes, WhoLooksFromBehindThePointOnTheRaysLineGivesWayToAnyOth
   const Pose beside{Eigen::Matrix3d::Identity(), {0.3, 0, 0}};
   const Eigen::Matrix3d backwards =
       Eigen::AngleAxisd(std::numbers::pi, Vector3d::UnitY()).toRotationMatrix();
-  testing::for_each_target(kernel_target, [&] {
+  testing::for_each_simd_target(kernel_target, [&] {
     SCOPED_TRACE(kernel_target());
     for (const double from_line : {0.0, 1e-30, 1e-12, 1e-5, 1e-3}) {
       SCOPED_TRACE(from_line);
@@ -353,10 +353,10 @@ TEST(RayWeightsExtremes, WhoLooksFromBehindThePointOnTheRaysLineGivesWayToAnyOth
       const Pose behind{backwards, {from_line, 0, -2.5}};
       Rig rig;
       rig.cameras = {{"behind", model, behind, {}, {}, {}}, {"beside", model, beside, {}, {}, {}}};
-      RayWeighing weighing;
+      RayWeightSettings weighing;
       const Shares both = shares_of(rig, weighing);
       // 0.3 m and a little for the one beside, against 2 tan(angle / 2) for the one behind.
-      const double most = 0.4 * from_line / 6 + 1 / kMostAngular;
+      const double most = 0.4 * from_line / 6 + 1 / kMaxAngularPenalty;
       EXPECT_LE(both.reference[0], most);
       EXPECT_LE(both.kernels[0], most + 1e-8);  // a float knows the line to 1e-8 m
       EXPECT_NEAR(both.reference[1], 1, 1e-3);
@@ -364,7 +364,7 @@ TEST(RayWeightsExtremes, WhoLooksFromBehindThePointOnTheRaysLineGivesWayToAnyOth
 
       // By resolution alone: half a metre further away than the eye, the other but 44 mm.
       weighing.angular = 0;
-      const double least = kLeastPenalty * 0.1;
+      const double least = kMinPenalty * 0.1;
       const double far = 1 / (weighing.resolution * 0.5 + least);
       const double near = 1 / (weighing.resolution * (std::hypot(1, 0.3) - 1) + least);
       const Shares by_distance = shares_of(rig, weighing);
@@ -383,10 +383,10 @@ TEST(RayWeightsExtremes, WhoIsLeftOutByABundleHasNoWeightIn50Digits) {
   WorstError weight("chosen for a bundle: weight", 1e-6);
   EXPECT_TRUE(rc::check("any array and bundles of rays", [&] {
     const Shot middle = some_shot();
-    const double spacing = camera_spacing(middle.rig);
+    const double spacing = max_neighbour_baseline(middle.rig);
     const Vector3d axis = middle.ray.direction, across = axis.unitOrthogonal();
     for (int i = 0; i < 20; ++i) {
-      RayWeighing weighing = some_weighing();
+      RayWeightSettings weighing = some_weighing();
       weighing.cameras = *rc::gen::inRange(1, 5);
       const double width = *rc::gen::element(1e-6, 1e-3, 0.05);  // radians
       const Vector3d right = width * across, down = axis.cross(right);
@@ -395,17 +395,18 @@ TEST(RayWeightsExtremes, WhoIsLeftOutByABundleHasNoWeightIn50Digits) {
         bundle.corners[corner] =
             (axis + (corner % 2 == 0 ? -right : right) + (corner < 2 ? -down : down)).normalized();
       }
-      bundle.least_inverse = middle.inverse_distance * *rc::gen::element(1.0, 0.999, 0.5, 0.0);
+      bundle.min_inverse_distance =
+          middle.inverse_distance * *rc::gen::element(1.0, 0.999, 0.5, 0.0);
       const std::vector<int> chosen =
-          choose_cameras(middle.rig, all_cameras(middle.rig), bundle, weighing, spacing);
+          select_candidate_cameras(middle.rig, all_cameras(middle.rig), bundle, weighing, spacing);
 
       Shot shot = middle;
       shot.ray.direction = (axis + between(-1, 1) * right + between(-1, 1) * down).normalized();
-      shot.inverse_distance = between(bundle.least_inverse, bundle.most_inverse);
+      shot.inverse_distance = between(bundle.min_inverse_distance, bundle.max_inverse_distance);
       const auto truth = exact_camera_weights(shot, weighing, spacing, rounding_in_double);
       if (!truth) continue;
       std::vector<double> weights(truth->size());
-      for (const WeightedCamera& camera : weigh_cameras_reference(
+      for (const WeightedCamera& camera : compute_camera_weights_reference(
                shot.rig, chosen, shot.ray, shot.inverse_distance, weighing, spacing)) {
         weights[static_cast<std::size_t>(camera.camera)] = camera.weight;
       }

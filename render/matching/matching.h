@@ -31,14 +31,15 @@ using FillCosts = std::function<void(int y, std::span<std::uint8_t> costs)>;
 /// The hypothesis chosen at each pixel, row-major.
 struct PlaneMap {
   int width = 0, height = 0;
-  std::vector<float> plane;        ///< 0 to planes - 1; in between where sub_plane was asked for
+  std::vector<float>
+      plane;  ///< 0 to planes - 1; in between where subplane_refinement was asked for
   std::vector<std::uint8_t> cost;  ///< as filled in, of the nearest whole plane
 };
 
 struct SemiGlobalSettings {
   int p1 = 40;   ///< penalty where neighbours are one plane apart: 0 to p2
   int p2 = 200;  ///< where they are further apart: p1 to 4000
-  bool sub_plane = true;
+  bool subplane_refinement = true;
   /// A byte per pixel of the image that edges are taken from, row-major; may be empty. A step in it
   /// lowers p2 to p2 / (1 + |step| / guide_scale), never below p1: depth may jump where light does.
   std::span<const std::uint8_t> guide;
@@ -62,7 +63,8 @@ std::size_t semi_global_bytes(const CostVolume& volume, std::size_t working_byte
 
 /// The plane of least cost summed over the square of pixels up to `radius` (0 to 7) away, cut off
 /// at the image's border. Memory beside the result: box_bytes().
-PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius, bool sub_plane);
+PlaneMap box_match(const CostVolume& volume, const FillCosts& fill, int radius,
+                   bool subplane_refinement);
 
 /// Memory that box_match() takes beside its result on so many threads: 2 radius + 4 rows of the
 /// volume each.
@@ -72,7 +74,7 @@ std::size_t box_bytes(const CostVolume& volume, int radius, int threads);
 PlaneMap semi_global_match_reference(const CostVolume& volume, const FillCosts& fill,
                                      const SemiGlobalSettings& settings);
 PlaneMap box_match_reference(const CostVolume& volume, const FillCosts& fill, int radius,
-                             bool sub_plane);
+                             bool subplane_refinement);
 
 /// Where the parabola through three costs around the least has its vertex, -0.5 to 0.5; 0 where all
 /// are equal. `before`, `after` >= `least`.
@@ -83,6 +85,6 @@ inline float parabola_vertex(int before, int least, int after) {
 }
 
 /// p2 by the size of the guide's step; all the same without a guide.
-std::vector<std::uint16_t> p2_of_step(const SemiGlobalSettings& settings);
+std::vector<std::uint16_t> p2_by_guide_step(const SemiGlobalSettings& settings);
 
 }  // namespace raystage

@@ -7,9 +7,9 @@
 #include <random>
 #include <stdexcept>
 
-#include "render/matching/large_buffer.h"
+#include "render/common/large_buffer.h"
 #include "render/matching/path_kernels.h"
-#include "schemas/test_targets.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -56,7 +56,7 @@ const std::vector<CostVolume> kShapes{{1, 1, 1},     {1, 9, 5},     {23, 1, 8}, 
                                       {130, 50, 64}, {25, 18, 100}, {9, 20, 512}};
 
 TEST(Matching, SemiGlobalIsTheReferenceToTheBit) {
-  testing::for_each_target(matching_target, [] {
+  testing::for_each_simd_target(matching_target, [] {
     for (const CostVolume& volume : kShapes) {
       SCOPED_TRACE(volume.planes);
       const RandomCosts costs(volume, 1);
@@ -66,7 +66,7 @@ TEST(Matching, SemiGlobalIsTheReferenceToTheBit) {
       settings.guide = costs.guide;
       settings.p1 = 7;
       settings.p2 = 4000;
-      settings.sub_plane = false;
+      settings.subplane_refinement = false;
       expect_equal(semi_global_match(volume, costs.fill(), settings),
                    semi_global_match_reference(volume, costs.fill(), settings));
     }
@@ -74,7 +74,7 @@ TEST(Matching, SemiGlobalIsTheReferenceToTheBit) {
 }
 
 TEST(Matching, BoxIsTheReferenceToTheBit) {
-  testing::for_each_target(matching_target, [] {
+  testing::for_each_simd_target(matching_target, [] {
     for (const CostVolume& volume : kShapes) {
       SCOPED_TRACE(volume.planes);
       const RandomCosts costs(volume, 2);
@@ -127,7 +127,7 @@ TEST(Matching, PathsCarryAPlaneThroughPixelsThatDoNotTell) {
     }
   };
   SemiGlobalSettings settings;
-  settings.sub_plane = false;
+  settings.subplane_refinement = false;
   const PlaneMap found = semi_global_match(volume, fill, settings);
   int wrong = 0;
   for (int y = 0; y < volume.height; ++y) {

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Kernels of semi-global matching (Hirschmueller, "Stereo processing by semiglobal matching and
+// mutual information", PAMI 2008): advance 4 of the 8 paths by one pixel at a time, L(p, d) = C(p,
+// d) + min(L(q, d), L(q, d +- 1) + P1, min L(q) + P2) - min L(q), add them up and find the plane
+// of the least sum; 16-bit lanes, one per plane. Cost:
+// O(pixels x planes x paths). Must match matching_reference.cpp exactly.
 #include "render/matching/path_kernels.h"
 
 #undef HWY_TARGET_INCLUDE
@@ -36,19 +41,19 @@ HWY_INLINE void run_paths(const PathRun& run, int* best) {
   const int lanes = static_cast<int>(hn::Lanes(d));
   const int whole = run.planes / lanes * lanes;
   const auto open = hn::FirstN(d, static_cast<std::size_t>(run.planes - whole));
-  const auto closed = hn::Set(d, kClosed);
+  const auto closed = hn::Set(d, kInvalidCost);
   const auto p1 = hn::Set(d, static_cast<std::uint16_t>(run.p1));
 
   for (int i = 0; i < run.count; ++i) {
     const std::uint8_t* cost = run.cost + i * run.pixel_step;
     std::uint16_t* sums = run.sums + i * run.pixel_step;
-    std::uint16_t* line[kPaths];
-    std::uint16_t* least_at[kPaths];
-    for (int p = 0; p < kPaths; ++p) {
+    std::uint16_t* line[kPathsPerPass];
+    std::uint16_t* least_at[kPathsPerPass];
+    for (int p = 0; p < kPathsPerPass; ++p) {
       line[p] = run.line[p] + i * run.line_step[p];
       least_at[p] = run.least[p] + i * run.least_step[p];
     }
-    const std::uint16_t* p2 = run.p2 + i * kPaths;
+    const std::uint16_t* p2 = run.p2 + i * kPathsPerPass;
     const auto least0 = hn::Set(d, *least_at[0]), least1 = hn::Set(d, *least_at[1]);
     const auto least2 = hn::Set(d, *least_at[2]), least3 = hn::Set(d, *least_at[3]);
     const auto jump0 = hn::Add(least0, hn::Set(d, p2[0])),
@@ -177,17 +182,17 @@ HWY_EXPORT(slide_u16);
 HWY_EXPORT(least_index);
 HWY_EXPORT(target);
 
-void begin_sums(const PathRun& run) { HWY_DYNAMIC_DISPATCH(begin)(run); }
-void finish_sums(const PathRun& run, int* best) { HWY_DYNAMIC_DISPATCH(finish)(run, best); }
-void slide_sums(std::uint16_t* sums, const std::uint8_t* add, const std::uint8_t* take,
-                std::size_t count) {
+void start_path_sums(const PathRun& run) { HWY_DYNAMIC_DISPATCH(begin)(run); }
+void complete_path_sums(const PathRun& run, int* best) { HWY_DYNAMIC_DISPATCH(finish)(run, best); }
+void update_running_sums(std::uint16_t* sums, const std::uint8_t* add, const std::uint8_t* take,
+                         std::size_t count) {
   HWY_DYNAMIC_DISPATCH(slide_u8)(sums, add, take, count);
 }
-void slide_window(std::uint16_t* window, const std::uint16_t* add, const std::uint16_t* take,
-                  std::size_t count) {
+void update_running_window(std::uint16_t* window, const std::uint16_t* add,
+                           const std::uint16_t* take, std::size_t count) {
   HWY_DYNAMIC_DISPATCH(slide_u16)(window, add, take, count);
 }
-int least_of(const std::uint16_t* sums, int planes) {
+int index_of_min(const std::uint16_t* sums, int planes) {
   return HWY_DYNAMIC_DISPATCH(least_index)(sums, planes);
 }
 const char* matching_target() { return HWY_DYNAMIC_DISPATCH(target)(); }

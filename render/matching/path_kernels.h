@@ -8,13 +8,13 @@
 namespace raystage {
 
 /// What a path costs so far is kept per path in a line of u16, worked on in place: from element 0
-/// on one per plane, then kClosed up to and beyond the stride, so that the planes' neighbours may
-/// be read without a look at where they end.
-inline constexpr std::uint16_t kClosed = 0x3FFF;
-inline constexpr int kLineGap = 32;  ///< elements of kClosed before and behind each line
+/// on one per plane, then kInvalidCost up to and beyond the stride, so that the planes' neighbours
+/// may be read without a look at where they end.
+inline constexpr std::uint16_t kInvalidCost = 0x3FFF;
+inline constexpr int kLinePadding = 32;  ///< elements of kInvalidCost before and behind each line
 
-inline constexpr int kPaths = 4;        ///< worked on at once: half of the eight
-inline constexpr int kMostPixels = 64;  ///< in a run
+inline constexpr int kPathsPerPass = 4;    ///< worked on at once: half of the eight
+inline constexpr int kMaxPathPixels = 64;  ///< in a run
 
 /// A run of pixels of one row, in the order of the paths' sweep (which may be right to left).
 struct PathRun {
@@ -23,26 +23,26 @@ struct PathRun {
   std::uint16_t* sums = nullptr;       ///< of costs over the paths; laid out as the costs
   std::ptrdiff_t pixel_step = 0;       ///< elements from a pixel's costs and sums to the next's
   /// Of each path: the line through the first pixel, its least value, the way to the next pixel's.
-  std::array<std::uint16_t*, kPaths> line{}, least{};
-  std::array<std::ptrdiff_t, kPaths> line_step{}, least_step{};
+  std::array<std::uint16_t*, kPathsPerPass> line{}, least{};
+  std::array<std::ptrdiff_t, kPathsPerPass> line_step{}, least_step{};
   int p1 = 0;
-  const std::uint16_t* p2 = nullptr;  ///< kPaths values a pixel
+  const std::uint16_t* p2 = nullptr;  ///< kPathsPerPass values a pixel
 };
 
 /// Moves the paths on through the run and stores the sum of the four.
-void begin_sums(const PathRun& run);
+void start_path_sums(const PathRun& run);
 /// Moves the paths on, adds them to the sums, and finds each pixel's plane of least sum, the first
 /// of equals.
-void finish_sums(const PathRun& run, int* best);
+void complete_path_sums(const PathRun& run, int* best);
 
 /// sums[i] += add[i] - take[i].
-void slide_sums(std::uint16_t* sums, const std::uint8_t* add, const std::uint8_t* take,
-                std::size_t count);
+void update_running_sums(std::uint16_t* sums, const std::uint8_t* add, const std::uint8_t* take,
+                         std::size_t count);
 /// sums[i] += add[i] - take[i].
-void slide_window(std::uint16_t* window, const std::uint16_t* add, const std::uint16_t* take,
-                  std::size_t count);
+void update_running_window(std::uint16_t* window, const std::uint16_t* add,
+                           const std::uint16_t* take, std::size_t count);
 /// Index of the least, the first of equals. Elements up to the next multiple of 32 are read.
-int least_of(const std::uint16_t* sums, int planes);
+int index_of_min(const std::uint16_t* sums, int planes);
 
 /// The instruction set in use.
 const char* matching_target();

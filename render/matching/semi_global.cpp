@@ -3,16 +3,16 @@
 #include <memory>
 #include <stdexcept>
 
-#include "render/matching/large_buffer.h"
+#include "base/parallel.h"
+#include "render/common/large_buffer.h"
 #include "render/matching/matching.h"
 #include "render/matching/path_kernels.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 
 int plane_stride(int planes) { return (planes + 31) / 32 * 32; }
 
-std::vector<std::uint16_t> p2_of_step(const SemiGlobalSettings& settings) {
+std::vector<std::uint16_t> p2_by_guide_step(const SemiGlobalSettings& settings) {
   std::vector<std::uint16_t> p2(256, static_cast<std::uint16_t>(settings.p2));
   if (settings.guide.empty()) return p2;
   for (std::size_t step = 0; step < p2.size(); ++step) {
@@ -24,7 +24,7 @@ std::vector<std::uint16_t> p2_of_step(const SemiGlobalSettings& settings) {
 
 namespace {
 
-constexpr int kTileRows = 16, kTileColumns = kMostPixels;
+constexpr int kTileRows = 16, kTileColumns = kMaxPathPixels;
 constexpr int kLeastStripRows = kTileRows;
 
 /// Paths on their way through the image, one line each (see path_kernels.h).
@@ -32,19 +32,20 @@ class Lines {
  public:
   Lines(int count, int planes)
       : planes_(planes),
-        pitch_(plane_stride(planes) + kLineGap),
-        elements_(static_cast<std::size_t>(count) * static_cast<std::size_t>(pitch_) + kLineGap,
-                  kClosed),
+        pitch_(plane_stride(planes) + kLinePadding),
+        elements_(static_cast<std::size_t>(count) * static_cast<std::size_t>(pitch_) + kLinePadding,
+                  kInvalidCost),
         least_(static_cast<std::size_t>(count), 0) {
     for (int line = 0; line < count; ++line) restart(line);
   }
   static std::size_t bytes(int count, int planes) {
     return static_cast<std::size_t>(count) *
-           static_cast<std::size_t>(plane_stride(planes) + kLineGap + 1) * sizeof(std::uint16_t);
+           static_cast<std::size_t>(plane_stride(planes) + kLinePadding + 1) *
+           sizeof(std::uint16_t);
   }
 
   std::uint16_t* line(int i) {
-    return elements_.data() + kLineGap + static_cast<std::ptrdiff_t>(i) * pitch_;
+    return elements_.data() + kLinePadding + static_cast<std::ptrdiff_t>(i) * pitch_;
   }
   std::uint16_t* least(int i) { return least_.data() + i; }
   std::ptrdiff_t pitch() const { return pitch_; }
@@ -146,7 +147,7 @@ class Sweep {
   template <class Body>
   void run_tile(int tile_column, int tile_row, const Body& body) {
     const int end_row = std::min(strip_.rows, (tile_row + 1) * kTileRows);
-    std::array<std::uint16_t, static_cast<std::size_t>(kMostPixels * kPaths)> p2;
+    std::array<std::uint16_t, static_cast<std::size_t>(kMaxPathPixels * kPathsPerPass)> p2;
     for (int y = tile_row * kTileRows; y < end_row; ++y) {
       const int begin = std::max(0, tile_column * kTileColumns - y);
       const int end = std::min(strip_.width, (tile_column + 1) * kTileColumns - y);
@@ -177,7 +178,7 @@ class Sweep {
 
   void find_p2(int begin, int end, int y, std::uint16_t* p2) const {
     if (strip_.guide == nullptr) {
-      std::fill_n(p2, (end - begin) * kPaths, p2_[0]);
+      std::fill_n(p2, (end - begin) * kPathsPerPass, p2_[0]);
       return;
     }
     const auto guide = [&](int x, int row) {
@@ -229,7 +230,7 @@ int rows_of_strip(const CostVolume& volume, std::size_t working_bytes) {
 class SemiGlobal {
  public:
   SemiGlobal(const CostVolume& volume, const FillCosts& fill, const SemiGlobalSettings& settings)
-      : volume_(volume), fill_(fill), settings_(settings), p2_(p2_of_step(settings)) {
+      : volume_(volume), fill_(fill), settings_(settings), p2_(p2_by_guide_step(settings)) {
     row_ = static_cast<std::size_t>(volume.width) *
            static_cast<std::size_t>(plane_stride(volume.planes));
     strip_rows_ = rows_of_strip(volume, settings.working_bytes);
@@ -314,7 +315,7 @@ class SemiGlobal {
   void sweep_down(int strip, Entering& entering, Entering* leaving) const {
     Sweep sweep(strip_downwards(strip), settings_.p1, p2_);
     sweep.enter(entering);
-    sweep.run([](int, int, const PathRun& run) { begin_sums(run); });
+    sweep.run([](int, int, const PathRun& run) { start_path_sums(run); });
     if (leaving != nullptr) sweep.leave(*leaving);
   }
 
@@ -323,15 +324,16 @@ class SemiGlobal {
     sweep.enter(entering);
     const int last_row = end_row(strip) - 1;
     sweep.run([&](int x, int y, const PathRun& run) {
-      std::array<int, kMostPixels> best;
-      finish_sums(run, best.data());
+      std::array<int, kMaxPathPixels> best;
+      complete_path_sums(run, best.data());
       const std::size_t at =
           static_cast<std::size_t>(last_row - y) * static_cast<std::size_t>(volume_.width) +
           static_cast<std::size_t>(volume_.width - 1 - x);
       for (int i = 0; i < run.count; ++i) {
         const int plane = best[static_cast<std::size_t>(i)];
         const std::uint16_t* sums = run.sums + i * run.pixel_step;
-        const bool between = settings_.sub_plane && plane > 0 && plane + 1 < volume_.planes;
+        const bool between =
+            settings_.subplane_refinement && plane > 0 && plane + 1 < volume_.planes;
         const float offset =
             between ? parabola_vertex(sums[plane - 1], sums[plane], sums[plane + 1]) : 0;
         map.plane[at - static_cast<std::size_t>(i)] = static_cast<float>(plane) + offset;

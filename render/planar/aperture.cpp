@@ -10,6 +10,9 @@
 #include <span>
 #include <vector>
 
+#include "base/parallel.h"
+#include "render/common/plane_projection.h"
+#include "render/common/ray_cells.h"
 #include "render/planar/aperture_lens.h"
 #include "render/planar/coverage_measures.h"
 #include "render/planar/depth_map.h"
@@ -19,9 +22,6 @@
 #include "render/sampling/depth_sampling.h"
 #include "render/sampling/needed_mcus.h"
 #include "render/sampling/source_frames.h"
-#include "render/view/plane_projection.h"
-#include "render/view/ray_cells.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -40,7 +40,7 @@ std::array<float, 2> as_floats(const Eigen::Vector2d& v) {
 
 Eigen::Vector4d plane_of(const ViewRequest& request) {
   const double distance = request.options.number("focus_distance");
-  return distance > 0 ? plane_across(request.view, distance) : request.focal_plane;
+  return distance > 0 ? view_parallel_plane(request.view, distance) : request.focal_plane;
 }
 
 /// One view's rendering, stage by stage: plan (which source pixels), decode, blend.
@@ -53,7 +53,7 @@ class ApertureFrame {
         view_(request.view),
         instant_(request.instant),
         lens_(view_, instant_, plane_of(request), request.options),
-        depths_(view_depths_of(request)),
+        depths_(make_view_depths(request)),
         projection_(view_, depths_ ? Eigen::Vector4d(0, 0, 0, 1) : plane_of(request)),
         cells_(view_, *instant_.rig, *instant_.present),
         rows_(view_, cells_),
@@ -62,10 +62,10 @@ class ApertureFrame {
   }
 
   RenderedView render() {
-    if (is_eye_on_plane()) return view_of_nothing();
-    RenderedView image = unset_view(view_);
+    if (is_eye_on_plane()) return transparent_view();
+    RenderedView image = uninitialised_view(view_);
     const auto decoded = decode(image.statistics);
-    blend(image, SampleSums::kFinish);
+    blend(image, SumStage::kSampleAndFinish);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
     complete(image);
     return image;
@@ -73,10 +73,10 @@ class ApertureFrame {
 
   Contribution contribute() {
     Contribution contribution;
-    contribution.planes.emplace_back(values_of_view(view_), 0.0F);
+    contribution.planes.emplace_back(view_value_count(view_), 0.0F);
     if (is_eye_on_plane()) return contribution;
     const auto decoded = decode(contribution.statistics);
-    rows_.for_each_part([&](int first, int end) {
+    rows_.for_each_row_block([&](int first, int end) {
       std::vector<float> scratch;
       for (int y = first; y < end; ++y) {
         for (const RayCells::Span& span : rows_.spans(y)) {
@@ -85,7 +85,8 @@ class ApertureFrame {
               static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
               static_cast<std::size_t>(span.begin);
           blend_aperture_run(run_of(span, y, scratch), instant_.cache->blend_space(), 1,
-                             &contribution.planes[0][at * 4], nullptr, nullptr, SampleSums::kLeave);
+                             &contribution.planes[0][at * 4], nullptr, nullptr,
+                             SumStage::kSampleOnly);
         }
       }
     });
@@ -94,11 +95,11 @@ class ApertureFrame {
   }
 
   RenderedView combine(PixelValues sums) {
-    if (is_eye_on_plane()) return view_of_nothing();
+    if (is_eye_on_plane()) return transparent_view();
     const auto start = Clock::now();
-    RenderedView image = unset_view(view_, std::move(sums));
+    RenderedView image = uninitialised_view(view_, std::move(sums));
     find_cameras();
-    blend(image, SampleSums::kGiven);
+    blend(image, SumStage::kFinishOnly);
     image.statistics.render_ms = milliseconds(Clock::now() - start);
     complete(image);
     return image;
@@ -107,7 +108,7 @@ class ApertureFrame {
  private:
   bool is_eye_on_plane() const { return !projection_.at_infinity() && projection_.distance() == 0; }
 
-  RenderedView view_of_nothing() const {
+  RenderedView transparent_view() const {
     RenderedView nothing = empty_view(view_);
     if (request_.measure_coverage) measure_aperture_coverage(request_, lens_, nothing);
     return nothing;
@@ -126,7 +127,7 @@ class ApertureFrame {
     return decoded;
   }
 
-  void blend(RenderedView& image, SampleSums sums) {
+  void blend(RenderedView& image, SumStage sums) {
     const auto full_scale = static_cast<float>(instant_.cache->full_scale());
     rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
       std::vector<float> scratch;
@@ -186,7 +187,7 @@ class ApertureFrame {
     std::vector<int> opened;
     for (std::size_t i = 0; i < used_.size(); ++i) {
       const int camera = static_cast<int>(i);
-      if (used_[i] && instant_.is_present(camera) && instant_.is_held(camera)) {
+      if (used_[i] && instant_.is_present(camera) && instant_.is_local(camera)) {
         opened.push_back(camera);
       }
     }
@@ -265,7 +266,7 @@ class ApertureFrame {
   }
 
   void mark_needed() {
-    if (sources_.all_whole()) return;
+    if (sources_.are_fully_decoded()) return;
     raystage::parallel_for(0, (view_.height + kRowsPerBlock - 1) / kRowsPerBlock, [&](int block) {
       const int first = block * kRowsPerBlock;
       const int end = std::min(first + kRowsPerBlock, view_.height);
@@ -274,7 +275,7 @@ class ApertureFrame {
       std::vector<float> scratch;
       for (int y = first; y < end; ++y) {
         for (const RayCells::Span& span : rows_.spans(y)) {
-          mark_pixels_of_aperture(run_of(span, y, scratch));
+          mark_aperture_pixels(run_of(span, y, scratch));
         }
       }
     });
@@ -330,7 +331,7 @@ class ApertureFrame {
     const SourceView& opened = sources_.view(camera);
     if (opened.wanted_mcus == nullptr) return;
     const DepthSource source{opened, way_to_eye(camera)};
-    mark_block(source, block, LookUp::kLinear);
+    mark_block(source, block, Interpolation::kLinear);
   }
 
   /// Points between which all rays of a block that pass through a cell cross the array: the
@@ -360,7 +361,7 @@ class ApertureFrame {
 
   const ViewRequest& request_;
   const VirtualCamera& view_;
-  const Instant& instant_;
+  const LightFieldFrame& instant_;
   ApertureLens lens_;
   std::optional<ViewDepths> depths_;  // none: on a plane
   PlaneProjection projection_;
@@ -393,8 +394,8 @@ class ApertureMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return render_aperture_reference(request);
   }
-  Distribution distribution(const MethodOptions&) const override {
-    return Distribution::kContributions;
+  DistributionMode distribution(const MethodOptions&) const override {
+    return DistributionMode::kContributions;
   }
   Contribution contribute(const ViewRequest& request) const override {
     return ApertureFrame(request).contribute();
@@ -402,9 +403,11 @@ class ApertureMethod final : public Method {
   RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
     return ApertureFrame(request).combine(std::move(planes.at(0)));
   }
-  void check(const MethodOptions& options, const Take&) const override { check_lens(options); }
-  std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
-                                                const FrameSelection&) const override {
+  void check(const MethodOptions& options, const Take&) const override {
+    check_aperture_options(options);
+  }
+  std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
+                                                 const FrameSelection&) const override {
     const std::filesystem::path map = depth_map_file(options, take);
     return map.empty() ? std::vector<std::filesystem::path>{} : std::vector{map};
   }

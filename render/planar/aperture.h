@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
-#include "render/view/method.h"
+#include "render/common/method.h"
 
 namespace raystage {
 
-/// Synthetic aperture (thesis, Reconstruction: `aperture`; Isaksen, McMillan, Gortler 2000): all
-/// cameras within an aperture around the place where a ray crosses the array gather it, weighted
-/// as ApertureLens says, each sampled where the ray meets the focal plane. What lies off that plane
-/// is blurred, as by a lens as wide as the aperture.
+/// Synthetic aperture (thesis, ReconstructionSettings: `aperture`; Isaksen, McMillan, Gortler
+/// 2000): all cameras within an aperture around the place where a ray crosses the array gather it,
+/// weighted as ApertureLens says, each sampled where the ray meets the focal plane. What lies off
+/// that plane is blurred, as by a lens as wide as the aperture.
 ///
 /// Rays that pass the array by are missing, as with focal_plane. Alpha is the part of the gathered
 /// light that cameras with a frame have seen; coverage counts cameras that belong there and have

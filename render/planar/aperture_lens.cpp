@@ -11,8 +11,8 @@
 #include <numbers>
 #include <string>
 
-#include "render/view/plane_projection.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "render/common/plane_projection.h"
 
 namespace raystage {
 namespace {
@@ -77,16 +77,16 @@ std::vector<double> ways_to_neighbours(const Rig& rig, const Topology& topology)
 
 }  // namespace
 
-void check_lens(const MethodOptions& options) {
+void check_aperture_options(const MethodOptions& options) {
   if (options.number("f_number") > 0 && options.number("radius") > 0) {
     throw Error::bad_input("both radius and f_number are given", "method aperture",
                            "Give one of them");
   }
 }
 
-ApertureLens::ApertureLens(const VirtualCamera& view, const Instant& instant,
+ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& instant,
                            const Eigen::Vector4d& focal_plane, const MethodOptions& options) {
-  check_lens(options);
+  check_aperture_options(options);
   double radius = options.number("radius");
   if (const double f_number = options.number("f_number"); f_number > 0) {
     const Intrinsics& k = view.intrinsics;
@@ -140,7 +140,7 @@ double aperture_radius(const VirtualCamera& view, double f_number, double film_w
   return 0.5 / (f_number * (1 / image_distance + 1 / focus_distance));
 }
 
-Eigen::Vector4d plane_across(const VirtualCamera& view, double distance) {
+Eigen::Vector4d view_parallel_plane(const VirtualCamera& view, double distance) {
   const Eigen::Vector3d ahead = -view.pose.world_from_camera_rotation.col(2);
   return {ahead.x(), ahead.y(), ahead.z(), -(ahead.dot(view.pose.position) + distance)};
 }

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "render/view/method.h"
+#include "render/common/method.h"
 #include "rig/topology.h"
 
 namespace raystage {
@@ -29,7 +29,7 @@ class ApertureLens {
 
   /// The lens that the options ask for, focused on `focal_plane` seen from `view`. Throws Error
   /// (bad input) where they contradict each other.
-  ApertureLens(const VirtualCamera& view, const Instant& instant,
+  ApertureLens(const VirtualCamera& view, const LightFieldFrame& instant,
                const Eigen::Vector4d& focal_plane, const MethodOptions& options);
 
   /// Per camera of the rig.
@@ -54,7 +54,7 @@ class ApertureLens {
 };
 
 /// Throws Error (bad input) where the options contradict each other.
-void check_lens(const MethodOptions& options);
+void check_aperture_options(const MethodOptions& options);
 
 /// Radius in metres of a lens that a photographer names by its f-number, on a film back
 /// `film_width` mm wide with the view's field of view, focused `focus_distance` m away (may be
@@ -64,7 +64,7 @@ double aperture_radius(const VirtualCamera& view, double f_number, double film_w
                        double focus_distance);
 
 /// The plane across the view's axis, `distance` m ahead of it.
-Eigen::Vector4d plane_across(const VirtualCamera& view, double distance);
+Eigen::Vector4d view_parallel_plane(const VirtualCamera& view, double distance);
 
 /// All options of the method.
 std::span<const OptionSpec> aperture_options();

@@ -3,14 +3,14 @@
 #include <cmath>
 #include <optional>
 
+#include "base/parallel.h"
+#include "base/transfer_function.h"
+#include "render/common/ray_cells.h"
+#include "render/common/ray_coverage.h"
 #include "render/planar/aperture.h"
 #include "render/planar/aperture_lens.h"
 #include "render/planar/depth_map.h"
-#include "render/planar/reference_look_up.h"
-#include "render/view/ray_cells.h"
-#include "render/view/ray_coverage.h"
-#include "schemas/parallel.h"
-#include "schemas/transfer_function.h"
+#include "render/planar/reference_sampling.h"
 
 namespace raystage {
 
@@ -19,17 +19,17 @@ using Eigen::Vector3d;
 
 RenderedView render_aperture_reference(const ViewRequest& request) {
   const VirtualCamera& view = request.view;
-  const Instant& instant = request.instant;
+  const LightFieldFrame& instant = request.instant;
   RenderedView image = empty_view(view);
   const double focus_distance = request.options.number("focus_distance");
   const Eigen::Vector4d plane =
-      focus_distance > 0 ? plane_across(view, focus_distance) : request.focal_plane;
+      focus_distance > 0 ? view_parallel_plane(view, focus_distance) : request.focal_plane;
   const ApertureLens lens(view, instant, plane, request.options);
-  const std::optional<ViewDepths> depths = view_depths_of(request);
+  const std::optional<ViewDepths> depths = make_view_depths(request);
 
   const std::size_t count = instant.rig->cameras.size();
   std::vector<std::shared_ptr<const DecodedFrame>> frames(count);
-  std::vector<ReadPixels> read(count);
+  std::vector<ReadPixelMask> read(count);
   for (std::size_t i = 0; i < count; ++i) {
     const int camera = static_cast<int>(i), frame = instant.frame_of_camera[i];
     if (frame < 0) continue;
@@ -65,9 +65,10 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
         cells.locate(ray_in_view->x() * k.fx + k.cx, -ray_in_view->y() * k.fy + k.cy);
     if (!crossing) return;
     const Vector3d ray = view.pose.world_from_camera_rotation * *ray_in_view;
-    const PlaneHit hit =
-        depths ? PlaneHit(view.pose.position, ray, 1 / static_cast<double>(depths->at(x, y)))
-               : PlaneHit(view.pose.position, ray, plane);
+    const RayPlaneIntersection hit =
+        depths ? RayPlaneIntersection(view.pose.position, ray,
+                                      1 / static_cast<double>(depths->at(x, y)))
+               : RayPlaneIntersection(view.pose.position, ray, plane);
     if (!hit.ahead()) return;
     const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
     Vector2d place = Vector2d::Zero();
@@ -83,12 +84,12 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
       if (!frames[i]) continue;
       present += weight;
       const Rig::Camera& source = instant.rig->cameras[i];
-      const Vector3d towards =
-          source.pose.world_from_camera_rotation.transpose() * hit.seen_from(source.pose.position);
+      const Vector3d towards = source.pose.world_from_camera_rotation.transpose() *
+                               hit.direction_from(source.pose.position);
       Vector2d pixel;
       const double seen = visibility(source.model, towards, pixel);
       if (seen <= 0) continue;
-      const Sample sample = look_up(*frames[i], pixel, seen, read[i]);
+      const FrameSample sample = sample_bilinear(*frames[i], pixel, seen, read[i]);
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * seen * sample.rgb[c];
       seen_weight += weight * seen * sample.alpha;
       behind.add(weight * seen, ray, source.pose.position - view.pose.position);
@@ -116,7 +117,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
       image.nearest_ray[at] = behind.nearest_ray();
     }
   });
-  for (const ReadPixels& pixels : read) {
+  for (const ReadPixelMask& pixels : read) {
     image.statistics.pixels_needed += std::ranges::count(pixels, 1);
   }
   return image;

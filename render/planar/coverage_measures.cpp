@@ -4,10 +4,10 @@
 #include <Eigen/Geometry>
 #include <limits>
 
-#include "render/sampling/sight.h"
-#include "render/view/ray_cells.h"
-#include "render/view/ray_coverage.h"
-#include "schemas/parallel.h"
+#include "base/parallel.h"
+#include "render/common/ray_cells.h"
+#include "render/common/ray_coverage.h"
+#include "render/sampling/direction_visibility.h"
 
 namespace raystage {
 namespace {
@@ -63,10 +63,10 @@ void add_camera(const ViewRequest& request, const ViewRay& ray, std::size_t came
   const Rig::Camera& source = request.instant.rig->cameras[camera];
   const Vector3d to_camera = source.pose.position - request.view.pose.position;
   Eigen::Vector2d pixel;
-  const double seen = seen_along(source.model,
-                                 source.pose.world_from_camera_rotation.transpose() *
-                                     (ray.direction - to_camera * ray.inverse_depth),
-                                 pixel);
+  const double seen = direction_visibility(source.model,
+                                           source.pose.world_from_camera_rotation.transpose() *
+                                               (ray.direction - to_camera * ray.inverse_depth),
+                                           pixel);
   coverage.add(weight * seen, ray.direction, to_camera);
 }
 
@@ -101,7 +101,7 @@ void measure_aperture_coverage(const ViewRequest& request, const ApertureLens& l
           place += ray.crossing.weight[i] *
                    lens.cameras()[static_cast<std::size_t>(cell.camera[i])].place;
         }
-        for (const int camera : request.instant.members) {
+        for (const int camera : request.instant.included_cameras) {
           if (!request.instant.is_present(camera)) continue;
           const auto i = static_cast<std::size_t>(camera);
           const double weight = lens.weight(lens.cameras()[i], place);

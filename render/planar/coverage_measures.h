@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
 
+#include "render/common/method.h"
 #include "render/planar/aperture_lens.h"
 #include "render/planar/focal_plane.h"
-#include "render/view/method.h"
 
 namespace raystage {
 

@@ -7,8 +7,8 @@
 #include <cmath>
 #include <limits>
 
-#include "images/exr/exr_channels.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "images/exr_channels.h"
 
 namespace raystage {
 namespace {
@@ -19,16 +19,16 @@ constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 
 DepthMap read_depth_map(const std::filesystem::path& file) {
   constexpr ExrChannel kChannels[] = {{"Z"}};
-  const ExrPixels depths = read_exr_channels(
+  const ExrChannelData depths = read_exr_channels(
       file, kChannels,
       "Give as depth map a flat EXR file with planar depths, metres, in channel Z");
   DepthMap map{depths.width, depths.height, {}};
-  map.inverse.reserve(depths.values.size() + DepthMap::kRoom);
+  map.inverse.reserve(depths.values.size() + DepthMap::kReadPadding);
   for (const float depth : depths.values) {
     const float inverse = 1 / depth;
     map.inverse.push_back(depth > 0 && std::isfinite(inverse) ? inverse : kNone);
   }
-  map.inverse.resize(map.inverse.size() + DepthMap::kRoom, kNone);
+  map.inverse.resize(map.inverse.size() + DepthMap::kReadPadding, kNone);
   return map;
 }
 
@@ -41,13 +41,13 @@ const float* ViewDepths::run(int begin, int end, int y, std::vector<float>& scra
   const float* row = map_->row(first_row_ + y / factor_);
   if (factor_ == 1) return row + begin;
   const auto count = static_cast<std::size_t>(end - begin);
-  scratch.resize(count + DepthMap::kRoom);
+  scratch.resize(count + DepthMap::kReadPadding);
   for (int x = begin; x < end; ++x) scratch[static_cast<std::size_t>(x - begin)] = row[x / factor_];
-  std::fill_n(scratch.begin() + (end - begin), DepthMap::kRoom, kNone);
+  std::fill_n(scratch.begin() + (end - begin), DepthMap::kReadPadding, kNone);
   return scratch.data();
 }
 
-std::optional<ViewDepths> view_depths_of(const ViewRequest& request) {
+std::optional<ViewDepths> make_view_depths(const ViewRequest& request) {
   const auto file = depth_map_file(request.options, *request.instant.take);
   if (file.empty()) return std::nullopt;
   const auto read = [&file](std::size_t& bytes) {
@@ -58,7 +58,7 @@ std::optional<ViewDepths> view_depths_of(const ViewRequest& request) {
   const auto map = request.kept.get<DepthMap>("depth map " + file.string(), read);
   const int factor = request.supersampling;
   const int width = request.view.width / factor;
-  const int height = request.whole_height > 0 ? request.whole_height : request.view.height / factor;
+  const int height = request.full_height > 0 ? request.full_height : request.view.height / factor;
   if (width != map->width || height != map->height) {
     throw Error::bad_input(fmt::format("the depth map has {} x {} pixels, the view {} x {}",
                                        map->width, map->height, width, height),

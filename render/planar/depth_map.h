@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "render/view/method.h"
+#include "render/common/method.h"
 
 namespace raystage {
 
@@ -19,7 +19,7 @@ struct DepthMap {
   /// where there is no depth. Behind the last pixel there is room for a vector to be read.
   std::vector<float> inverse;
 
-  static constexpr std::size_t kRoom = 64;
+  static constexpr std::size_t kReadPadding = 64;
   const float* row(int y) const {
     return inverse.data() + static_cast<std::size_t>(y) * static_cast<std::size_t>(width);
   }
@@ -43,8 +43,8 @@ class ViewDepths {
 
   /// As DepthMap::inverse; pixel of the view.
   float at(int x, int y) const { return map_->row(first_row_ + y / factor_)[x / factor_]; }
-  /// Those of pixels [begin, end) of row y, with DepthMap::kRoom behind them: the map's own, or in
-  /// `scratch`.
+  /// Those of pixels [begin, end) of row y, with DepthMap::kReadPadding behind them: the map's own,
+  /// or in `scratch`.
   const float* run(int begin, int end, int y, std::vector<float>& scratch) const;
 
  private:
@@ -54,6 +54,6 @@ class ViewDepths {
 
 /// By what the option `depth_map` names; none where it names nothing. Throws Error (bad input) also
 /// where the map has not the size of the picture that is wanted.
-std::optional<ViewDepths> view_depths_of(const ViewRequest& request);
+std::optional<ViewDepths> make_view_depths(const ViewRequest& request);
 
 }  // namespace raystage

@@ -7,13 +7,13 @@
 #include <utility>
 #include <vector>
 
+#include "base/parallel.h"
+#include "render/common/plane_projection.h"
+#include "render/common/ray_cells.h"
 #include "render/planar/coverage_measures.h"
 #include "render/planar/view_rows.h"
 #include "render/sampling/needed_mcus.h"
 #include "render/sampling/source_frames.h"
-#include "render/view/plane_projection.h"
-#include "render/view/ray_cells.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -31,8 +31,9 @@ class FocalPlaneFrame {
   static constexpr int kRowsPerBlock = 8;
 
  public:
-  FocalPlaneFrame(const VirtualCamera& view, const Instant& instant, const Eigen::Vector4d& plane,
-                  CornerWeights weights, bool count_needed, const ViewRegion* region)
+  FocalPlaneFrame(const VirtualCamera& view, const LightFieldFrame& instant,
+                  const Eigen::Vector4d& plane, CornerWeights weights, bool count_needed,
+                  const ViewRegion* region)
       : view_(view),
         instant_(instant),
         projection_(view, plane),
@@ -45,9 +46,9 @@ class FocalPlaneFrame {
 
   RenderedView render() {
     if (is_eye_on_plane()) return empty_view(view_);
-    RenderedView image = unset_view(view_);
+    RenderedView image = uninitialised_view(view_);
     const auto decoded = decode(image.statistics);
-    blend(image, SampleSums::kFinish);
+    blend(image, SumStage::kSampleAndFinish);
     lower_coverage_of_absent(image);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
     return image;
@@ -55,10 +56,10 @@ class FocalPlaneFrame {
 
   Contribution contribute() {
     Contribution contribution;
-    contribution.planes.emplace_back(values_of_view(view_), 0.0F);
+    contribution.planes.emplace_back(view_value_count(view_), 0.0F);
     if (is_eye_on_plane()) return contribution;
     const auto decoded = decode(contribution.statistics);
-    rows_.for_each_part([&](int first, int end) {
+    rows_.for_each_row_block([&](int first, int end) {
       for (int y = first; y < end; ++y) {
         for (const RayCells::Span& span : rows_.spans(y)) {
           const PixelRun run = run_of(span, y);
@@ -67,7 +68,7 @@ class FocalPlaneFrame {
               static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
               static_cast<std::size_t>(span.begin);
           blend_run(run, instant_.cache->blend_space(), 1, &contribution.planes[0][at * 4], nullptr,
-                    nullptr, SampleSums::kLeave);
+                    nullptr, SumStage::kSampleOnly);
         }
       }
     });
@@ -78,8 +79,8 @@ class FocalPlaneFrame {
   RenderedView combine(PixelValues sums) {
     if (is_eye_on_plane()) return empty_view(view_);
     const auto start = Clock::now();
-    RenderedView image = unset_view(view_, std::move(sums));
-    blend(image, SampleSums::kGiven);
+    RenderedView image = uninitialised_view(view_, std::move(sums));
+    blend(image, SumStage::kFinishOnly);
     lower_coverage_of_absent(image);
     image.statistics.render_ms = milliseconds(Clock::now() - start);
     return image;
@@ -120,7 +121,7 @@ class FocalPlaneFrame {
     std::vector<int> cameras;
     for (std::size_t i = 0; i < used.size(); ++i) {
       const int camera = static_cast<int>(i);
-      if (used[i] && instant_.is_held(camera)) cameras.push_back(camera);
+      if (used[i] && instant_.is_local(camera)) cameras.push_back(camera);
     }
     sources_.open(cameras);
   }
@@ -142,12 +143,12 @@ class FocalPlaneFrame {
     run.distance = projection_.distance();
     run.at_infinity = projection_.at_infinity();
     run.nearest_only = weights_ == CornerWeights::kNearest;
-    run.corner_products = cell.corner_products;
+    run.edge_products = cell.edge_products;
     return run;
   }
 
   void mark_needed() {
-    if (sources_.all_whole()) return;
+    if (sources_.are_fully_decoded()) return;
     raystage::parallel_for(0, (view_.height + kRowsPerBlock - 1) / kRowsPerBlock, [&](int block) {
       const int first = block * kRowsPerBlock;
       const int end = std::min(first + kRowsPerBlock, view_.height);
@@ -181,7 +182,7 @@ class FocalPlaneFrame {
     });
   }
 
-  void blend(RenderedView& image, SampleSums sums) {
+  void blend(RenderedView& image, SumStage sums) {
     const auto full_scale = static_cast<float>(instant_.cache->full_scale());
     const BlendSpace space = instant_.cache->blend_space();
     rows_.write(image, [&](const RayCells::Span& span, int y, std::size_t at) {
@@ -201,7 +202,7 @@ class FocalPlaneFrame {
       }
     }
     const ViewRows rows(view_, complete, region_);
-    rows.for_each_part([&](int first, int end) {
+    rows.for_each_row_block([&](int first, int end) {
       for (int y = first; y < end; ++y) {
         for (const RayCells::Span& span : rows.spans(y)) {
           if (lacks[static_cast<std::size_t>(span.cell)]) lower_coverage(complete, span, y, image);
@@ -214,7 +215,7 @@ class FocalPlaneFrame {
                       RenderedView& image) const {
     const RayCells::Cell& cell = complete.cells()[static_cast<std::size_t>(span.cell)];
     for (int x = span.begin; x < span.end; ++x) {
-      auto crossing = complete.crossing_of(span.cell, x + 0.5, y + 0.5);
+      auto crossing = complete.crossing_in_cell(span.cell, x + 0.5, y + 0.5);
       if (weights_ == CornerWeights::kNearest) crossing = complete.nearest(crossing);
       const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
                              static_cast<std::size_t>(x);
@@ -227,7 +228,7 @@ class FocalPlaneFrame {
   }
 
   const VirtualCamera& view_;
-  const Instant& instant_;
+  const LightFieldFrame& instant_;
   PlaneProjection projection_;
   RayCells cells_;
   CornerWeights weights_;
@@ -239,19 +240,19 @@ class FocalPlaneFrame {
 
 }  // namespace
 
-RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instant,
+RenderedView render_focal_plane(const VirtualCamera& view, const LightFieldFrame& instant,
                                 const Eigen::Vector4d& plane, CornerWeights weights,
                                 bool count_needed_pixels, const ViewRegion* region) {
   return FocalPlaneFrame(view, instant, plane, weights, count_needed_pixels, region).render();
 }
 
-Contribution contribute_focal_plane(const VirtualCamera& view, const Instant& instant,
+Contribution contribute_focal_plane(const VirtualCamera& view, const LightFieldFrame& instant,
                                     const Eigen::Vector4d& plane, CornerWeights weights,
                                     bool count_needed_pixels, const ViewRegion* region) {
   return FocalPlaneFrame(view, instant, plane, weights, count_needed_pixels, region).contribute();
 }
 
-RenderedView combine_focal_plane(const VirtualCamera& view, const Instant& instant,
+RenderedView combine_focal_plane(const VirtualCamera& view, const LightFieldFrame& instant,
                                  const Eigen::Vector4d& plane, CornerWeights weights,
                                  PixelValues sums, const ViewRegion* region) {
   return FocalPlaneFrame(view, instant, plane, weights, false, region).combine(std::move(sums));
@@ -270,7 +271,7 @@ std::shared_ptr<const std::vector<ObjectPlane>> objects_of(const ViewRequest& re
   const std::filesystem::path file = objects_file(request.options, *request.instant.take);
   return request.kept.get<std::vector<ObjectPlane>>(
       "object planes " + file.string(), [&file](std::size_t& bytes) {
-        auto objects = object_planes_from(read_planes(file), file.string());
+        auto objects = make_object_planes(read_planes(file), file.string());
         bytes = objects.size() * (sizeof(ObjectPlane) + 8 * sizeof(Eigen::Vector3d));
         return std::make_shared<const std::vector<ObjectPlane>>(std::move(objects));
       });
@@ -287,14 +288,14 @@ RenderedView on_planes(const ViewRequest& r, const std::vector<ObjectPlane>& obj
                        const Render& render) {
   if (objects.empty()) return render(0, r.focal_plane, nullptr);
   const auto start = Clock::now();
-  const std::vector<ViewRegion> regions = regions_of(r.view, objects);
+  const std::vector<ViewRegion> regions = object_regions(r.view, objects);
   const double regions_ms = milliseconds(Clock::now() - start);
   RenderedView image = render(0, r.focal_plane, &regions.back());
   image.statistics.plan_ms += regions_ms;
   for (std::size_t i = 0; i < objects.size(); ++i) {
     if (!is_in_view(regions[i])) continue;
-    add_region(render(i + 1, objects[i].plane, &regions[i]), regions[i], image);
-    image.statistics.working_bytes = bytes_of_view(r.view);  // one object's at a time
+    insert_region(render(i + 1, objects[i].plane, &regions[i]), regions[i], image);
+    image.statistics.working_bytes = view_buffer_bytes(r.view);  // one object's at a time
   }
   return image;
 }
@@ -325,8 +326,8 @@ class PlaneMethod : public Method {
     return image;
   }
 
-  Distribution distribution(const MethodOptions&) const override {
-    return Distribution::kContributions;
+  DistributionMode distribution(const MethodOptions&) const override {
+    return DistributionMode::kContributions;
   }
 
   Contribution contribute(const ViewRequest& r) const override {
@@ -336,7 +337,7 @@ class PlaneMethod : public Method {
                                     region);
     };
     if (objects->empty()) return on_plane(r.focal_plane, nullptr);
-    const std::vector<ViewRegion> regions = regions_of(r.view, *objects);
+    const std::vector<ViewRegion> regions = object_regions(r.view, *objects);
     Contribution all = on_plane(r.focal_plane, &regions.back());
     for (std::size_t i = 0; i < objects->size(); ++i) {
       Contribution one = on_plane((*objects)[i].plane, &regions[i]);
@@ -366,8 +367,8 @@ class PlaneMethod : public Method {
     return image;
   }
 
-  std::vector<std::filesystem::path> files_read(const MethodOptions& options, const Take& take,
-                                                const FrameSelection&) const override {
+  std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
+                                                 const FrameSelection&) const override {
     if (options.text("objects").empty()) return {};
     return {objects_file(options, take)};
   }

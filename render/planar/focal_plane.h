@@ -3,8 +3,8 @@
 
 #include <Eigen/Core>
 
+#include "render/common/method.h"
 #include "render/planar/object_planes.h"
-#include "render/view/method.h"
 
 namespace raystage {
 
@@ -20,24 +20,24 @@ enum class CornerWeights {
 /// Radial and tangential distortion are corrected on the way. Fast: rows over TBB, SIMD kernels,
 /// only the MCUs that contribute are decoded. `view` must have no distortion. `region`: the pixels
 /// to render, the others stay as nobody saw them; null: all.
-RenderedView render_focal_plane(const VirtualCamera& view, const Instant& instant,
+RenderedView render_focal_plane(const VirtualCamera& view, const LightFieldFrame& instant,
                                 const Eigen::Vector4d& plane, CornerWeights weights,
                                 bool count_needed_pixels, const ViewRegion* region = nullptr);
 
 /// Returns what the cameras that this host holds contribute to render_focal_plane(): sums, one
 /// plane.
-Contribution contribute_focal_plane(const VirtualCamera& view, const Instant& instant,
+Contribution contribute_focal_plane(const VirtualCamera& view, const LightFieldFrame& instant,
                                     const Eigen::Vector4d& plane, CornerWeights weights,
                                     bool count_needed_pixels, const ViewRegion* region = nullptr);
 
 /// Returns the view of which all hosts' contributions have these `sums`.
-RenderedView combine_focal_plane(const VirtualCamera& view, const Instant& instant,
+RenderedView combine_focal_plane(const VirtualCamera& view, const LightFieldFrame& instant,
                                  const Eigen::Vector4d& plane, CornerWeights weights,
                                  PixelValues sums, const ViewRegion* region = nullptr);
 
 /// The same, ray by ray in double with whole frames and CameraModel: slow and obvious, and good for
 /// views with distortion too. Rays that meet `objects` are looked up on the nearest one's plane.
-RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
+RenderedView render_focal_plane_reference(const VirtualCamera& view, const LightFieldFrame& instant,
                                           const Eigen::Vector4d& plane, CornerWeights weights,
                                           bool count_needed_pixels,
                                           std::span<const ObjectPlane> objects = {});

@@ -8,27 +8,27 @@
 #include <limits>
 #include <optional>
 
+#include "base/error.h"
+#include "base/parallel.h"
+#include "base/transfer_function.h"
+#include "render/common/plane_projection.h"
+#include "render/common/ray_cells.h"
 #include "render/planar/focal_plane.h"
-#include "render/planar/reference_look_up.h"
-#include "render/view/plane_projection.h"
-#include "render/view/ray_cells.h"
-#include "schemas/error.h"
-#include "schemas/parallel.h"
-#include "schemas/transfer_function.h"
+#include "render/planar/reference_sampling.h"
 
 namespace raystage {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
 
-RenderedView render_focal_plane_reference(const VirtualCamera& view, const Instant& instant,
+RenderedView render_focal_plane_reference(const VirtualCamera& view, const LightFieldFrame& instant,
                                           const Vector4d& plane, CornerWeights weights,
                                           bool count_needed_pixels,
                                           std::span<const ObjectPlane> objects) {
   RenderedView image = empty_view(view);
   const auto start = std::chrono::steady_clock::now();
   std::vector<std::shared_ptr<const DecodedFrame>> frames(instant.rig->cameras.size());
-  std::vector<ReadPixels> read(frames.size());
+  std::vector<ReadPixelMask> read(frames.size());
   for (std::size_t i = 0; i < frames.size(); ++i) {
     const int camera = static_cast<int>(i), frame = instant.frame_of_camera[i];
     if (frame < 0) continue;
@@ -58,7 +58,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
     const Vector4d* met = &plane;
     double nearest = std::numeric_limits<double>::infinity();
     for (const ObjectPlane& object : objects) {
-      const auto along = meeting_with(object, eye, ray);
+      const auto along = intersect_ray(object, eye, ray);
       if (!along || *along >= nearest) continue;
       nearest = *along;
       met = &object.plane;
@@ -75,7 +75,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
     if (!crossing) return;
     if (weights == CornerWeights::kNearest) crossing = present.nearest(*crossing);
     const Vector3d ray = view.pose.world_from_camera_rotation * *ray_in_view;
-    const PlaneHit hit(view.pose.position, ray, plane_met(view.pose.position, ray));
+    const RayPlaneIntersection hit(view.pose.position, ray, plane_met(view.pose.position, ray));
     if (!hit.ahead()) return;
 
     const RayCells::Cell& cell = present.cells()[static_cast<std::size_t>(crossing->cell)];
@@ -83,12 +83,12 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Insta
     for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {
       const auto camera = static_cast<std::size_t>(cell.camera[i]);
       const Rig::Camera& source = instant.rig->cameras[camera];
-      const Vector3d towards =
-          source.pose.world_from_camera_rotation.transpose() * hit.seen_from(source.pose.position);
+      const Vector3d towards = source.pose.world_from_camera_rotation.transpose() *
+                               hit.direction_from(source.pose.position);
       Vector2d pixel;
       const double seen = visibility(source.model, towards, pixel);
       if (seen <= 0) continue;
-      const Sample sample = look_up(*frames[camera], pixel, seen, read[camera]);
+      const FrameSample sample = sample_bilinear(*frames[camera], pixel, seen, read[camera]);
       const double weight = crossing->weight[i] * sample.seen;
       for (std::size_t c = 0; c < 3; ++c) sum[c] += weight * sample.rgb[c];
       sum[3] += weight * sample.alpha;

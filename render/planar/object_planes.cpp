@@ -7,10 +7,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render/view/plane_projection.h"
-#include "render/view/ray_cells.h"
-#include "schemas/error.h"
-#include "schemas/parallel.h"
+#include "base/error.h"
+#include "base/parallel.h"
+#include "render/common/plane_projection.h"
+#include "render/common/ray_cells.h"
 
 namespace raystage {
 namespace {
@@ -40,7 +40,7 @@ struct Outline {
 Outline outline_of(const VirtualCamera& view, const Eigen::Matrix3d& ray_from_pixel,
                    const ObjectPlane& object) {
   Outline outline;
-  const double height = height_above_plane(object.plane, view.pose.position);
+  const double height = signed_plane_distance(object.plane, view.pose.position);
   if (height == 0) {  // edge-on: no ray meets it in a point
     outline.edges.push_back({0, 0, -1});
     return outline;
@@ -82,7 +82,7 @@ PixelInterval interval_of(const Outline& outline, int y, int width) {
 
 }  // namespace
 
-std::vector<ObjectPlane> object_planes_from(const PlanesDocument& document, std::string_view name) {
+std::vector<ObjectPlane> make_object_planes(const PlanesDocument& document, std::string_view name) {
   std::vector<ObjectPlane> objects;
   for (std::size_t index = 0; index < document.planes.size(); ++index) {
     const PlanesDocument::Plane& given = document.planes[index];
@@ -127,10 +127,10 @@ std::vector<ObjectPlane> object_planes_from(const PlanesDocument& document, std:
   return objects;
 }
 
-std::optional<double> meeting_with(const ObjectPlane& object, const Vector3d& origin,
-                                   const Vector3d& direction) {
+std::optional<double> intersect_ray(const ObjectPlane& object, const Vector3d& origin,
+                                    const Vector3d& direction) {
   const Vector3d normal = object.plane.head<3>();
-  const double along = -height_above_plane(object.plane, origin) / normal.dot(direction);
+  const double along = -signed_plane_distance(object.plane, origin) / normal.dot(direction);
   if (!(along > 0) || !std::isfinite(along)) return std::nullopt;
   const Vector3d point = along * direction;  // from the origin on
   for (std::size_t i = 0; i < object.corners.size(); ++i) {
@@ -141,8 +141,8 @@ std::optional<double> meeting_with(const ObjectPlane& object, const Vector3d& or
   return along;
 }
 
-std::vector<ViewRegion> regions_of(const VirtualCamera& view,
-                                   std::span<const ObjectPlane> objects) {
+std::vector<ViewRegion> object_regions(const VirtualCamera& view,
+                                       std::span<const ObjectPlane> objects) {
   const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
   std::vector<Outline> outlines;
   for (const ObjectPlane& object : objects) {
@@ -173,7 +173,7 @@ std::vector<ViewRegion> regions_of(const VirtualCamera& view,
   return regions;
 }
 
-void add_region(const RenderedView& part, const ViewRegion& region, RenderedView& image) {
+void insert_region(const RenderedView& part, const ViewRegion& region, RenderedView& image) {
   raystage::parallel_for(0, image.height, [&](int y) {
     const auto row = static_cast<std::ptrdiff_t>(y) * image.width;
     for (const PixelInterval& interval : region[static_cast<std::size_t>(y)]) {

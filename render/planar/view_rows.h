@@ -5,10 +5,10 @@
 #include <limits>
 #include <vector>
 
+#include "base/parallel.h"
+#include "render/common/ray_cells.h"
+#include "render/common/view.h"
 #include "render/planar/object_planes.h"
-#include "render/view/ray_cells.h"
-#include "render/view/view.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 
@@ -18,11 +18,11 @@ class ViewRows {
   /// `region`: the pixels that count; null: all.
   ViewRows(const VirtualCamera& view, const RayCells& cells, const ViewRegion* region = nullptr)
       : width_(view.width), spans_(static_cast<std::size_t>(view.height)) {
-    for_each_part([&](int first, int end) {
+    for_each_row_block([&](int first, int end) {
       std::vector<int> scratch;
       for (int y = first; y < end; ++y) {
         std::vector<RayCells::Span>& spans = spans_[static_cast<std::size_t>(y)];
-        cells.spans_of_row(y, width_, scratch, spans);
+        cells.row_spans(y, width_, scratch, spans);
         if (region != nullptr) spans = within((*region)[static_cast<std::size_t>(y)], spans);
       }
     });
@@ -34,7 +34,7 @@ class ViewRows {
 
   /// In parallel: body(first row, end) for a few rows at a time.
   template <class Body>
-  void for_each_part(const Body& body) const {
+  void for_each_row_block(const Body& body) const {
     constexpr int kRowsPerTask = 16;
     raystage::parallel_for(
         tbb::blocked_range<int>(0, static_cast<int>(spans_.size()), kRowsPerTask),
@@ -45,17 +45,17 @@ class ViewRows {
   /// a row, so that a body may spill to the right. All other pixels become those that nobody saw.
   template <class Body>
   void write(RenderedView& image, const Body& body) const {
-    for_each_part([&](int first, int end) {
+    for_each_row_block([&](int first, int end) {
       for (int y = first; y < end; ++y) {
         const std::size_t row = static_cast<std::size_t>(y) * static_cast<std::size_t>(width_);
         std::size_t at = row;  // the first pixel not written yet
         for (const RayCells::Span& span : spans(y)) {
           const std::size_t begin = row + static_cast<std::size_t>(span.begin);
-          leave_unseen(image, at, begin);
+          clear_pixels(image, at, begin);
           body(span, y, begin);
           at = row + static_cast<std::size_t>(span.end);
         }
-        leave_unseen(image, at, row + static_cast<std::size_t>(width_));
+        clear_pixels(image, at, row + static_cast<std::size_t>(width_));
       }
     });
   }
@@ -97,7 +97,7 @@ class ViewRows {
     return parts;
   }
 
-  static void leave_unseen(RenderedView& image, std::size_t begin, std::size_t end) {
+  static void clear_pixels(RenderedView& image, std::size_t begin, std::size_t end) {
     std::fill(image.rgba.data() + 4 * begin, image.rgba.data() + 4 * end, 0.0F);
     std::fill(image.coverage.data() + begin, image.coverage.data() + end, 0.0F);
     std::fill(image.z.data() + begin, image.z.data() + end, std::numeric_limits<float>::infinity());

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Kernels of the synthetic aperture (Isaksen et al., "Dynamically reparameterized light fields",
+// SIGGRAPH 2000): weights of all cameras within the aperture around a ray's crossing of the array,
+// and the weighted mean of their samples on a plane or at given depths. Input: ApertureRun, one
+// row of pixels within a cell of the array. Cost: O(pixels x cameras in the aperture). Must match
+// aperture_reference.cpp.
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
@@ -41,7 +46,7 @@ struct CrossedBox {
     const float y = camera.y - std::clamp(camera.y, bottom, top);
     const float to_corner = shape.sides.empty() ? 1.0F : 1.4143F;  // a square's, the longest
     const float reach = to_corner * (1 + 1e-5F);
-    return (x * x + y * y) * camera.inverse_reach * camera.inverse_reach < reach * reach;
+    return (x * x + y * y) * camera.inverse_radius * camera.inverse_radius < reach * reach;
   }
 };
 
@@ -50,7 +55,7 @@ void find_crossings(const ApertureRun& run, int begin, int n, Weights& weights,
                     Crossings& crossings, CrossedBox& box) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  find_weights(run.cell, begin, n, weights);
+  compute_weights(run.cell, begin, n, weights);
   const auto sum = [&](std::size_t axis, int i) HWY_ATTR {
     auto total = hn::Zero(d);
     for (std::size_t c = 0; c < 3; ++c) {
@@ -82,9 +87,9 @@ void find_crossings(const ApertureRun& run, int begin, int n, Weights& weights,
 template <class D, class V>
 HWY_INLINE V aperture_weight(D d, const ApertureCamera& camera, const ApertureShape& shape, V x,
                              V y) {
-  const auto scale = hn::Set(d, camera.inverse_reach), steepness = hn::Set(d, shape.steepness);
-  const auto right = hn::MulAdd(x, scale, hn::Set(d, -camera.x * camera.inverse_reach));
-  const auto up = hn::MulAdd(y, scale, hn::Set(d, -camera.y * camera.inverse_reach));
+  const auto scale = hn::Set(d, camera.inverse_radius), steepness = hn::Set(d, shape.steepness);
+  const auto right = hn::MulAdd(x, scale, hn::Set(d, -camera.x * camera.inverse_radius));
+  const auto up = hn::MulAdd(y, scale, hn::Set(d, -camera.y * camera.inverse_radius));
   auto q_squared = hn::MulAdd(right, right, hn::Mul(up, up));
   if (!shape.sides.empty()) {
     auto q = hn::Zero(d);
@@ -136,12 +141,12 @@ std::uint32_t add_windowed(const ApertureRun& run, std::span<const ApertureCamer
       WindowSums& to = sums[from / kChunk];
       const int length = std::min(kChunk, n - from);
       for (int c = 0; c < count; ++c) {
-        find_window_taps(
+        compute_window_taps(
             windowed[c], from, length,
             [&](int i) HWY_ATTR {
               const auto f = hn::Mul(aperture_weight(d, *waiting[c], run.shape,
                                                      hn::Load(d, at.x + i), hn::Load(d, at.y + i)),
-                                     hn::Set(d, 1 / kUnit));
+                                     hn::Set(d, 1 / kWeightUnit));
               hn::Store(hn::Add(f, hn::Load(d, to.share + i)), d, to.share + i);
               return f;
             },
@@ -169,15 +174,15 @@ std::uint32_t add_windowed(const ApertureRun& run, std::span<const ApertureCamer
 void join(int n, const WindowSums& windowed, Crossings& crossings, float* sums) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
-  const auto middle = hn::Set(d, 32768 * kUnit);
+  const auto middle = hn::Set(d, 32768 * kWeightUnit);
   for (int i = 0; i < n; i += lanes) {
     const auto share = hn::Load(d, windowed.share + i);
-    hn::Store(hn::MulAdd(share, hn::Set(d, kUnit), hn::Load(d, crossings.present + i)), d,
+    hn::Store(hn::MulAdd(share, hn::Set(d, kWeightUnit), hn::Load(d, crossings.present + i)), d,
               crossings.present + i);
     auto r = hn::MulAdd(share, middle, hn::Load(d, windowed.r + i));
     auto g = hn::MulAdd(share, middle, hn::Load(d, windowed.g + i));
     auto b = hn::MulAdd(share, middle, hn::Load(d, windowed.b + i));
-    auto weight = hn::Mul(share, hn::Set(d, 65535 * kUnit));
+    auto weight = hn::Mul(share, hn::Set(d, 65535 * kWeightUnit));
     transpose_blocks(d, r, g, b, weight);
     float* to = sums + 4 * i;
     hn::Store(hn::Add(r, hn::Load(d, to)), d, to);
@@ -202,10 +207,10 @@ void join(int, const WindowSums&, Crossings&, float*) {}
 void find_taps_of(const ApertureRun& run, const ApertureCamera& camera, int begin, int n,
                   const float* weight, Taps& taps) {
   if (run.inverse_depth == nullptr) {
-    find_taps(*camera.source, begin, run.cell.y, n, weight, taps);
+    compute_taps(*camera.source, begin, run.cell.y, n, weight, taps);
   } else {
-    find_taps_at_depth(*camera.source, camera.per_inverse_depth.data(), begin, run.cell.y, n,
-                       run.inverse_depth + (begin - run.cell.begin), weight, taps);
+    compute_taps_at_depth(*camera.source, camera.per_inverse_depth.data(), begin, run.cell.y, n,
+                          run.inverse_depth + (begin - run.cell.begin), weight, taps);
   }
 }
 
@@ -227,7 +232,7 @@ void find_shares(bool at_infinity, Ramp along, int n, Crossings& crossings) {
     const auto complete = hn::Add(present, hn::Load(d, crossings.absent + i));
     auto counts = hn::Gt(present, least);
     if (!at_infinity) {  // rays that never meet the focal plane count for nothing
-      const auto slope = values(d, along, counting_from(d, i - along.start));
+      const auto slope = values(d, along, iota_from(d, i - along.start));
       counts = hn::And(counts, hn::Gt(slope, zero));
     }
     hn::Store(hn::IfThenElseZero(counts, reciprocal(d, present)), d, crossings.present + i);
@@ -260,7 +265,7 @@ void add_others(const ApertureRun& run, std::span<const ApertureCamera> cameras,
 }
 
 void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
-                    float* coverage, float* z, SampleSums mode) {
+                    float* coverage, float* z, SumStage mode) {
   constexpr int kChunks = 4;
   constexpr std::size_t kCameras = 32;  // at a time
   Weights weights;
@@ -299,13 +304,13 @@ void blend_aperture(const ApertureRun& run, BlendSpace space, float full_scale, 
       find_shares(cell.at_infinity, along, length, crossings[c]);
       const std::size_t at = static_cast<std::size_t>(from - cell.begin);
       const float* share = crossings[c].present;
-      if (mode == SampleSums::kLeave) {
-        leave_sums(sums[c], share, length, rgba + 4 * at);
+      if (mode == SumStage::kSampleOnly) {
+        store_sums(sums[c], share, length, rgba + 4 * at);
         return;
       }
       int room_end = std::max(cell.end, cell.room_end);
-      if (mode == SampleSums::kGiven) {  // which are shares already
-        read_sums(rgba + 4 * at, length, sums[c]);
+      if (mode == SumStage::kFinishOnly) {  // which are shares already
+        load_sums(rgba + 4 * at, length, sums[c]);
         share = nullptr;
         room_end = cell.end;  // those to the right are another run's
       }
@@ -354,9 +359,9 @@ namespace raystage {
 HWY_EXPORT(mark_aperture);
 HWY_EXPORT(blend_aperture);
 
-void mark_pixels_of_aperture(const ApertureRun& run) { HWY_DYNAMIC_DISPATCH(mark_aperture)(run); }
+void mark_aperture_pixels(const ApertureRun& run) { HWY_DYNAMIC_DISPATCH(mark_aperture)(run); }
 void blend_aperture_run(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
-                        float* coverage, float* z, SampleSums sums) {
+                        float* coverage, float* z, SumStage sums) {
   HWY_DYNAMIC_DISPATCH(blend_aperture)(run, space, full_scale, rgba, coverage, z, sums);
 }
 

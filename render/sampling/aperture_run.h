@@ -7,10 +7,11 @@
 
 namespace raystage {
 
-/// A camera as a synthetic aperture sees it (thesis, Reconstruction; ApertureLens has the formula).
+/// A camera as a synthetic aperture sees it (thesis, ReconstructionSettings; ApertureLens has the
+/// formula).
 struct ApertureCamera {
   float x = 0, y = 0;            ///< in the array's plane, m
-  float inverse_reach = 0;       ///< 1 / R; 0 where the camera counts everywhere
+  float inverse_radius = 0;      ///< 1 / R; 0 where the camera counts everywhere
   bool present = true;           ///< counts for alpha; others only for coverage
   SourceView* source = nullptr;  ///< of those present; without a frame where it sees nothing
   /// DepthSource::per_inverse_depth, for runs whose pixels have depths of their own.
@@ -38,12 +39,12 @@ struct ApertureRun {
 };
 
 /// Marks, in `read_pixels` of the cameras that have them, what blend_aperture_run() reads.
-void mark_pixels_of_aperture(const ApertureRun& run);
+void mark_aperture_pixels(const ApertureRun& run);
 
 /// As blend_run(). Alpha: the part of the light that the cameras present, of which all count with
 /// their weight, have seen. `coverage`: the same with those that are absent counted too.
 /// `sums`: as blend_run(); cameras without a frame still count in the weights.
 void blend_aperture_run(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
-                        float* coverage, float* z, SampleSums sums = SampleSums::kFinish);
+                        float* coverage, float* z, SumStage sums = SumStage::kSampleAndFinish);
 
 }  // namespace raystage

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Kernels that sample cameras at pixels with depths of their own: position (X, Y, W) = a (x, y, 1)
+// + q b with inverse depth q, lens model, bilinear or bicubic interpolation (Keys 1981),
+// accumulation with weights. Also conversion of the sums to linear light. Cost: O(pixels) per
+// camera. Must match sample_at_depth_reference() (depth_sampling.cpp).
 #include <algorithm>
 #include <cstddef>
 
@@ -62,7 +66,7 @@ void find_positions(const DepthSource& source, int x, int y, int n, const Inputs
     const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
     const auto x_ideal = hn::Mul(hn::MulAdd(q, deep_x, hn::MulAdd(steps, step_x, base_x)), inverse);
     const auto y_ideal = hn::Mul(hn::MulAdd(q, deep_y, hn::MulAdd(steps, step_y, base_y)), inverse);
-    const auto sight = through_lens(d, source.camera, x_ideal, y_ideal, in_front);
+    const auto sight = project_through_lens(d, source.camera, x_ideal, y_ideal, in_front);
     const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
     const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
     const auto x0 = hn::Floor(left), y0 = hn::Floor(top);
@@ -201,11 +205,11 @@ HWY_INLINE void for_each_chunk(const DepthSource& source, int x, int y,
 }
 
 void add(const DepthSource& source, int x, int y, std::span<const float> inverse_depth,
-         std::span<const float> weight, LookUp look_up, std::span<float> sums) {
+         std::span<const float> weight, Interpolation interpolation, std::span<float> sums) {
   for_each_chunk(source, x, y, inverse_depth, weight,
                  [&](int begin, int n, const Positions& positions) HWY_ATTR {
                    float* at = sums.data() + 4 * begin;
-                   if (look_up == LookUp::kCubic) {
+                   if (interpolation == Interpolation::kCubic) {
                      add_cubic(source.camera, positions, n, at);
                    } else {
                      add_linear(source.camera, positions, n, at);
@@ -226,14 +230,15 @@ void add_seen(const DepthSource& source, int x, int y, std::span<const float> in
 struct Read {
   int first, last;
 };
-Read read_along(int at, float part, LookUp look_up, int size) {
+Read read_along(int at, float part, Interpolation interpolation, int size) {
   if (part == 0) return {at, at};
-  const int before = look_up == LookUp::kCubic ? 1 : 0, behind = look_up == LookUp::kCubic ? 2 : 1;
+  const int before = interpolation == Interpolation::kCubic ? 1 : 0,
+            behind = interpolation == Interpolation::kCubic ? 2 : 1;
   return {std::max(0, at - before), std::min(size - 1, at + behind)};
 }
 
 void mark(const DepthSource& source, int x, int y, std::span<const float> inverse_depth,
-          std::span<const float> weight, LookUp look_up) {
+          std::span<const float> weight, Interpolation interpolation) {
   const SourceView& camera = source.camera;
   const auto mark_sample = [&](Read columns, Read rows) {
     if (camera.read_pixels != nullptr) {
@@ -244,7 +249,7 @@ void mark(const DepthSource& source, int x, int y, std::span<const float> invers
       }
     }
     if (camera.wanted_mcus == nullptr) return;
-    const int reach = camera.chroma_reach;
+    const int reach = camera.chroma_radius;
     const int left = std::max(0, columns.first - reach) >> camera.mcu_width_log2;
     const int right = std::min(camera.width - 1, columns.last + reach) >> camera.mcu_width_log2;
     const int top = std::max(0, rows.first - reach) >> camera.mcu_height_log2;
@@ -258,8 +263,8 @@ void mark(const DepthSource& source, int x, int y, std::span<const float> invers
   for_each_chunk(source, x, y, inverse_depth, weight, [&](int, int n, const Positions& at) {
     for (int i = 0; i < n; ++i) {
       if (at.weight[i] == 0) continue;
-      mark_sample(read_along(at.x[i], at.right[i], look_up, camera.width),
-                  read_along(at.y[i], at.down[i], look_up, camera.height));
+      mark_sample(read_along(at.x[i], at.right[i], interpolation, camera.width),
+                  read_along(at.y[i], at.down[i], interpolation, camera.height));
     }
   });
 }
@@ -280,7 +285,7 @@ void finish_all(std::span<const float> sums, std::span<const float> seen, BlendS
       const auto all = seen.empty() ? own : hn::Set(d, seen[(begin + i) / 4]);
       const auto most = hn::Min(hn::Max(own, hn::Zero(d)), all);
       const auto colour = hn::Min(hn::Max(sum, hn::Zero(d)), most);
-      const auto alpha = hn::Min(hn::Mul(all, hn::Set(d, 1 / kEnoughShares)), full);
+      const auto alpha = hn::Min(hn::Mul(all, hn::Set(d, 1 / kFullAlphaWeight)), full);
       const auto scale = hn::Div(alpha, hn::Max(all, hn::Set(d, 1e-20F)));
       hn::Store(hn::Mul(colour, scale), d, part + i);
     }
@@ -303,18 +308,18 @@ HWY_EXPORT(finish_all);
 
 void add_samples_at_depth(const DepthSource& source, int x, int y,
                           std::span<const float> inverse_depth, std::span<const float> weight,
-                          LookUp look_up, std::span<float> sums) {
-  HWY_DYNAMIC_DISPATCH(add)(source, x, y, inverse_depth, weight, look_up, sums);
+                          Interpolation interpolation, std::span<float> sums) {
+  HWY_DYNAMIC_DISPATCH(add)(source, x, y, inverse_depth, weight, interpolation, sums);
 }
-void add_seen_at_depth(const DepthSource& source, int x, int y,
-                       std::span<const float> inverse_depth, std::span<const float> weight,
-                       std::span<float> seen) {
+void add_visibility_at_depth(const DepthSource& source, int x, int y,
+                             std::span<const float> inverse_depth, std::span<const float> weight,
+                             std::span<float> seen) {
   HWY_DYNAMIC_DISPATCH(add_seen)(source, x, y, inverse_depth, weight, seen);
 }
 void mark_samples_at_depth(const DepthSource& source, int x, int y,
                            std::span<const float> inverse_depth, std::span<const float> weight,
-                           LookUp look_up) {
-  HWY_DYNAMIC_DISPATCH(mark)(source, x, y, inverse_depth, weight, look_up);
+                           Interpolation interpolation) {
+  HWY_DYNAMIC_DISPATCH(mark)(source, x, y, inverse_depth, weight, interpolation);
 }
 void finish_samples(std::span<const float> sums, BlendSpace space, float full_scale,
                     std::span<float> rgba) {

@@ -34,7 +34,7 @@ Interval joined(Interval a, Interval b) {
 struct Region {
   Interval x, y;
 };
-Region through_lens(const SourceView& c, Region ideal) {
+Region project_through_lens(const SourceView& c, Region ideal) {
   Region pixels = ideal;
   if (c.distorted) {
     const Interval xx = square(ideal.x), yy = square(ideal.y);
@@ -64,7 +64,7 @@ void mark_pixels(const SourceView& c, double left, double right, double top, dou
   const int last_row = clipped(bottom, c.height) >> c.mcu_height_log2;
   for (int row = first_row; row <= last_row; ++row) {
     for (int column = first_column; column <= last_column; ++column) {
-      want_mcu(c.wanted_mcus, row * c.mcus_per_row + column);
+      mark_mcu(c.wanted_mcus, row * c.mcus_per_row + column);
     }
   }
 }
@@ -95,7 +95,7 @@ Corners corners_at(const DepthSource& source, const ViewBlock& block, double inv
 
 }  // namespace
 
-void mark_block(const DepthSource& source, const ViewBlock& block, LookUp look_up) {
+void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation interpolation) {
   const SourceView& c = source.camera;
   const Corners far = corners_at(source, block, block.farthest);
   const Corners near = corners_at(source, block, block.nearest);
@@ -117,8 +117,9 @@ void mark_block(const DepthSource& source, const ViewBlock& block, LookUp look_u
       1 + static_cast<int>(std::min<double>(kMostPieces - 1, longest / kPieceLength));
   // The kernels work in float: a good part of a pixel is more than they can be off.
   const double slack = 0.25;
-  const double before = (look_up == LookUp::kCubic ? 1.5 : 0.5) + c.chroma_reach + slack;
-  const double behind = (look_up == LookUp::kCubic ? 2 : 1) + c.chroma_reach + slack;
+  const double before =
+      (interpolation == Interpolation::kCubic ? 1.5 : 0.5) + c.chroma_radius + slack;
+  const double behind = (interpolation == Interpolation::kCubic ? 2 : 1) + c.chroma_radius + slack;
   Corners from = far;
   for (int piece = 1; piece <= pieces; ++piece) {
     const double part = static_cast<double>(piece) / pieces;
@@ -131,8 +132,8 @@ void mark_block(const DepthSource& source, const ViewBlock& block, LookUp look_u
       return Interval{*low, *high};
     };
     // The hull of the corners holds the piece: projection keeps lines straight.
-    const Region pixels =
-        through_lens(c, {joined(range(from.x), range(to.x)), joined(range(from.y), range(to.y))});
+    const Region pixels = project_through_lens(
+        c, {joined(range(from.x), range(to.x)), joined(range(from.y), range(to.y))});
     if (pixels.x.high >= -slack && pixels.x.low <= c.width + slack && pixels.y.high >= -slack &&
         pixels.y.low <= c.height + slack) {
       // Positions at the border are read at the outermost centres.

@@ -5,7 +5,7 @@
 #include <bit>
 #include <cmath>
 
-#include "render/view/ray_cells.h"
+#include "render/common/ray_cells.h"
 
 namespace raystage {
 
@@ -17,17 +17,17 @@ DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera, d
   Eigen::Matrix3d from_pixel = ideal_from_world * world_ray_from_pixel(view);
   const Eigen::Vector3d to_eye = ideal_from_world * (view.pose.position - camera.pose.position);
   from_pixel.col(2) += reference * to_eye;
-  source.camera = source_view_of(camera.model, from_pixel);
+  source.camera = make_source_view(camera.model, from_pixel);
   source.per_inverse_depth = {to_eye[0], to_eye[1], to_eye[2]};
   return source;
 }
 
-void plan_into(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus) {
+void set_mcu_layout(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus) {
   camera.wanted_mcus = mcus;
   camera.mcus_per_row = layout.mcus_per_row;
   camera.mcu_width_log2 = std::countr_zero(static_cast<unsigned>(layout.mcu_width));
   camera.mcu_height_log2 = std::countr_zero(static_cast<unsigned>(layout.mcu_height));
-  camera.chroma_reach = layout.mcu_width > 8 || layout.mcu_height > 8 ? 1 : 0;
+  camera.chroma_radius = layout.mcu_width > 8 || layout.mcu_height > 8 ? 1 : 0;
 }
 
 namespace {
@@ -45,7 +45,7 @@ double cubic_weight(double distance) {
 
 DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
                                       double inverse_depth, const Rig::Camera& camera,
-                                      const DecodedFrame& frame, LookUp look_up) {
+                                      const DecodedFrame& frame, Interpolation interpolation) {
   DepthSample sample;
   const Eigen::Vector3d towards = camera.pose.world_from_camera_rotation.transpose() *
                                   (ray + inverse_depth * (eye - camera.pose.position));
@@ -69,8 +69,8 @@ DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::V
   const double top = std::clamp(sample.v - 0.5, 0.0, frame.height - 1.0);
   const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
   const auto weight = [&](double distance) {
-    return look_up == LookUp::kCubic ? cubic_weight(distance)
-                                     : std::max(0.0, 1 - std::abs(distance));
+    return interpolation == Interpolation::kCubic ? cubic_weight(distance)
+                                                  : std::max(0.0, 1 - std::abs(distance));
   };
   for (int y = y0 - 1; y <= y0 + 2; ++y) {
     for (int x = x0 - 1; x <= x0 + 2; ++x) {

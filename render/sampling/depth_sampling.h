@@ -6,15 +6,15 @@
 #include <cstdint>
 #include <span>
 
+#include "render/common/view.h"
 #include "render/sampling/source_view.h"
-#include "render/view/view.h"
 #include "rig/rig.h"
-#include "store/frames/frame_cache.h"
+#include "store/processing/frames/frame_cache.h"
 
 namespace raystage {
 
 /// How a frame is read between its pixels. Beyond its outermost centres it goes on unchanged.
-enum class LookUp {
+enum class Interpolation {
   kLinear,  ///< bilinear
   kCubic    ///< bicubic (Keys 1981, a = kCubicSlope), 4 x 4 pixels; may overshoot
 };
@@ -40,7 +40,7 @@ DepthSource depth_source(const VirtualCamera& view, const Rig::Camera& camera,
                          double reference = 0);
 
 /// What JpegLayout says that planning needs; `mcus` as for SourceView::wanted_mcus.
-void plan_into(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus);
+void set_mcu_layout(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus);
 
 /// Adds a camera's samples to a run of pixels of row y, from pixel x on. Per pixel: inverse depth
 /// (1/m from the source's reference; not-a-number counts for nothing), weight (0 or more), and in
@@ -49,31 +49,31 @@ void plan_into(SourceView& camera, const JpegLayout& layout, std::uint8_t* mcus)
 /// Spans of equal lengths (sums: four times). Run-time dispatch, no allocation.
 void add_samples_at_depth(const DepthSource& source, int x, int y,
                           std::span<const float> inverse_depth, std::span<const float> weight,
-                          LookUp look_up, std::span<float> sums);
+                          Interpolation interpolation, std::span<float> sums);
 
 /// Adds weight * seen * 65535 of the same look-ups to `seen`, one float a pixel: what the sums' A
 /// would be if the frames were opaque.
-void add_seen_at_depth(const DepthSource& source, int x, int y,
-                       std::span<const float> inverse_depth, std::span<const float> weight,
-                       std::span<float> seen);
+void add_visibility_at_depth(const DepthSource& source, int x, int y,
+                             std::span<const float> inverse_depth, std::span<const float> weight,
+                             std::span<float> seen);
 
 /// Marks in the camera's wanted_mcus, and in its read_pixels where there are any, what
 /// add_samples_at_depth() will read.
 void mark_samples_at_depth(const DepthSource& source, int x, int y,
                            std::span<const float> inverse_depth, std::span<const float> weight,
-                           LookUp look_up);
+                           Interpolation interpolation);
 
 /// A ray is as opaque as the shares of the cameras that saw it, up to this much of them; from there
 /// on it is a picture like any other, though not all of the chosen cameras made it.
-inline constexpr float kEnoughShares = 0.1F;
+inline constexpr float kFullAlphaWeight = 0.1F;
 /// Sums become premultiplied linear light (R, G, B, A; code 65535 being `full_scale`); A is the sum
-/// of the weights over kEnoughShares, 1 at most. What cubic look-ups overshot is cut off. `rgba`
+/// of the weights over kFullAlphaWeight, 1 at most. What cubic look-ups overshot is cut off. `rgba`
 /// may be `sums`.
 void finish_samples(std::span<const float> sums, BlendSpace space, float full_scale,
                     std::span<float> rgba);
 /// Of frames with alpha: `seen`, one float a pixel, is what the sums' A would be without (times
-/// 65535, see add_seen_at_depth()). A is then the mean of the frames' times how opaque the ray
-/// would be.
+/// 65535, see add_visibility_at_depth()). A is then the mean of the frames' times how opaque the
+/// ray would be.
 void finish_samples(std::span<const float> sums, std::span<const float> seen, BlendSpace space,
                     float full_scale, std::span<float> rgba);
 
@@ -87,6 +87,6 @@ struct DepthSample {
 /// `ray`: of the view's pixel, in the world, scaled to planar depth 1.
 DepthSample sample_at_depth_reference(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
                                       double inverse_depth, const Rig::Camera& camera,
-                                      const DecodedFrame& frame, LookUp look_up);
+                                      const DecodedFrame& frame, Interpolation interpolation);
 
 }  // namespace raystage

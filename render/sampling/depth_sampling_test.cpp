@@ -8,10 +8,10 @@
 #include <limits>
 #include <random>
 
+#include "base/transfer_function.h"
+#include "render/common/ray_cells.h"
 #include "render/sampling/depth_planning.h"
-#include "render/view/ray_cells.h"
-#include "schemas/test_targets.h"
-#include "schemas/transfer_function.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -75,7 +75,7 @@ const std::vector<std::pair<Rig::Camera, const char*>>& cameras() {
   return all;
 }
 
-void expect_samples_equal_reference(LookUp look_up) {
+void expect_samples_equal_reference(Interpolation interpolation) {
   const DecodedFrame frame = random_frame(7);
   const VirtualCamera view = test_view();
   const Eigen::Matrix3d ray_from_pixel = world_ray_from_pixel(view);
@@ -87,12 +87,12 @@ void expect_samples_equal_reference(LookUp look_up) {
     double seen = 0;
     for (const int y : {0, 37, 99}) {
       std::vector<float> sums(4 * row.weight.size(), 3.0F);
-      add_samples_at_depth(source, 4, y, row.inverse_depth, row.weight, look_up, sums);
+      add_samples_at_depth(source, 4, y, row.inverse_depth, row.weight, interpolation, sums);
       for (std::size_t i = 0; i < row.weight.size(); ++i) {
         const Eigen::Vector3d ray =
             ray_from_pixel * Eigen::Vector3d(4 + static_cast<double>(i) + 0.5, y + 0.5, 1);
         const DepthSample expected = sample_at_depth_reference(
-            view.pose.position, ray, row.inverse_depth[i], camera, frame, look_up);
+            view.pose.position, ray, row.inverse_depth[i], camera, frame, interpolation);
         const double weight = row.weight[i] * expected.seen;
         seen += weight;
         // A code jumps by up to 65535 from pixel to pixel here; 1e-4 px of rounding shows.
@@ -111,9 +111,9 @@ void expect_samples_equal_reference(LookUp look_up) {
 }
 
 TEST(DepthSampling, EveryInstructionSetAgreesWithTheReference) {
-  testing::for_each_target(kernel_target, [&] {
-    expect_samples_equal_reference(LookUp::kLinear);
-    expect_samples_equal_reference(LookUp::kCubic);
+  testing::for_each_simd_target(kernel_target, [&] {
+    expect_samples_equal_reference(Interpolation::kLinear);
+    expect_samples_equal_reference(Interpolation::kCubic);
   });
 }
 
@@ -123,18 +123,18 @@ TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
   JpegLayout layout;
   layout.mcu_width = layout.mcu_height = 16;
   layout.mcus_per_row = (kWidth + 15) / 16;
-  for (const LookUp look_up : {LookUp::kLinear, LookUp::kCubic}) {
+  for (const Interpolation interpolation : {Interpolation::kLinear, Interpolation::kCubic}) {
     for (const auto& [camera, name] : cameras()) {
       SCOPED_TRACE(name);
       DecodedFrame frame = random_frame(3);
       DepthSource source = depth_source(view, camera);
       std::vector<std::uint8_t> mcus(16), read(kWidth * kHeight);
-      plan_into(source.camera, layout, mcus.data());
+      set_mcu_layout(source.camera, layout, mcus.data());
       source.camera.read_pixels = read.data();
       source.camera.rgba = frame.rgba.get();
-      mark_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, look_up);
+      mark_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, interpolation);
       std::vector<float> before(4 * row.weight.size()), after(before);
-      add_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, look_up, before);
+      add_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, interpolation, before);
       for (int y = 0; y < kHeight; ++y) {
         for (int x = 0; x < kWidth; ++x) {
           const auto at = static_cast<std::size_t>(y * kWidth + x);
@@ -145,7 +145,7 @@ TEST(DepthSampling, MarksEveryPixelThatIsReadAndNoOther) {
           }
         }
       }
-      add_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, look_up, after);
+      add_samples_at_depth(source, 4, 37, row.inverse_depth, row.weight, interpolation, after);
       EXPECT_EQ(before, after);  // what was not marked is not read, or weighs nothing
     }
   }
@@ -168,17 +168,18 @@ TEST(DepthSampling, ABlocksPlanHoldsAllThatItsPixelsRead) {
       const float nearest = farthest + (trial % 7 ? 2 * unit(random) : 0.0F);
       std::vector<std::uint8_t> planned(48), read(48);
       DepthSource source = depth_source(view, camera);
-      plan_into(source.camera, layout, planned.data());
-      const LookUp look_up = trial % 2 ? LookUp::kCubic : LookUp::kLinear;
+      set_mcu_layout(source.camera, layout, planned.data());
+      const Interpolation interpolation =
+          trial % 2 ? Interpolation::kCubic : Interpolation::kLinear;
       mark_block(source,
                  {x, x + 16, y, y + 8, static_cast<double>(farthest), static_cast<double>(nearest)},
-                 look_up);
-      plan_into(source.camera, layout, read.data());
+                 interpolation);
+      set_mcu_layout(source.camera, layout, read.data());
       for (int row = y; row < y + 8; ++row) {
         for (int depth = 0; depth < 20; ++depth) {
           std::vector<float> inverse_depth(16);
           for (float& q : inverse_depth) q = farthest + (nearest - farthest) * unit(random);
-          mark_samples_at_depth(source, x, row, inverse_depth, weight, look_up);
+          mark_samples_at_depth(source, x, row, inverse_depth, weight, interpolation);
         }
       }
       for (std::size_t i = 0; i < read.size(); ++i) {
@@ -191,7 +192,7 @@ TEST(DepthSampling, ABlocksPlanHoldsAllThatItsPixelsRead) {
 }
 
 TEST(DepthSampling, FinishCutsOffWhatOvershootsAndTurnsCodesIntoLight) {
-  const float seen = 65535 * kEnoughShares / 2;  // by half of what makes a ray opaque
+  const float seen = 65535 * kFullAlphaWeight / 2;  // by half of what makes a ray opaque
   const std::vector<float> sums{seen * 0.25F, -900, 2 * seen, seen, 0, 0, 0, 0};
   std::vector<float> rgba(8);
   finish_samples(sums, BlendSpace::kPerceptual, 2, rgba);
@@ -206,7 +207,7 @@ TEST(DepthSampling, FinishCutsOffWhatOvershootsAndTurnsCodesIntoLight) {
 }
 
 TEST(DepthSampling, ARaySeenBySomeOfItsCamerasIsOpaque) {
-  for (const float shares : {1.0F, 0.3F, 1.01F * kEnoughShares}) {
+  for (const float shares : {1.0F, 0.3F, 1.01F * kFullAlphaWeight}) {
     const float seen = 65535 * shares;
     std::vector<float> rgba{seen * 0.5F, seen, 0, seen};
     finish_samples(rgba, BlendSpace::kLinear, 1, rgba);

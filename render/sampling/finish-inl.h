@@ -17,7 +17,7 @@
 
 #include <algorithm>
 
-#include "store/frames/blend_space.h"
+#include "store/processing/frames/blend_space.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace raystage {

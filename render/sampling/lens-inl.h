@@ -19,14 +19,15 @@ namespace HWY_NAMESPACE {
 
 /// A frame position in pixels, and how far the camera sees it, 0 to 1 (0 also for not-a-number).
 template <class V>
-struct Sight {
+struct FramePosition {
   V u, v, seen;
 };
 
 /// From ideal image points through the lens (Brown-Conrady, as CameraModel::pixel_from_ideal) to
 /// the frame, with the fades at its border and at the lens model's end.
 template <class D, class V, class M>
-HWY_INLINE Sight<V> through_lens(D d, const SourceView& source, V x_ideal, V y_ideal, M in_front) {
+HWY_INLINE FramePosition<V> project_through_lens(D d, const SourceView& source, V x_ideal,
+                                                 V y_ideal, M in_front) {
   namespace hn = hwy::HWY_NAMESPACE;
   const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
   const auto one = set(1), zero = hn::Zero(d);

@@ -17,7 +17,7 @@ struct Point {
 };
 
 /// Brown-Conrady, as CameraModel::pixel_from_ideal, but without an end.
-Point through_lens(const SourceView& s, Point p) {
+Point project_through_lens(const SourceView& s, Point p) {
   const double xx = p.x * p.x, yy = p.y * p.y, xy2 = 2 * p.x * p.y, rr = xx + yy;
   const double radial = 1 + rr * (s.k1 + rr * (s.k2 + rr * s.k3));
   return {p.x * radial + s.p1 * xy2 + s.p2 * (rr + 2 * xx),
@@ -79,7 +79,7 @@ Footprint find_footprint(const SourceView& s, const PixelBlock& block) {
       return out;
     }
     margin += bend(s, radius) * diameter * diameter / 6 * static_cast<double>(std::max(s.fx, s.fy));
-    for (Point& p : corner) p = through_lens(s, p);
+    for (Point& p : corner) p = project_through_lens(s, p);
   }
   for (Point& p : corner) p = {p.x * s.fx + s.cx, p.y * s.fy + s.cy};
   const auto [left, right] = std::minmax({corner[0].x, corner[1].x, corner[2].x, corner[3].x});
@@ -106,10 +106,10 @@ Footprint find_footprint(const SourceView& s, const PixelBlock& block) {
 void mark_box(const SourceView& s, const Box& box) {
   // Four neighbours around the position, and what their chroma is made of.
   const auto first = [&](double edge) {
-    return static_cast<int>(std::floor(edge - 0.5)) - s.chroma_reach;
+    return static_cast<int>(std::floor(edge - 0.5)) - s.chroma_radius;
   };
   const auto last = [&](double edge) {
-    return static_cast<int>(std::floor(edge + 0.5)) + s.chroma_reach;
+    return static_cast<int>(std::floor(edge + 0.5)) + s.chroma_radius;
   };
   const int left = std::max(first(std::max(box.left, 0.0)), 0) >> s.mcu_width_log2;
   const int top = std::max(first(std::max(box.top, 0.0)), 0) >> s.mcu_height_log2;
@@ -119,7 +119,7 @@ void mark_box(const SourceView& s, const Box& box) {
       std::min(last(std::min<double>(box.bottom, s.height)), s.height - 1) >> s.mcu_height_log2;
   for (int y = top; y <= bottom; ++y) {
     for (int x = left; x <= right; ++x) {
-      want_mcu(s.wanted_mcus, y * s.mcus_per_row + x);
+      mark_mcu(s.wanted_mcus, y * s.mcus_per_row + x);
     }
   }
 }

@@ -7,7 +7,7 @@
 #include <limits>
 #include <random>
 
-namespace raystage {
+namespace raystage::needed_mcus_test {
 namespace {
 
 constexpr int kWidth = 320, kHeight = 240, kMcu = 16;
@@ -32,10 +32,10 @@ SourceView random_camera(std::mt19937& random, bool distorted) {
     geometry.intrinsics.distortion = {uniform(-0.3, 0.3), uniform(-0.05, 0.05),
                                       uniform(-0.01, 0.01), uniform(-0.01, 0.01), 0};
   }
-  SourceView camera = source_view_of(CameraModel(geometry), matrix);
+  SourceView camera = make_source_view(CameraModel(geometry), matrix);
   camera.mcus_per_row = kWidth / kMcu;
   camera.mcu_width_log2 = camera.mcu_height_log2 = 4;
-  camera.chroma_reach = 1;
+  camera.chroma_radius = 1;
   return camera;
 }
 
@@ -82,4 +82,4 @@ TEST(NeededMcus, NothingIsNeededOfACameraThatSeesNothing) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::needed_mcus_test

@@ -31,7 +31,7 @@ struct Weights {
   HWY_ALIGN float camera[3][kChunk];
 };
 
-HWY_INLINE void find_weights(const PixelRun& run, int begin, int n, Weights& weights) {
+HWY_INLINE void compute_weights(const PixelRun& run, int begin, int n, Weights& weights) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
@@ -39,12 +39,12 @@ HWY_INLINE void find_weights(const PixelRun& run, int begin, int n, Weights& wei
   const double total = run.total[0] * middle + (run.total[1] * (run.y + 0.5) + run.total[2]);
   const double scale = 1 / total;  // keeps the shares near 1 whatever the distance to the array
   Ramp shares[3] = {};
-  const int anchor = anchor_of(run.total.data(), begin, run.y, n);
+  const int anchor = ramp_anchor(run.total.data(), begin, run.y, n);
   for (int c = 0; c < run.count; ++c) {
     shares[c] = ramp(run.share[c].data(), begin, anchor, run.y, scale);
   }
   for (int i = 0; i < n; i += lanes) {
-    const auto steps = counting_from(d, i - anchor);
+    const auto steps = iota_from(d, i - anchor);
     const auto zero = hn::Zero(d);
     const auto w0 = hn::Max(values(d, shares[0], steps), zero);
     const auto w1 = hn::Max(values(d, shares[1], steps), zero);
@@ -60,11 +60,11 @@ HWY_INLINE void find_weights(const PixelRun& run, int begin, int n, Weights& wei
 /// 1 / planar depth of the plane with this slope and distance (PixelRun), where that is positive.
 HWY_INLINE Ramp inverse_depth(const std::array<double, 3>& slope, double distance, int begin, int y,
                               int n) {
-  return ramp(slope.data(), begin, anchor_of(slope.data(), begin, y, n), y, 1 / distance);
+  return ramp(slope.data(), begin, ramp_anchor(slope.data(), begin, y, n), y, 1 / distance);
 }
 
 /// Rays that never meet the focal plane have no weight to give. `along`: 1 / planar depth.
-HWY_INLINE void drop_unmet(Ramp along, int n, Weights& weights) {
+HWY_INLINE void clear_missed_rays(Ramp along, int n, Weights& weights) {
   namespace hn = hwy::HWY_NAMESPACE;
   const auto at = [&](int i) {
     return along.base + static_cast<float>(i - along.start) * along.step;
@@ -73,7 +73,7 @@ HWY_INLINE void drop_unmet(Ramp along, int n, Weights& weights) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   for (int i = 0; i < n; i += lanes) {
-    const auto met = hn::Gt(values(d, along, counting_from(d, i - along.start)), hn::Zero(d));
+    const auto met = hn::Gt(values(d, along, iota_from(d, i - along.start)), hn::Zero(d));
     for (auto& camera : weights.camera) {
       hn::Store(hn::IfThenElseZero(met, hn::Load(d, camera + i)), d, camera + i);
     }
@@ -149,7 +149,7 @@ HWY_INLINE void write_pixels(const float* sums, const float* share, const float*
     const auto covered = present == nullptr ? weight : hn::Mul(weight, hn::Load(d, present + i));
     auto depth = infinity;
     if (!at_infinity) {
-      const auto steps = counting_from(d, i - along.start);
+      const auto steps = iota_from(d, i - along.start);
       const auto slope = values(d, along, steps);
       const auto seen = hn::And(hn::Gt(weight, hn::Zero(d)), hn::Gt(slope, hn::Set(d, 1e-30F)));
       depth = hn::IfThenElse(seen, reciprocal(d, slope), infinity);
@@ -172,25 +172,25 @@ HWY_INLINE void write_pixels(const float* sums, const float* share, const float*
 
 /// Writes sums in the order of transpose_blocks() as R, G, B, weight per pixel, times `share`, if
 /// any.
-HWY_INLINE void leave_sums(const float* sums, const float* share, int n, float* rgba) {
+HWY_INLINE void store_sums(const float* sums, const float* share, int n, float* rgba) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::FixedTag<float, 4> d;
   for (int i = 0; i < n; ++i) {
-    const auto sum = hn::Load(d, sums + 4 * slot_of(hn::ScalableTag<float>(), i));
+    const auto sum = hn::Load(d, sums + 4 * transposed_index(hn::ScalableTag<float>(), i));
     const auto part = hn::Set(d, share == nullptr ? 1.0F : share[i]);
     hn::StoreU(hn::Mul(sum, part), d, rgba + static_cast<std::ptrdiff_t>(i) * 4);
   }
 }
 
-/// Reads what leave_sums() writes.
-HWY_INLINE void read_sums(const float* rgba, int n, float* sums) {
+/// Reads what store_sums() writes.
+HWY_INLINE void load_sums(const float* rgba, int n, float* sums) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::FixedTag<float, 4> d;
   const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
   std::fill_n(sums, 4 * ((n + lanes - 1) / lanes * lanes), 0.0F);  // whole vectors are written
   for (int i = 0; i < n; ++i) {
     hn::Store(hn::LoadU(d, rgba + static_cast<std::ptrdiff_t>(i) * 4), d,
-              sums + 4 * slot_of(hn::ScalableTag<float>(), i));
+              sums + 4 * transposed_index(hn::ScalableTag<float>(), i));
   }
 }
 
@@ -199,7 +199,7 @@ HWY_INLINE void mark_pixels(const SourceView& source, const Taps& taps, int n) {
   for (int i = 0; i < n; ++i) {
     if (!(taps.share[i] > 0)) continue;
     std::uint8_t* at = source.read_pixels + taps.pixel[i];
-    const TapWeights weights = weights_of(taps, i);
+    const TapWeights weights = tap_weights(taps, i);
     const auto mark = [](std::uint8_t& pixel, int weight) {
       if (weight != 0) std::atomic_ref(pixel).store(1, std::memory_order_relaxed);
     };

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Kernels of the focal plane reconstruction (thesis 4.1.2): for a run of pixels within one
+// triangle of cameras, barycentric weights, positions in the three cameras by a homography each
+// and their lens models, bilinear samples, weighted sum, conversion to linear light. Cost:
+// O(pixels x 3). Must match focal_plane_reference.cpp.
 #include <algorithm>
 #include <atomic>
 #include <cstddef>
@@ -24,11 +28,11 @@ namespace {
 namespace hn = hwy::HWY_NAMESPACE;
 
 /// RayCells::nearest().
-void keep_nearest(const std::array<double, 3>& corner_products, int n, Weights& weights) {
+void keep_nearest(const std::array<double, 3>& edge_products, int n, Weights& weights) {
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const auto product = [&](std::size_t i) {
-    return hn::Set(d, static_cast<float>(corner_products[i]));
+    return hn::Set(d, static_cast<float>(edge_products[i]));
   };
   const auto to_second = product(0), between = product(1), to_third = product(2);
   const auto two = hn::Set(d, 2.0F), one = hn::Set(d, 1.0F), zero = hn::Zero(d);
@@ -54,14 +58,14 @@ void keep_nearest(const std::array<double, 3>& corner_products, int n, Weights& 
 void sample_cameras(const PixelRun& run, int begin, int n, Ramp along, float* sums) {
   Weights weights;
   Taps taps[3];
-  find_weights(run, begin, n, weights);
-  if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
-  if (!run.at_infinity) drop_unmet(along, n, weights);
+  compute_weights(run, begin, n, weights);
+  if (run.nearest_only) keep_nearest(run.edge_products, n, weights);
+  if (!run.at_infinity) clear_missed_rays(along, n, weights);
   const SourceView* sources[3];
   int count = 0;
   for (int c = 0; c < run.count; ++c) {
     if (run.source[c]->rgba == nullptr) continue;  // sees nothing of this view
-    find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
+    compute_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
     prefetch_taps(*run.source[c], taps[count], n);
     sources[count++] = run.source[c];
   }
@@ -69,24 +73,24 @@ void sample_cameras(const PixelRun& run, int begin, int n, Ramp along, float* su
 }
 
 void blend(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-           float* z, SampleSums mode) {
+           float* z, SumStage mode) {
   HWY_ALIGN float sums[4 * kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
     const std::size_t at = static_cast<std::size_t>(begin - run.begin);
     // Positive where the ray meets the focal plane: 1 / depth.
     const Ramp along = inverse_depth(run.slope, run.distance, begin, run.y, n);
-    if (mode == SampleSums::kGiven) {
-      read_sums(rgba + 4 * at, n, sums);
+    if (mode == SumStage::kFinishOnly) {
+      load_sums(rgba + 4 * at, n, sums);
     } else {
       sample_cameras(run, begin, n, along, sums);
     }
-    if (mode == SampleSums::kLeave) {
-      leave_sums(sums, nullptr, n, rgba + 4 * at);
+    if (mode == SumStage::kSampleOnly) {
+      store_sums(sums, nullptr, n, rgba + 4 * at);
       continue;
     }
     // Given sums to the right of the run are another run's.
-    const int room_end = mode == SampleSums::kGiven ? run.end : std::max(run.end, run.room_end);
+    const int room_end = mode == SumStage::kFinishOnly ? run.end : std::max(run.end, run.room_end);
     write_pixels(sums, nullptr, nullptr, n, room_end - begin, space, full_scale, along,
                  run.at_infinity, rgba + 4 * at, alpha + at, z + at);
   }
@@ -98,15 +102,15 @@ void codes(const PixelRun& run, std::uint16_t* rgba) {
   HWY_ALIGN float sums[4 * kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
-    find_weights(run, begin, n, weights);
+    compute_weights(run, begin, n, weights);
     if (!run.at_infinity) {
-      drop_unmet(inverse_depth(run.slope, run.distance, begin, run.y, n), n, weights);
+      clear_missed_rays(inverse_depth(run.slope, run.distance, begin, run.y, n), n, weights);
     }
     const SourceView* sources[3];
     int count = 0;
     for (int c = 0; c < run.count; ++c) {
       if (run.source[c]->rgba == nullptr) continue;  // sees nothing of this view
-      find_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
+      compute_taps(*run.source[c], begin, run.y, n, weights.camera[c], taps[count]);
       sources[count++] = run.source[c];
     }
     add_samples<true>(sources, taps, count, n, sums);
@@ -114,7 +118,7 @@ void codes(const PixelRun& run, std::uint16_t* rgba) {
     const hn::RebindToSigned<decltype(d)> d32;
     const hn::Rebind<std::uint16_t, decltype(d)> d16;
     for (int i = 0; i < n; ++i) {
-      const float* pixel = sums + 4 * slot_of(hn::ScalableTag<float>(), i);
+      const float* pixel = sums + 4 * transposed_index(hn::ScalableTag<float>(), i);
       const auto rounded = hn::ConvertTo(d32, hn::Add(hn::Load(d, pixel), hn::Set(d, 0.5F)));
       hn::StoreU(hn::DemoteTo(d16, rounded), d16,
                  rgba + static_cast<std::size_t>(begin - run.begin + i) * 4);
@@ -130,15 +134,15 @@ void mark_mcus(const SourceView& source, const Taps& taps, int n) {
   for (int i = 0; i < n; ++i) {
     if (!(taps.share[i] > 0)) continue;
     const int x = taps.pixel[i] % source.width, y = taps.pixel[i] / source.width;
-    const int left = column_of(std::max(x - source.chroma_reach, 0));
-    const int right = column_of(std::min(x + 1 + source.chroma_reach, source.width - 1));
-    const int upper = row_of(std::max(y - source.chroma_reach, 0));
-    const int lower = row_of(std::min(y + 1 + source.chroma_reach, source.height - 1));
+    const int left = column_of(std::max(x - source.chroma_radius, 0));
+    const int right = column_of(std::min(x + 1 + source.chroma_radius, source.width - 1));
+    const int upper = row_of(std::max(y - source.chroma_radius, 0));
+    const int lower = row_of(std::min(y + 1 + source.chroma_radius, source.height - 1));
     if (upper + left == last[0] && lower + right == last[1]) continue;
     last[0] = upper + left;
     last[1] = lower + right;
     for (const int mcu : {upper + left, upper + right, lower + left, lower + right}) {
-      want_mcu(source.wanted_mcus, mcu);
+      mark_mcu(source.wanted_mcus, mcu);
     }
   }
 }
@@ -148,15 +152,15 @@ void mark(const PixelRun& run) {
   Taps taps;
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
-    find_weights(run, begin, n, weights);
-    if (run.nearest_only) keep_nearest(run.corner_products, n, weights);
+    compute_weights(run, begin, n, weights);
+    if (run.nearest_only) keep_nearest(run.edge_products, n, weights);
     if (!run.at_infinity) {
-      drop_unmet(inverse_depth(run.slope, run.distance, begin, run.y, n), n, weights);
+      clear_missed_rays(inverse_depth(run.slope, run.distance, begin, run.y, n), n, weights);
     }
     for (int c = 0; c < run.count; ++c) {
       const SourceView& source = *run.source[c];
       if (source.wanted_mcus == nullptr && source.read_pixels == nullptr) continue;
-      find_taps(source, begin, run.y, n, weights.camera[c], taps);
+      compute_taps(source, begin, run.y, n, weights.camera[c], taps);
       if (source.wanted_mcus != nullptr) mark_mcus(source, taps, n);
       if (source.read_pixels != nullptr) mark_pixels(source, taps, n);
     }
@@ -180,10 +184,10 @@ HWY_EXPORT(target);
 
 void mark_run(const PixelRun& run) { HWY_DYNAMIC_DISPATCH(mark)(run); }
 void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-               float* z, SampleSums sums) {
+               float* z, SumStage sums) {
   HWY_DYNAMIC_DISPATCH(blend)(run, space, full_scale, rgba, alpha, z, sums);
 }
-void codes_of_run(const PixelRun& run, std::uint16_t* rgba) {
+void blend_run_codes(const PixelRun& run, std::uint16_t* rgba) {
   HWY_DYNAMIC_DISPATCH(codes)(run, rgba);
 }
 const char* kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }

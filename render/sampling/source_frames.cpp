@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <atomic>
 
-#include "schemas/parallel.h"
+#include "base/parallel.h"
 
 namespace raystage {
 namespace {
@@ -17,7 +17,7 @@ int log2_of(int power_of_two) {
 
 }  // namespace
 
-SourceFrames::SourceFrames(const Instant& instant, const PlaneProjection& projection,
+SourceFrames::SourceFrames(const LightFieldFrame& instant, const PlaneProjection& projection,
                            bool count_needed)
     : instant_(instant),
       projection_(projection),
@@ -30,7 +30,7 @@ void SourceFrames::open(const std::vector<int>& cameras) {
     const int index = opened_[i], frame = instant_.frame_of_camera[static_cast<std::size_t>(index)];
     Source& source = sources_[static_cast<std::size_t>(index)];
     const Rig::Camera& camera = instant_.rig->cameras[static_cast<std::size_t>(index)];
-    source.view = source_view_of(camera.model, projection_.ideal_from_pixel(camera.pose));
+    source.view = make_source_view(camera.model, projection_.ideal_from_pixel(camera.pose));
     if (!count_needed_ && instant_.cache->holds_whole(index, frame)) return;
     const auto layout = instant_.cache->layout(index, frame);
     source.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
@@ -38,7 +38,7 @@ void SourceFrames::open(const std::vector<int>& cameras) {
     source.view.mcus_per_row = layout->mcus_per_row;
     source.view.mcu_width_log2 = log2_of(layout->mcu_width);
     source.view.mcu_height_log2 = log2_of(layout->mcu_height);
-    source.view.chroma_reach = layout->mcu_width > 8 || layout->mcu_height > 8 ? 1 : 0;
+    source.view.chroma_radius = layout->mcu_width > 8 || layout->mcu_height > 8 ? 1 : 0;
     if (!count_needed_) return;
     source.read_pixels.assign(
         static_cast<std::size_t>(source.view.width) * static_cast<std::size_t>(source.view.height),
@@ -47,7 +47,7 @@ void SourceFrames::open(const std::vector<int>& cameras) {
   });
 }
 
-bool SourceFrames::all_whole() const {
+bool SourceFrames::are_fully_decoded() const {
   return std::ranges::all_of(opened_, [&](int camera) {
     return sources_[static_cast<std::size_t>(camera)].wanted.empty();
   });

@@ -4,9 +4,9 @@
 #include <memory>
 #include <vector>
 
+#include "render/common/light_field_frame.h"
+#include "render/common/plane_projection.h"
 #include "render/sampling/source_view.h"
-#include "render/view/instant.h"
-#include "render/view/plane_projection.h"
 
 namespace raystage {
 
@@ -15,12 +15,13 @@ namespace raystage {
 class SourceFrames {
  public:
   /// `count_needed`: cameras get a mask of pixels too. Keeps references.
-  SourceFrames(const Instant& instant, const PlaneProjection& projection, bool count_needed);
+  SourceFrames(const LightFieldFrame& instant, const PlaneProjection& projection,
+               bool count_needed);
 
   /// Geometry and frame layout of the cameras listed, which must be present.
   void open(const std::vector<int>& cameras);
   /// Whether marks change nothing: all frames are in memory as a whole.
-  bool all_whole() const;
+  bool are_fully_decoded() const;
   /// Fetches what was marked. Cameras of which nothing was keep a null frame.
   void decode(RenderStatistics& statistics);
 
@@ -33,7 +34,7 @@ class SourceFrames {
     std::vector<std::uint8_t> read_pixels;
     std::shared_ptr<const DecodedFrame> frame;
   };
-  const Instant& instant_;
+  const LightFieldFrame& instant_;
   const PlaneProjection& projection_;
   bool count_needed_;
   std::vector<Source> sources_;  // per camera of the rig

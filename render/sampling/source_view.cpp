@@ -3,7 +3,7 @@
 
 namespace raystage {
 
-SourceView source_view_of(const CameraModel& camera, const Eigen::Matrix3d& ideal_from_pixel) {
+SourceView make_source_view(const CameraModel& camera, const Eigen::Matrix3d& ideal_from_pixel) {
   SourceView s;
   for (int r = 0; r < 3; ++r) {
     for (int c = 0; c < 3; ++c) {

@@ -6,9 +6,9 @@
 #include <atomic>
 #include <cstdint>
 
-#include "render/view/contribution.h"
+#include "render/common/contribution.h"
 #include "rig/camera_model.h"
-#include "store/frames/blend_space.h"
+#include "store/processing/frames/blend_space.h"
 
 namespace raystage {
 
@@ -32,7 +32,7 @@ struct SourceView {
   std::uint8_t* wanted_mcus = nullptr;
   int mcus_per_row = 0;
   int mcu_width_log2 = 3, mcu_height_log2 = 3;
-  int chroma_reach =
+  int chroma_radius =
       0;  ///< pixels further than the sample's own that its chroma is made of: 0 or 1
   /// For counting: one byte per pixel, set to 1 where a sample reads it with a weight; or null.
   std::uint8_t* read_pixels = nullptr;
@@ -40,14 +40,14 @@ struct SourceView {
 
 /// Marks an MCU as wanted; many threads may. Read first, as nearly all are marked already: writing
 /// would take its cache line from the others time and again.
-inline void want_mcu(std::uint8_t* wanted_mcus, int mcu) {
+inline void mark_mcu(std::uint8_t* wanted_mcus, int mcu) {
   const std::atomic_ref wanted(wanted_mcus[mcu]);
   if (wanted.load(std::memory_order_relaxed) == 0) wanted.store(1, std::memory_order_relaxed);
 }
 
 /// The geometry of a camera's part in a view; where its frame lies and what of it is wanted is left
 /// open. `ideal_from_pixel`: (x, y, 1) of the view to (X, Y, W), see SourceView.
-SourceView source_view_of(const CameraModel& camera, const Eigen::Matrix3d& ideal_from_pixel);
+SourceView make_source_view(const CameraModel& camera, const Eigen::Matrix3d& ideal_from_pixel);
 
 /// A run of pixels of one row of the view that lie between the same cameras.
 struct PixelRun {
@@ -61,8 +61,8 @@ struct PixelRun {
   std::array<double, 3> slope{};  ///< of the focal plane (PlaneProjection)
   double distance = 0;
   bool at_infinity = false;
-  bool nearest_only = false;                ///< the camera nearest to the ray counts alone
-  std::array<double, 3> corner_products{};  ///< RayCells::Cell::corner_products, for nearest_only
+  bool nearest_only = false;              ///< the camera nearest to the ray counts alone
+  std::array<double, 3> edge_products{};  ///< RayCells::Cell::edge_products, for nearest_only
 };
 
 /// A ray that a camera sees within its outermost half pixel, or in the last hundredth before its
@@ -77,13 +77,14 @@ void mark_run(const PixelRun& run);
 /// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats a pixel
 /// (premultiplied linear light, code 65535 being `full_scale`), `alpha` 1 float (A once more), `z`
 /// 1 float (+infinity where A is 0).
-/// `sums`: kLeave writes `rgba` alone, and nothing beyond the run; kGiven reads `rgba` first.
+/// `sums`: kSampleOnly writes `rgba` alone, and nothing beyond the run; kFinishOnly reads `rgba`
+/// first.
 void blend_run(const PixelRun& run, BlendSpace space, float full_scale, float* rgba, float* alpha,
-               float* z, SampleSums sums = SampleSums::kFinish);
+               float* z, SumStage sums = SumStage::kSampleAndFinish);
 
 /// The run's sums of weighted codes themselves, rounded, on the scale of the blend space: R, G, B,
 /// A per pixel, A = 65535 where all cameras see. Rays that do not meet the plane give 0.
-void codes_of_run(const PixelRun& run, std::uint16_t* rgba);
+void blend_run_codes(const PixelRun& run, std::uint16_t* rgba);
 
 /// The instruction set in use, e.g. "AVX3".
 const char* kernel_target();

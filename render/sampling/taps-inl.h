@@ -33,11 +33,11 @@ constexpr int kChunk = 128;
 
 /// Whole numbers that a tap's interpolation weights sum to, exactly: products of them and codes add
 /// up in 32 bits. A position is so rounded to 1/32768 of a pixel.
-constexpr float kUnit = 16384.0F;
+constexpr float kWeightUnit = 16384.0F;
 
 /// For each pixel of a chunk: the upper left of four neighbours, counted through the frame; the
 /// weights of the upper two and of the lower two, the left one in the lower half of each word; and
-/// the camera's share of the ray, by kUnit.
+/// the camera's share of the ray, by kWeightUnit.
 struct Taps {
   HWY_ALIGN std::int32_t pixel[kChunk];
   HWY_ALIGN std::int32_t upper[kChunk], lower[kChunk];
@@ -48,7 +48,7 @@ struct Taps {
 struct TapWeights {
   int upper_left, upper_right, lower_left, lower_right;
 };
-HWY_INLINE TapWeights weights_of(const Taps& taps, int i) {
+HWY_INLINE TapWeights tap_weights(const Taps& taps, int i) {
   const std::uint32_t upper = static_cast<std::uint32_t>(taps.upper[i]);
   const std::uint32_t lower = static_cast<std::uint32_t>(taps.lower[i]);
   const auto half = [](std::uint32_t word) { return static_cast<std::int16_t>(word & 0xFFFF); };
@@ -74,7 +74,7 @@ HWY_INLINE void transpose_blocks(D d, V& v0, V& v1, V& v2, V& v3) {
 
 /// Where transpose_blocks() puts pixel i of a chunk.
 template <class D>
-HWY_INLINE int slot_of(D d, int i) {
+HWY_INLINE int transposed_index(D d, int i) {
   const int lanes = static_cast<int>(hwy::HWY_NAMESPACE::Lanes(d));
   const int within = i % lanes;
   return i - within + within % 4 * (lanes / 4) + within / 4;
@@ -83,7 +83,7 @@ HWY_INLINE int slot_of(D d, int i) {
 /// The pixel of a chunk of n where a linear function is nearest to 0, counted from its first. From
 /// there its values are exact to a few units in their own last place, however much larger they are
 /// elsewhere in the chunk.
-inline int anchor_of(const double* function, int begin, int y, int n) {
+inline int ramp_anchor(const double* function, int begin, int y, int n) {
   if (function[0] == 0) return 0;
   const double at_begin = function[0] * (begin + 0.5) + (function[1] * (y + 0.5) + function[2]);
   return static_cast<int>(std::clamp(std::floor(0.5 - at_begin / function[0]), 0.0, n - 1.0));
@@ -103,12 +103,12 @@ HWY_INLINE Ramp ramp(const double* function, int begin, int start, int y, double
 
 /// i, i + 1, ... (Iota with a start of its own goes through memory, and waits for it.)
 template <class D>
-HWY_INLINE auto counting_from(D d, int i) {
+HWY_INLINE auto iota_from(D d, int i) {
   namespace hn = hwy::HWY_NAMESPACE;
   return hn::Add(hn::Iota(d, 0), hn::Set(d, static_cast<hn::TFromD<D>>(i)));
 }
 
-/// `steps`: counting_from(d, i - r.start) for the vector at pixel i of the chunk.
+/// `steps`: iota_from(d, i - r.start) for the vector at pixel i of the chunk.
 template <class D, class V>
 HWY_INLINE V values(D d, Ramp r, V steps) {
   namespace hn = hwy::HWY_NAMESPACE;
@@ -125,15 +125,15 @@ HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i,
   // position on a pixel's centre may so be its left neighbour's right end: which is the same.
   constexpr float kRounder = 12582912.0F;  // 1.5 * 2^23
   constexpr std::int32_t kRounderBits = 0x4B400000;
-  constexpr std::int32_t kWhole = static_cast<std::int32_t>(kUnit);
-  const auto rounder = hn::Set(d, kRounder), unit = hn::Set(d, kUnit);
-  const auto half_unit = hn::Set(d, kUnit / 2);
+  constexpr std::int32_t kWhole = static_cast<std::int32_t>(kWeightUnit);
+  const auto rounder = hn::Set(d, kRounder), unit = hn::Set(d, kWeightUnit);
+  const auto half_unit = hn::Set(d, kWeightUnit / 2);
   const auto column = hn::Add(left, rounder), line = hn::Add(top, rounder);
   // How far the position lies from the neighbours on the upper left, in units.
   const auto right_units = hn::MulAdd(hn::Sub(left, hn::Sub(column, rounder)), unit, half_unit);
   const auto lower_units = hn::MulAdd(hn::Sub(top, hn::Sub(line, rounder)), unit, half_unit);
   const auto both_units =
-      hn::MulAdd(hn::Mul(right_units, hn::Set(d, 1 / kUnit)), lower_units, rounder);
+      hn::MulAdd(hn::Mul(right_units, hn::Set(d, 1 / kWeightUnit)), lower_units, rounder);
   const auto right = hn::BitCast(di, hn::Add(right_units, rounder));
   const auto lower = hn::BitCast(di, hn::Add(lower_units, rounder));
   const auto both = hn::BitCast(di, both_units);
@@ -146,7 +146,7 @@ HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i,
   };
   store_pair(upper_left, upper_right, taps.upper);
   store_pair(lower_left, both, taps.lower);  // the rounder's own bits are shifted out
-  hn::Store(hn::Mul(weight, hn::Set(d, 1 / kUnit)), d, taps.share + i);
+  hn::Store(hn::Mul(weight, hn::Set(d, 1 / kWeightUnit)), d, taps.share + i);
   // The rounder's bits, times the width and once more, wrap around and are taken off.
   const auto rounders =
       hn::Set(di, static_cast<std::int32_t>(static_cast<std::uint32_t>(kRounderBits) *
@@ -158,7 +158,7 @@ HWY_INLINE void store_taps(D d, int frame_width, V left, V top, V weight, int i,
 
 /// Whether a camera without distortion sees the whole run of n pixels well within its frame. On its
 /// way along a row a projection never turns back, so both ends tell.
-inline bool sees_whole_run(const SourceView& source, int begin, int y, int n) {
+inline bool run_is_inside_frame(const SourceView& source, int begin, int y, int n) {
   if (source.distorted) return false;
   const double* m = source.ideal_from_pixel.data();
   const double fx = source.fx, fy = source.fy;
@@ -173,20 +173,20 @@ inline bool sees_whole_run(const SourceView& source, int begin, int y, int n) {
 }
 
 /// Taps of pixels beyond n, which vectors reach, read the frame's first pixel, to no end.
-HWY_INLINE void end_taps(int n, Taps& taps) {
+HWY_INLINE void pad_taps(int n, Taps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const int lanes = static_cast<int>(hn::Lanes(hn::ScalableTag<float>()));
   for (int i = n; i % lanes != 0; ++i) taps.pixel[i] = 0;
 }
 
 /// `share`: the camera's weight for each pixel of the chunk; vectors may reach beyond n.
-HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, const float* share,
-                          Taps& taps) {
+HWY_INLINE void compute_taps(const SourceView& source, int begin, int y, int n, const float* share,
+                             Taps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const double* m = source.ideal_from_pixel.data();
-  const int anchor = anchor_of(m, begin, y, n);  // X = 0: where the camera looks
+  const int anchor = ramp_anchor(m, begin, y, n);  // X = 0: where the camera looks
   // Common scale of (X, Y, W): only their ratio matters, and float must hold them.
   const double w_here = m[6] * (begin + anchor + 0.5) + (m[7] * (y + 0.5) + m[8]);
   const double scale = w_here != 0 ? 1 / std::abs(w_here) : 1;
@@ -196,53 +196,53 @@ HWY_INLINE void find_taps(const SourceView& source, int begin, int y, int n, con
   const auto set = [&](float value) HWY_ATTR { return hn::Set(d, value); };
   const auto one = set(1), zero = hn::Zero(d), stride = set(static_cast<float>(lanes));
 
-  if (sees_whole_run(source, begin, y, n)) {
+  if (run_is_inside_frame(source, begin, y, n)) {
     const auto fx = set(source.fx), fy = set(source.fy);
     const auto left_of = set(source.cx - 1), top_of = set(source.cy - 1);
-    auto steps = counting_from(d, -anchor);
+    auto steps = iota_from(d, -anchor);
     for (int i = 0; i < n; i += lanes, steps = hn::Add(steps, stride)) {
       const auto inverse = reciprocal(d, values(d, ramp_w, steps));
       const auto left = hn::MulAdd(hn::Mul(values(d, ramp_x, steps), inverse), fx, left_of);
       const auto top = hn::MulAdd(hn::Mul(values(d, ramp_y, steps), inverse), fy, top_of);
       store_taps(d, source.width, left, top, hn::Load(d, share + i), i, taps);
     }
-    end_taps(n, taps);
+    pad_taps(n, taps);
     return;
   }
   const auto half = set(0.5F);
   const auto last_x = set(static_cast<float>(source.width - 1));
   const auto last_y = set(static_cast<float>(source.height - 1));
-  auto steps = counting_from(d, -anchor);
+  auto steps = iota_from(d, -anchor);
   for (int i = 0; i < n; i += lanes, steps = hn::Add(steps, stride)) {
     const auto w = values(d, ramp_w, steps);
     const auto in_front = hn::Gt(w, zero);
     const auto inverse = reciprocal(d, hn::IfThenElse(in_front, w, one));
     const auto x_ideal = hn::Mul(values(d, ramp_x, steps), inverse);
     const auto y_ideal = hn::Mul(values(d, ramp_y, steps), inverse);
-    const auto sight = through_lens(d, source, x_ideal, y_ideal, in_front);
+    const auto sight = project_through_lens(d, source, x_ideal, y_ideal, in_front);
     const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
     const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
     store_taps(d, source.width, hn::Sub(left, half), hn::Sub(top, half),
                hn::Mul(sight.seen, hn::Load(d, share + i)), i, taps);
   }
-  end_taps(n, taps);
+  pad_taps(n, taps);
 }
 
 /// The same for pixels with depths of their own: `source` as for a plane at infinity, from which
 /// each of `inverse_depth` (1/m) leads by `per_inverse_depth` (DepthSource).
-HWY_INLINE void find_taps_at_depth(const SourceView& source, const double* per_inverse_depth,
-                                   int begin, int y, int n, const float* inverse_depth,
-                                   const float* share, Taps& taps) {
+HWY_INLINE void compute_taps_at_depth(const SourceView& source, const double* per_inverse_depth,
+                                      int begin, int y, int n, const float* inverse_depth,
+                                      const float* share, Taps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::ScalableTag<float> d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const double* m = source.ideal_from_pixel.data();
-  const int anchor = anchor_of(m, begin, y, n);
+  const int anchor = ramp_anchor(m, begin, y, n);
   const auto zero = hn::Zero(d), one = hn::Set(d, 1.0F), half = hn::Set(d, 0.5F);
   const auto last_x = hn::Set(d, static_cast<float>(source.width - 1));
   const auto last_y = hn::Set(d, static_cast<float>(source.height - 1));
   for (int i = 0; i < n; i += lanes) {
-    const auto steps = counting_from(d, i - anchor);
+    const auto steps = iota_from(d, i - anchor);
     const auto inverse = hn::LoadU(d, inverse_depth + i);
     const auto along = [&](int axis) HWY_ATTR {
       const auto way = hn::Set(d, static_cast<float>(per_inverse_depth[axis]));
@@ -251,14 +251,14 @@ HWY_INLINE void find_taps_at_depth(const SourceView& source, const double* per_i
     const auto w = along(2);
     const auto in_front = hn::Gt(w, zero);
     const auto scale = reciprocal(d, hn::IfThenElse(in_front, w, one));
-    const auto sight =
-        through_lens(d, source, hn::Mul(along(0), scale), hn::Mul(along(1), scale), in_front);
+    const auto sight = project_through_lens(d, source, hn::Mul(along(0), scale),
+                                            hn::Mul(along(1), scale), in_front);
     const auto left = hn::Min(hn::Max(hn::Sub(sight.u, half), zero), last_x);
     const auto top = hn::Min(hn::Max(hn::Sub(sight.v, half), zero), last_y);
     store_taps(d, source.width, hn::Sub(left, half), hn::Sub(top, half),
                hn::Mul(sight.seen, hn::Load(d, share + i)), i, taps);
   }
-  end_taps(n, taps);
+  pad_taps(n, taps);
 }
 
 /// Asks for the memory that a chunk's taps lie in: rows of many cameras take turns, which the
@@ -310,7 +310,7 @@ HWY_INLINE V add_taps(D d, const std::uint16_t* frame, std::size_t row, const st
   const auto of_tap = [&](VI weights)
                           HWY_ATTR { return hn::BitCast(d16, hn::Broadcast<kFirst>(weights)); };
   auto unused = hn::Zero(d32);
-  auto total = hn::Set(d32, 32768 * static_cast<std::int32_t>(kUnit));
+  auto total = hn::Set(d32, 32768 * static_cast<std::int32_t>(kWeightUnit));
   total = hn::ReorderWidenMulAccumulate(d32, codes(frame), of_tap(upper), total, unused);
   total = hn::ReorderWidenMulAccumulate(d32, codes(frame + row), of_tap(lower), total, unused);
   return hn::MulAdd(hn::ConvertTo(d, total), hn::Broadcast<kFirst>(share), sum);

@@ -33,7 +33,7 @@ namespace HWY_NAMESPACE {
 /// first kWindow - 1 is sampled by reading the window once per row, and picking from it.
 constexpr int kWindow = 16;
 /// As many for a vector of pixels cost about half of what taps one by one do.
-constexpr int kMostWindows = 2;
+constexpr int kMaxWindows = 2;
 
 /// A camera's part in a stretch of pixels, all well within its frame.
 struct WindowedCamera {
@@ -49,7 +49,7 @@ struct WindowedCamera {
 inline bool fits_windows(const SourceView& source, int begin, int y, int n,
                          WindowedCamera& camera) {
   // A window at the frame's end reaches into the row beyond, no further.
-  if (source.width < kWindow || !sees_whole_run(source, begin, y, n)) return false;
+  if (source.width < kWindow || !run_is_inside_frame(source, begin, y, n)) return false;
   const double* m = source.ideal_from_pixel.data();
   const double first = begin + 0.5, last = begin + n - 0.5;
   const auto at = [&](int axis, double x) {
@@ -59,7 +59,7 @@ inline bool fits_windows(const SourceView& source, int begin, int y, int n,
   const double along = source.fx * (at(0, last) * last_scale - at(0, first) * scale);
   const double across = source.fy * (at(1, last) * last_scale - at(1, first) * scale);
   const double windows = std::abs(along) / (kWindow - 2) + std::abs(across);
-  if (windows > kMostWindows * n / 16.0) return false;
+  if (windows > kMaxWindows * n / 16.0) return false;
   camera.rgba = source.rgba;
   camera.row = std::size_t{4} * static_cast<std::size_t>(source.width);
   camera.x = ramp(m, begin, 0, y, scale * source.fx);
@@ -73,18 +73,18 @@ inline bool fits_windows(const SourceView& source, int begin, int y, int n,
 }
 
 /// For each pixel of a chunk: the upper left of four neighbours, counted through the frame; the
-/// weights, by kUnit, of left and right ones, in the halves of each word; and the shares of the
-/// upper and of the lower row.
+/// weights, by kWeightUnit, of left and right ones, in the halves of each word; and the shares of
+/// the upper and of the lower row.
 struct WindowTaps {
   HWY_ALIGN std::int32_t pixel[kChunk], pairs[kChunk];
   HWY_ALIGN float upper[kChunk], lower[kChunk];
 };
 
 /// Where n pixels of a chunk are seen that begins `from` pixels after the stretch. share(i): the
-/// camera's share of a vector of rays, by 1 / kUnit.
+/// camera's share of a vector of rays, by 1 / kWeightUnit.
 template <class Share>
-HWY_INLINE void find_window_taps(const WindowedCamera& camera, int from, int n, const Share& share,
-                                 WindowTaps& taps) {
+HWY_INLINE void compute_window_taps(const WindowedCamera& camera, int from, int n,
+                                    const Share& share, WindowTaps& taps) {
   namespace hn = hwy::HWY_NAMESPACE;
   const hn::ScalableTag<float> d;
   const hn::RebindToSigned<decltype(d)> d32;
@@ -93,15 +93,16 @@ HWY_INLINE void find_window_taps(const WindowedCamera& camera, int from, int n, 
   // As store_taps().
   constexpr float kRounder = 12582912.0F;
   constexpr std::int32_t kRounderBits = 0x4B400000;
-  const auto rounder = set(kRounder), unit = set(kUnit), half_unit = set(kRounder + kUnit / 2);
-  const auto whole = hn::Set(d32, kRounderBits + static_cast<std::int32_t>(kUnit));
+  const auto rounder = set(kRounder), unit = set(kWeightUnit),
+             half_unit = set(kRounder + kWeightUnit / 2);
+  const auto whole = hn::Set(d32, kRounderBits + static_cast<std::int32_t>(kWeightUnit));
   const auto rounders =
       hn::Set(d32, static_cast<std::int32_t>(static_cast<std::uint32_t>(kRounderBits) *
                                              (static_cast<std::uint32_t>(camera.width) + 1)));
   const auto width = hn::Set(d32, camera.width);
   const auto principal_left = set(camera.left), principal_top = set(camera.top);
   const auto stride = set(static_cast<float>(lanes)), half = set(0.5F);
-  auto steps = counting_from(d, from);
+  auto steps = iota_from(d, from);
   for (int i = 0; i < n; i += lanes, steps = hn::Add(steps, stride)) {
     const auto inverse = reciprocal(d, values(d, camera.w, steps));
     const auto left = hn::MulAdd(values(d, camera.x, steps), inverse, principal_left);
@@ -121,7 +122,7 @@ HWY_INLINE void find_window_taps(const WindowedCamera& camera, int from, int n, 
   }
 }
 
-/// Sums of a chunk's pixels: codes less 32768, times kUnit and share; and shares.
+/// Sums of a chunk's pixels: codes less 32768, times kWeightUnit and share; and shares.
 struct WindowSums {
   HWY_ALIGN float r[kChunk], g[kChunk], b[kChunk], share[kChunk];
 };

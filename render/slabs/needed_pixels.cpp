@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-NeededPixels::NeededPixels(const Instant& instant)
+NeededPixels::NeededPixels(const LightFieldFrame& instant)
     : instant_(instant), read_(instant.rig->cameras.size()) {}
 
 void NeededPixels::mark(const SlabRays& rays, const SlabRays::Run& run, int y, bool nearest,
@@ -44,7 +44,7 @@ void NeededPixels::mark_node(const NodeSources& node, int begin, int end, int y,
     std::vector<std::uint8_t>& read = read_[camera];
     read.resize(static_cast<std::size_t>(source.model.width()) *
                 static_cast<std::size_t>(source.model.height()));
-    SourceView view = source_view_of(source.model, projection.ideal_from_pixel(source.pose));
+    SourceView view = make_source_view(source.model, projection.ideal_from_pixel(source.pose));
     view.read_pixels = read.data();
     PixelRun run;
     run.begin = begin;

@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "render/common/light_field_frame.h"
+#include "render/common/plane_projection.h"
 #include "render/slabs/node_sources.h"
 #include "render/slabs/slab_rays.h"
-#include "render/view/instant.h"
-#include "render/view/plane_projection.h"
 
 namespace raystage {
 
@@ -17,7 +17,7 @@ namespace raystage {
 /// were looked up in the frames themselves. Rectified images are made of whole frames.
 class NeededPixels {
  public:
-  explicit NeededPixels(const Instant& instant);
+  explicit NeededPixels(const LightFieldFrame& instant);
 
   /// A run of pixels of row `y`, `projection` of the view on the focal plane. `nodes`: of the run's
   /// cell, upper left, upper right, lower left, lower right; null where there is none.
@@ -30,7 +30,7 @@ class NeededPixels {
   void mark_node(const NodeSources& node, int begin, int end, int y,
                  const PlaneProjection& projection);
 
-  const Instant& instant_;
+  const LightFieldFrame& instant_;
   std::vector<std::vector<std::uint8_t>> read_;  // per camera, per pixel; empty: none
 };
 

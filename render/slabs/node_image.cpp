@@ -5,10 +5,10 @@
 #include <chrono>
 #include <cstring>
 
+#include "base/parallel.h"
+#include "render/common/plane_projection.h"
 #include "render/sampling/source_frames.h"
 #include "render/sampling/source_view.h"
-#include "render/view/plane_projection.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -58,18 +58,18 @@ std::size_t node_image_bytes(const Slab& slab) {
   return samples_of(slab) * 4 * sizeof(std::uint16_t);
 }
 
-std::shared_ptr<const NodeImage> NodeImageSlot::image() const {
+std::shared_ptr<const NodeImage> NodeImageCache::image() const {
   const std::scoped_lock lock(mutex_);
   return image_;
 }
 
-void NodeImageSlot::keep(std::shared_ptr<const NodeImage> image) const {
+void NodeImageCache::keep(std::shared_ptr<const NodeImage> image) const {
   const std::scoped_lock lock(mutex_);
   if (image_ && image_->made.covers(image->made)) return;
   image_ = std::move(image);
 }
 
-std::shared_ptr<const NodeImage> make_node_image(const Instant& instant, const Slab& slab,
+std::shared_ptr<const NodeImage> make_node_image(const LightFieldFrame& instant, const Slab& slab,
                                                  int column, int row, const NodeSources& sources,
                                                  const Eigen::Vector4d& focal_plane,
                                                  const NodeRows& rows) {
@@ -104,7 +104,7 @@ std::shared_ptr<const NodeImage> make_node_image(const Instant& instant, const S
     run.source[i] = &frames.view(cameras[i]);
     run.share[i] = {0, 0, sources.weight[i]};
   }
-  if (!frames.all_whole()) {
+  if (!frames.are_fully_decoded()) {
     for_each_row(rows, run, [](const PixelRun& of_row) { mark_run(of_row); });
   }
   RenderStatistics decoding;
@@ -119,13 +119,13 @@ std::shared_ptr<const NodeImage> make_node_image(const Instant& instant, const S
                                                           static_cast<std::size_t>(slab.width) * 4;
     for (piece.begin = first; piece.begin < end; piece.begin += kSamplesPerPiece) {
       piece.end = std::min(piece.begin + kSamplesPerPiece, slab.width);
-      codes_of_run(piece, of_row + static_cast<std::size_t>(piece.begin) * 4);
+      blend_run_codes(piece, of_row + static_cast<std::size_t>(piece.begin) * 4);
     }
   });
   return image;
 }
 
-std::string node_image_key(const Instant& instant, const Slab& slab, int column, int row,
+std::string node_image_key(const LightFieldFrame& instant, const Slab& slab, int column, int row,
                            const NodeSources& sources, const Eigen::Vector4d& focal_plane) {
   std::string key = "slabs: image of a node\n";
   const VirtualCamera node = slab.node_view(column, row);

@@ -7,9 +7,9 @@
 #include <mutex>
 #include <string>
 
+#include "render/common/light_field_frame.h"
 #include "render/slabs/node_rows.h"
 #include "render/slabs/node_sources.h"
-#include "render/view/instant.h"
 
 namespace raystage {
 
@@ -32,9 +32,9 @@ struct NodeImage {
 /// Memory that an image of the slab's nodes takes.
 std::size_t node_image_bytes(const Slab& slab);
 
-/// Where a node's image is kept (KeptResults): as much of it as one view reads, for that one; the
+/// Where a node's image is kept (ResultCache): as much of it as one view reads, for that one; the
 /// whole as soon as another view reads more of the same instant. Thread-safe.
-class NodeImageSlot {
+class NodeImageCache {
  public:
   /// Null before the first.
   std::shared_ptr<const NodeImage> image() const;
@@ -49,14 +49,14 @@ class NodeImageSlot {
 /// Rectifies the samples of `rows`, decoding what they read; each is the same however many others
 /// are made. Where several cameras stand in for the node, they are blended where its rays meet
 /// `focal_plane` (focal plane reconstruction from where the node is). `sources.count` above 0.
-std::shared_ptr<const NodeImage> make_node_image(const Instant& instant, const Slab& slab,
+std::shared_ptr<const NodeImage> make_node_image(const LightFieldFrame& instant, const Slab& slab,
                                                  int column, int row, const NodeSources& sources,
                                                  const Eigen::Vector4d& focal_plane,
                                                  const NodeRows& rows);
 
-/// What the image depends on, for KeptResults: frames, weights, node and image plane; the focal
+/// What the image depends on, for ResultCache: frames, weights, node and image plane; the focal
 /// plane only where the node is not a camera itself.
-std::string node_image_key(const Instant& instant, const Slab& slab, int column, int row,
+std::string node_image_key(const LightFieldFrame& instant, const Slab& slab, int column, int row,
                            const NodeSources& sources, const Eigen::Vector4d& focal_plane);
 
 }  // namespace raystage

@@ -17,12 +17,13 @@ constexpr double kRounding = 1.0 / 16;
 /// Shares of a ray that rounding may add to a node.
 constexpr double kShareRounding = 1e-3;
 
-double value(const SlabRun::Function& function, double x, int y) {
+double value(const SlabRun::LinearFunction& function, double x, int y) {
   return function[0] * x + (function[1] * (y + 0.5) + function[2]);
 }
 
 /// Whether the second (or the first) of two nodes along an axis counts anywhere between two rays.
-bool counts(const SlabRun& run, const SlabRun::Function& times, bool second, double x0, double x1) {
+bool counts(const SlabRun& run, const SlabRun::LinearFunction& times, bool second, double x0,
+            double x1) {
   if (run.interpolation != SlabInterpolation::kNearest) return true;
   const double share0 = value(times, x0, run.y) / value(run.across, x0, run.y);
   const double share1 = value(times, x1, run.y) / value(run.across, x1, run.y);

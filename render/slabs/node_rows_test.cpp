@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kNodeWidth = 37, kNodeHeight = 23;
 
-double value_at(const SlabRun::Function& function, int x, int y) {
+double value_at(const SlabRun::LinearFunction& function, int x, int y) {
   return function[0] * (x + 0.5) + function[1] * (y + 0.5) + function[2];
 }
 
@@ -75,8 +75,8 @@ TEST(NodeRows, AreTightForARunAlongARow) {
   run.begin = 3;
   run.end = 23;
   run.across = run.ahead = {0, 0, 1};
-  run.u = {SlabRun::Function{1, 0, 2.25}, SlabRun::Function{1, 0, -100}};
-  run.v = {SlabRun::Function{0, 0, 7.75}, SlabRun::Function{0, 0, 7.75}};
+  run.u = {SlabRun::LinearFunction{1, 0, 2.25}, SlabRun::LinearFunction{1, 0, -100}};
+  run.v = {SlabRun::LinearFunction{0, 0, 7.75}, SlabRun::LinearFunction{0, 0, 7.75}};
   NodeRows rows(kNodeWidth, kNodeHeight);
   rows.add(run, 0);
   for (int y = 0; y < kNodeHeight; ++y) {
@@ -102,8 +102,8 @@ TEST(NodeRows, OfTheNearestNodeAloneHoldOnlyTheRaysNearToIt) {
   run.interpolation = SlabInterpolation::kNearest;
   run.across = run.ahead = {0, 0, 1};
   run.column = {1.0 / 32, 0, 0};
-  run.u = {SlabRun::Function{1, 0, 0}, SlabRun::Function{1, 0, 0}};
-  run.v = {SlabRun::Function{0, 0, 5}, SlabRun::Function{0, 0, 5}};
+  run.u = {SlabRun::LinearFunction{1, 0, 0}, SlabRun::LinearFunction{1, 0, 0}};
+  run.v = {SlabRun::LinearFunction{0, 0, 5}, SlabRun::LinearFunction{0, 0, 5}};
   NodeRows left(kNodeWidth, kNodeHeight), right(kNodeWidth, kNodeHeight),
       lower(kNodeWidth, kNodeHeight);
   left.add(run, 0);

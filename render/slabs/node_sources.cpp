@@ -116,10 +116,10 @@ std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const To
       if (&present != &complete) {
         NodeSources wanted = sources_in(complete, centres, node.head<2>(), reach);
         at_node(wanted, node);
-        sources.present_share = wanted.count > 0 ? 0 : 1;
+        sources.present_weight = wanted.count > 0 ? 0 : 1;
         for (std::size_t i = 0; i < static_cast<std::size_t>(wanted.count); ++i) {
           if (is_present[static_cast<std::size_t>(wanted.camera[i])]) {
-            sources.present_share += wanted.weight[i];
+            sources.present_weight += wanted.weight[i];
           }
         }
       }

@@ -18,7 +18,7 @@ struct NodeSources {
   /// The one camera stands where the node is: its image needs no focal plane to become the node's.
   bool at_camera = false;
   /// The part of the weight that would be the same if no camera were absent.
-  double present_share = 1;
+  double present_weight = 1;
 };
 
 /// For every node, row by row: the cell of `present` that it lies in, seen along the slab's normal,

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <random>
 
-#include "render/view/synthetic_take.h"
+#include "testing/render/synthetic_take.h"
 
 namespace raystage {
 namespace {
@@ -49,23 +49,23 @@ TEST(NodeSources, AreTheCamerasOfAGridAndTheirNeighboursWhereOneIsAbsent) {
   const Rig rig = rig_of(testing::camera_grid(3, 3, 0.06, 40, 30));
   std::vector<int> all(9);
   std::iota(all.begin(), all.end(), 0);
-  const Topology complete = topology_of(rig, all);
+  const Topology complete = make_topology(rig, all);
   const Slab slab = fit_slabs(rig, all, complete.normal, {})[0];
   for (const NodeSources& node : node_sources(slab, rig, complete, complete)) {
     EXPECT_EQ(node.count, 1);
     EXPECT_TRUE(node.at_camera);
     EXPECT_EQ(node.weight[0], 1);
-    EXPECT_EQ(node.present_share, 1);
+    EXPECT_EQ(node.present_weight, 1);
   }
   for (const int absent : {4, 0}) {  // in the middle, at a corner
     std::vector<int> rest = all;
     std::erase(rest, absent);
-    const Topology present = topology_of(rig, rest);
+    const Topology present = make_topology(rig, rest);
     const auto nodes = node_sources(slab, rig, present, complete);
     for (int i = 0; i < 9; ++i) {
       const NodeSources& node = nodes[static_cast<std::size_t>(i)];
       EXPECT_EQ(node.at_camera, i != absent);
-      EXPECT_EQ(node.present_share, i == absent ? 0 : 1);
+      EXPECT_EQ(node.present_weight, i == absent ? 0 : 1);
       double sum = 0;
       for (int c = 0; c < node.count; ++c) {
         EXPECT_NE(node.camera[static_cast<std::size_t>(c)], absent);
@@ -76,7 +76,7 @@ TEST(NodeSources, AreTheCamerasOfAGridAndTheirNeighboursWhereOneIsAbsent) {
     EXPECT_EQ(nodes[static_cast<std::size_t>(absent)].count, 2);  // between two, half each
   }
   // With nobody near, nobody stands in.
-  const Topology corner = topology_of(rig, std::vector<int>{0});
+  const Topology corner = make_topology(rig, std::vector<int>{0});
   EXPECT_EQ(node_sources(slab, rig, corner, complete)[8].count, 0);
   EXPECT_EQ(node_sources(slab, rig, corner, complete)[1].count, 1);
 }

@@ -6,9 +6,9 @@
 #include <numbers>
 #include <optional>
 
+#include "base/error.h"
+#include "render/common/plane_projection.h"
 #include "render/slabs/slabs.h"
-#include "render/view/plane_projection.h"
-#include "schemas/error.h"
 
 namespace raystage {
 namespace {
@@ -20,19 +20,20 @@ const OptionSpec kOptions[] = {
         "layout", "single", "single|box",
         "one slab of all cameras, or up to six around a rig that looks outwards: each ray "
         "is answered by the side of the box it leaves through"),
-    whole_option("columns", 0, 0, 1024,
-                 "nodes (s) along each camera plane; 0: as many as the rig's grid has, or as dense "
-                 "as its cameras"),
-    whole_option("rows", 0, 0, 1024, "nodes (t) across each camera plane; 0: as for columns"),
+    integer_option(
+        "columns", 0, 0, 1024,
+        "nodes (s) along each camera plane; 0: as many as the rig's grid has, or as dense "
+        "as its cameras"),
+    integer_option("rows", 0, 0, 1024, "nodes (t) across each camera plane; 0: as for columns"),
     number_option("uv_scale", 1, 0.05, 4,
                   "samples of the image plane (u,v) per finest source pixel, along each axis; the "
                   "memory of a slab goes with its square"),
     number_option("max_fov", 150, 10, 170, "degrees; the widest angle that an image plane holds"),
 };
 
-RigSlabs make_slabs(const Instant& instant, const SlabSettings& settings) {
+RigSlabs make_slabs(const LightFieldFrame& instant, const SlabSettings& settings) {
   const Rig& rig = *instant.rig;
-  const std::vector<int>& complete = instant.members;
+  const std::vector<int>& complete = instant.included_cameras;
   RigSlabs made;
   made.slabs = fit_slabs(rig, complete, instant.complete->normal, settings);
   for (const Slab& slab : made.slabs) {
@@ -40,12 +41,12 @@ RigSlabs make_slabs(const Instant& instant, const SlabSettings& settings) {
       made.nodes.push_back(node_sources(slab, rig, *instant.present, *instant.complete));
       continue;
     }
-    const Topology all = topology_of(rig, slab.cameras);
+    const Topology all = make_topology(rig, slab.cameras);
     std::vector<int> there;
     std::ranges::copy_if(slab.cameras, std::back_inserter(there),
                          [&](int camera) { return instant.is_present(camera); });
     std::optional<Topology> some;
-    if (there != slab.cameras) some = there.empty() ? Topology{} : topology_of(rig, there);
+    if (there != slab.cameras) some = there.empty() ? Topology{} : make_topology(rig, there);
     made.nodes.push_back(node_sources(slab, rig, some ? *some : all, all));
   }
   return made;
@@ -53,24 +54,24 @@ RigSlabs make_slabs(const Instant& instant, const SlabSettings& settings) {
 
 }  // namespace
 
-Eigen::Vector4d focal_plane_of(const Slab& slab, const ViewRequest& request) {
+Eigen::Vector4d slab_focal_plane(const Slab& slab, const ViewRequest& request) {
   const Eigen::Vector4d& plane = request.focal_plane;
   const double normal = plane.head<3>().norm();
-  if (slab.rivals.empty() || normal == 0) return plane;
+  if (slab.competing_axes.empty() || normal == 0) return plane;
   const Eigen::Vector3d middle = request.instant.rig->centre();
-  const double distance = std::abs(height_above_plane(plane, middle));
+  const double distance = std::abs(signed_plane_distance(plane, middle));
   const Eigen::Vector3d ahead = slab.pose.viewing_direction();
   return {ahead.x(), ahead.y(), ahead.z(), -(ahead.dot(middle) + distance)};
 }
 
-SlabInterpolation interpolation_of(const MethodOptions& options) {
+SlabInterpolation slab_interpolation(const MethodOptions& options) {
   const std::string& name = options.text("interpolation");
   if (name == "nearest") return SlabInterpolation::kNearest;
   return name == "bilinear_st" ? SlabInterpolation::kBilinearNodes
                                : SlabInterpolation::kQuadrilinear;
 }
 
-std::shared_ptr<const RigSlabs> slabs_of(const ViewRequest& request) {
+std::shared_ptr<const RigSlabs> rig_slabs(const ViewRequest& request) {
   const MethodOptions& options = request.options;
   SlabSettings settings;
   settings.layout =
@@ -80,13 +81,13 @@ std::shared_ptr<const RigSlabs> slabs_of(const ViewRequest& request) {
   settings.uv_scale = options.number("uv_scale");
   settings.max_fov = options.number("max_fov") * std::numbers::pi / 180;
   std::string present;
-  for (const int camera : request.instant.members) {
+  for (const int camera : request.instant.included_cameras) {
     present += request.instant.is_present(camera) ? '1' : '0';
   }
   const std::string key =
       fmt::format("slabs of the rig\n{} {} {} {:a} {:a}\n{}\n{}", options.text("layout"),
                   settings.columns, settings.rows, settings.uv_scale, settings.max_fov,
-                  fmt::join(request.instant.members, " "), present);
+                  fmt::join(request.instant.included_cameras, " "), present);
   return request.kept.get<RigSlabs>(key, [&](std::size_t& bytes) {
     auto made = std::make_shared<const RigSlabs>(make_slabs(request.instant, settings));
     for (const auto& nodes : made->nodes) bytes += nodes.size() * sizeof(NodeSources);
@@ -112,8 +113,8 @@ class SlabsMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return render_slabs_reference(request);
   }
-  Distribution distribution(const MethodOptions&) const override {
-    return Distribution::kContributions;
+  DistributionMode distribution(const MethodOptions&) const override {
+    return DistributionMode::kContributions;
   }
   Contribution contribute(const ViewRequest& request) const override {
     return contribute_slabs(request);
@@ -121,7 +122,7 @@ class SlabsMethod final : public Method {
   RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
     return combine_slabs(request, planes.at(0));
   }
-  void check_rays(const MethodOptions& options) const override {
+  void check_ray_support(const MethodOptions& options) const override {
     if (options.text("layout") != "box") return;
     throw Error::bad_input(
         "slabs in a box look rays up on a plane before each side, single rays on one plane alone",

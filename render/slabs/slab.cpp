@@ -312,7 +312,7 @@ std::vector<Slab> fit_slabs(const Rig& rig, std::span<const int> cameras, const 
     if (members[face].empty()) continue;
     slabs.push_back(fit_slab(rig, std::move(members[face]), facing[face], settings));
     for (std::size_t other = 0; other < 6; ++other) {
-      if (other != face) slabs.back().rivals.push_back(facing[other]);
+      if (other != face) slabs.back().competing_axes.push_back(facing[other]);
     }
   }
   return slabs;

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "render/view/view.h"
+#include "render/common/view.h"
 #include "rig/rig.h"
 
 namespace raystage {
@@ -36,7 +36,7 @@ struct Slab {
   std::vector<int> cameras;                    ///< of the rig, that it is made of
   /// Directions, unit, world: rays that point as much or more along one of them than along the
   /// slab's own -z belong to another slab (appendix A: the ray's largest axis picks the slab).
-  std::vector<Eigen::Vector3d> rivals;
+  std::vector<Eigen::Vector3d> competing_axes;
 
   int nodes() const { return columns * rows; }
   Eigen::Vector3d node_position(int column, int row) const;

@@ -6,11 +6,11 @@
 #include <cmath>
 #include <limits>
 
-#include "render/sampling/sight.h"
+#include "base/parallel.h"
+#include "render/common/ray_cells.h"
+#include "render/sampling/direction_visibility.h"
 #include "render/sampling/source_view.h"
 #include "render/slabs/slab_rays.h"
-#include "render/view/ray_cells.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -43,10 +43,12 @@ class SlabCoverage {
       : request_(request),
         slab_(slab),
         nodes_(nodes),
-        nearest_(interpolation_of(request.options) == SlabInterpolation::kNearest),
+        nearest_(slab_interpolation(request.options) == SlabInterpolation::kNearest),
         rays_(request.view, slab) {}
 
-  bool answers(double x, double y) const { return slab_.width > 0 && rays_.answers(x, y); }
+  bool contains_ray(double x, double y) const {
+    return slab_.width > 0 && rays_.contains_ray(x, y);
+  }
 
   RayCoverage measure(double x, double y, const ViewPoint& point) const {
     const SlabRays::Crossing crossing = rays_.crossing(x, y);
@@ -54,7 +56,7 @@ class SlabCoverage {
     const int upper = std::min(static_cast<int>(crossing.row), std::max(0, slab_.rows - 2));
     const double right_part = part_of(crossing.column - left);
     const double lower_part = part_of(crossing.row - upper);
-    std::array<CameraBehind, kMost> cameras;
+    std::array<RayCamera, kMost> cameras;
     std::size_t count = 0;
     for (int row = upper; row < std::min(upper + 2, slab_.rows); ++row) {
       for (int column = left; column < std::min(left + 2, slab_.columns); ++column) {
@@ -63,14 +65,14 @@ class SlabCoverage {
         if (weight > 0) add_node(column, row, weight, point, cameras, count);
       }
     }
-    return coverage_by(std::span(cameras).first(count), request_, point.direction);
+    return measure_ray_coverage(std::span(cameras).first(count), request_, point.direction);
   }
 
  private:
   double part_of(double place) const { return nearest_ ? (place >= 0.5 ? 1.0 : 0.0) : place; }
 
   void add_node(int column, int row, double weight, const ViewPoint& point,
-                std::array<CameraBehind, kMost>& cameras, std::size_t& count) const {
+                std::array<RayCamera, kMost>& cameras, std::size_t& count) const {
     const Vector3d in_node = slab_.pose.world_from_camera_rotation.transpose() *
                              point.seen_from(slab_.node_position(column, row));
     const double held = within_image(slab_, in_node);
@@ -80,12 +82,12 @@ class SlabCoverage {
       const int index = sources.camera[i];
       const Rig::Camera& camera = request_.instant.rig->cameras[static_cast<std::size_t>(index)];
       Eigen::Vector2d pixel;
-      const double seen = seen_along(camera.model,
-                                     camera.pose.world_from_camera_rotation.transpose() *
-                                         point.seen_from(camera.pose.position),
-                                     pixel);
+      const double seen = direction_visibility(camera.model,
+                                               camera.pose.world_from_camera_rotation.transpose() *
+                                                   point.seen_from(camera.pose.position),
+                                               pixel);
       const auto known = std::find_if(cameras.begin(), cameras.begin() + count,
-                                      [&](const CameraBehind& c) { return c.camera == index; });
+                                      [&](const RayCamera& c) { return c.camera == index; });
       if (known == cameras.begin() + count) cameras[count++] = {index, 0};
       known->weight += weight * sources.weight[i] * std::min(seen, held);
     }
@@ -100,10 +102,10 @@ class SlabCoverage {
 
 }  // namespace
 
-RayCoverage coverage_by(std::span<const CameraBehind> cameras, const ViewRequest& request,
-                        const Vector3d& ray) {
+RayCoverage measure_ray_coverage(std::span<const RayCamera> cameras, const ViewRequest& request,
+                                 const Vector3d& ray) {
   RayCoverage coverage;
-  for (const CameraBehind& behind : cameras) {
+  for (const RayCamera& behind : cameras) {
     const Pose& pose = request.instant.rig->cameras[static_cast<std::size_t>(behind.camera)].pose;
     coverage.add(behind.weight, ray, pose.position - request.view.pose.position);
   }
@@ -126,7 +128,7 @@ void measure_slab_coverage(const ViewRequest& request, const RigSlabs& slabs, Re
       if (!(image.rgba[at * 4 + 3] > 0)) continue;
       const double x = column + 0.5, y = row + 0.5;
       const auto part =
-          std::ranges::find_if(parts, [&](const SlabCoverage& p) { return p.answers(x, y); });
+          std::ranges::find_if(parts, [&](const SlabCoverage& p) { return p.contains_ray(x, y); });
       if (part == parts.end()) continue;
       const RayCoverage coverage =
           part->measure(x, y,

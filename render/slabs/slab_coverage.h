@@ -3,18 +3,18 @@
 
 #include <span>
 
+#include "render/common/ray_coverage.h"
 #include "render/slabs/slabs.h"
-#include "render/view/ray_coverage.h"
 
 namespace raystage {
 
 /// A camera behind a ray; by way of several nodes it counts once, with the sum of its weights.
-struct CameraBehind {
+struct RayCamera {
   int camera = 0;
   double weight = 0;
 };
-RayCoverage coverage_by(std::span<const CameraBehind> cameras, const ViewRequest& request,
-                        const Eigen::Vector3d& ray);
+RayCoverage measure_ray_coverage(std::span<const RayCamera> cameras, const ViewRequest& request,
+                                 const Eigen::Vector3d& ray);
 
 /// Fills RenderedView::cameras and nearest_ray of a view that render_slabs() has made: the cameras
 /// that the nodes around each ray are made of, worked out again, pixel by pixel, in double.

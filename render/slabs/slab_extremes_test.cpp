@@ -10,14 +10,14 @@
 #include <string>
 #include <vector>
 
-#include "render/slabs/slab_kernel_probe.h"
+#include "render/common/ray_cells.h"
 #include "render/slabs/slab_rays.h"
 #include "render/slabs/slab_runs.h"
-#include "render/view/any_geometry.h"
-#include "render/view/exact_geometry.h"
-#include "render/view/ray_cells.h"
-#include "render/view/worst_error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/exact_geometry.h"
+#include "testing/render/geometry_generators.h"
+#include "testing/render/slab_kernel_probe.h"
+#include "testing/render/worst_error.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -29,7 +29,7 @@ using testing::exact;
 using testing::exact_ray;
 using testing::ExactVector;
 using testing::off;
-using testing::ray_terms;
+using testing::ray_term_magnitude;
 using testing::Real;
 using testing::WorstError;
 
@@ -48,7 +48,7 @@ struct Shot {
 
 Slab some_slab() {
   Slab slab;
-  slab.pose = testing::some_pose(testing::far_off(), 1);
+  slab.pose = testing::random_pose(testing::random_origin(), 1);
   slab.columns = *rc::gen::inRange(1, 6);
   slab.rows = *rc::gen::inRange(1, 6);
   const double spacing = *rc::gen::element(1e-3, 0.06, 5.0);
@@ -81,12 +81,12 @@ Shot some_shot() {
   const double distance_to_target = to_target.norm();
   if (distance_to_target > 1e-6 && *rc::gen::inRange(0, 4) > 0) {
     const Vector3d looks = (to_target.dot(ahead) < 0 ? -to_target : to_target) / distance_to_target;
-    eye.world_from_camera_rotation = testing::looking_at(
+    eye.world_from_camera_rotation = testing::rotation_towards(
         Vector3d::Zero(), looks + *rc::gen::element(0.0, 0.0, 0.2) * direction());
   } else if (*rc::gen::inRange(0, 4) > 0) {
     eye.world_from_camera_rotation = pose.world_from_camera_rotation;
   }
-  shot.view = testing::some_view(eye);
+  shot.view = testing::random_view(eye);
   shot.x = between(0, shot.view.width);
   shot.y = between(0, shot.view.height);
   const Vector3d in_view = eye.camera_from_world(target);
@@ -99,7 +99,7 @@ Shot some_shot() {
   const Vector3d& from = *rc::gen::inRange(0, 3) > 0 ? pose.position : eye.position;
   shot.plane = distance == 0
                    ? Eigen::Vector4d(0, 0, 0, 1)
-                   : testing::some_plane(from, distance, ahead + between(0, 0.7) * direction());
+                   : testing::random_plane(from, distance, ahead + between(0, 0.7) * direction());
   return shot;
 }
 
@@ -118,7 +118,7 @@ std::optional<Crossing> exact_crossing(const Slab& slab, const VirtualCamera& vi
   const Real along = dot(exact(r.col(2)), ray);
   const double length = static_cast<double>(norm(ray));
   const double slope = std::abs(static_cast<double>(along)) / length;
-  const double terms = ray_terms(view, x, y) / length;
+  const double terms = ray_term_magnitude(view, x, y) / length;
   if (slope < 1e-9 * terms) return std::nullopt;
   const ExactVector hit = eye - dot(exact(r.col(2)), eye) / along * ray;
   const auto nodes = [&](Eigen::Index axis, double spacing) {
@@ -156,7 +156,7 @@ std::optional<std::array<Real, 2>> exact_uv(const Shot& shot, int column, int ro
                                      Real(row * Real(slab.row_spacing)) * exact(r.col(1)));
     towards = (exact(shot.view.pose.position) + *depth * towards) - node;
   }
-  return testing::exact_look(slab.image, slab.pose, towards);
+  return testing::exact_projection(slab.image, slab.pose, towards);
 }
 
 /// Samples from a position in a node's image to its border; negative outside.
@@ -164,7 +164,9 @@ Real to_border(const Slab& slab, const std::array<Real, 2>& uv) {
   return std::min({uv[0], Real(slab.width - uv[0]), uv[1], Real(slab.height - uv[1])});
 }
 
-double at(const SlabRun::Function& f, double x, double y) { return f[0] * x + (f[1] * y + f[2]); }
+double at(const SlabRun::LinearFunction& f, double x, double y) {
+  return f[0] * x + (f[1] * y + f[2]);
+}
 
 /// How well doubles can know where a node sees the point, pixels: the way from the node to it is a
 /// sum of the ray, times the eye's distance from the plane, and of the way from node to eye. Where
@@ -172,7 +174,7 @@ double at(const SlabRun::Function& f, double x, double y) { return f[0] * x + (f
 double uv_bound(const Shot& shot, const PlaneProjection& projection, double ahead, double x,
                 double y) {
   const Slab& slab = shot.slab;
-  const double terms = ray_terms(shot.view, x, y);
+  const double terms = ray_term_magnitude(shot.view, x, y);
   const double extent = slab.columns * slab.column_spacing + slab.rows * slab.row_spacing;
   const double away = (shot.view.pose.position - slab.pose.position).norm() + extent;
   const double slope_terms =
@@ -192,11 +194,11 @@ TEST(SlabExtremes, RaysCrossBothPlanesWhere50DigitsDo) {
     const Slab& slab = shot.slab;
     const SlabRays rays(shot.view, slab);
     const auto truth = exact_crossing(slab, shot.view, shot.x, shot.y);
-    const bool answers = rays.answers(shot.x, shot.y);
-    if (slab.nodes() == 1) RC_ASSERT(answers);
-    if (truth && !answers) RC_ASSERT(to_edge(slab, *truth) <= truth->bound);
-    if (truth && answers) RC_ASSERT(to_edge(slab, *truth) >= -(truth->bound + 2 * kEdge));
-    if (!answers) return;
+    const bool contains_ray = rays.contains_ray(shot.x, shot.y);
+    if (slab.nodes() == 1) RC_ASSERT(contains_ray);
+    if (truth && !contains_ray) RC_ASSERT(to_edge(slab, *truth) <= truth->bound);
+    if (truth && contains_ray) RC_ASSERT(to_edge(slab, *truth) >= -(truth->bound + 2 * kEdge));
+    if (!contains_ray) return;
     const SlabRays::Crossing crossing = rays.crossing(shot.x, shot.y);
     RC_ASSERT(crossing.column >= 0 && crossing.column <= slab.columns - 1);
     RC_ASSERT(crossing.row >= 0 && crossing.row <= slab.rows - 1);
@@ -228,7 +230,7 @@ TEST(SlabExtremes, RaysCrossBothPlanesWhere50DigitsDo) {
 }
 
 /// The largest of a function along a run.
-double most_along(const SlabRun& run, const SlabRun::Function& f) {
+double most_along(const SlabRun& run, const SlabRun::LinearFunction& f) {
   const double y = run.y + 0.5;
   return std::max(std::abs(at(f, run.begin + 0.5, y)), std::abs(at(f, run.end - 0.5, y)));
 }
@@ -251,7 +253,7 @@ std::optional<SlabRun> run_around(const Shot& shot, const SlabRays& rays,
 
 TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
   const testing::SlabKernelProbe probe;
-  testing::for_each_target(slab_kernel_target, [&] {
+  testing::for_each_simd_target(slab_kernel_target, [&] {
     const std::string target = slab_kernel_target();
     WorstError weight(target + ": weight of a node", 1e-3), position(target + ": position, px", 1),
         depth(target + ": depth, relative", 1e-3), sum_of_weights(target + ": sum of weights");
@@ -267,7 +269,7 @@ TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
       const PlaneProjection projection(shot.view, shot.plane);
       const auto truth = exact_crossing(slab, shot.view, centre_x, centre_y);
       const auto run = run_around(shot, rays, projection, x, y);
-      RC_ASSERT(run.has_value() == rays.answers(centre_x, centre_y));
+      RC_ASSERT(run.has_value() == rays.contains_ray(centre_x, centre_y));
       if (!run) return;
 
       const std::array<double, 4> weights = probe.weights(*run, x);
@@ -278,7 +280,7 @@ TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
       // The cell is the run's; how far into it the crossing lies is the truth's.
       const SlabRays::Crossing crossing = rays.crossing(centre_x, centre_y);
       const double across = at(run->across, centre_x, centre_y);
-      const auto cell = [&](double place, const SlabRun::Function& into, int count) {
+      const auto cell = [&](double place, const SlabRun::LinearFunction& into, int count) {
         return count == 1
                    ? 0
                    : static_cast<int>(std::round(place - at(into, centre_x, centre_y) / across));
@@ -324,7 +326,7 @@ TEST(SlabExtremes, KernelsInterpolateAs50DigitsDo) {
         const double slope = std::abs(projection.slope().dot(Vector3d(centre_x, centre_y, 1)));
         depth.expect(static_cast<double>(abs(Real(found.z) / truly - 1)),
                      4 * kFloatEpsilon * (1 + most_along(*run, run->slope) / slope) +
-                         64 * kEpsilon * ray_terms(shot.view, centre_x, centre_y) / slope);
+                         64 * kEpsilon * ray_term_magnitude(shot.view, centre_x, centre_y) / slope);
       }
     }));
   });

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Kernels of two-plane light fields (Levoy and Hanrahan; Gortler et al., SIGGRAPH 1996; thesis
+// 2.3, appendix A): quadrilinear, bilinear or nearest interpolation between the samples of the
+// four nodes around a ray, for a run of pixels within one cell of the camera plane. Cost: O(pixels
+// x 16) for quadrilinear interpolation. Must match slabs_reference.cpp.
 #include "render/slabs/slab_kernels.h"
 
 #include <algorithm>
@@ -40,7 +44,7 @@ struct Taps {
 struct Ramp {
   float base, step;
 };
-Ramp ramp(const SlabRun::Function& function, int x, int y, double scale) {
+Ramp ramp(const SlabRun::LinearFunction& function, int x, int y, double scale) {
   return {static_cast<float>((function[0] * (x + 0.5) + (function[1] * (y + 0.5) + function[2])) *
                              scale),
           static_cast<float>(function[0] * scale)};
@@ -48,7 +52,7 @@ Ramp ramp(const SlabRun::Function& function, int x, int y, double scale) {
 
 /// Common scale of a run's numerators and denominator: only their ratio matters, and float must
 /// hold them.
-double scale_of(const SlabRun::Function& denominator, int x, int y, int n) {
+double scale_of(const SlabRun::LinearFunction& denominator, int x, int y, int n) {
   const double rest = denominator[1] * (y + 0.5) + denominator[2];
   const double most = std::max(std::abs(denominator[0] * (x + 0.5) + rest),
                                std::abs(denominator[0] * (x + n - 0.5) + rest));
@@ -91,7 +95,7 @@ HWY_INLINE hn::Vec<D> share_of_second(D d, hn::Vec<D> times, hn::Vec<D> inverse,
   return nearest ? hn::IfThenElseZero(hn::Ge(share, hn::Set(d, 0.5F)), one) : share;
 }
 
-void find_taps(const SlabRun& run, int begin, int n, Taps (&taps)[4]) {
+void compute_taps(const SlabRun& run, int begin, int n, Taps (&taps)[4]) {
   using D = hn::ScalableTag<float>;
   const D d;
   const hn::RebindToSigned<D> di;
@@ -172,16 +176,16 @@ void add_samples(const std::uint16_t* HWY_RESTRICT texels, int width, const Taps
 }
 
 void sample_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
-                SampleSums mode) {
+                SumStage mode) {
   Taps taps[4];
   HWY_ALIGN float sums[4 * kChunk];
   for (int begin = run.begin; begin < run.end; begin += kChunk) {
     const int n = std::min(kChunk, run.end - begin);
     float* out = rgba + static_cast<std::size_t>(begin - run.begin) * 4;
-    if (mode == SampleSums::kGiven) {
+    if (mode == SumStage::kFinishOnly) {
       std::copy_n(out, 4 * n, sums);
     } else {
-      find_taps(run, begin, n, taps);
+      compute_taps(run, begin, n, taps);
       std::fill(sums, sums + 4 * n, 0.0F);
       for (int c = 0; c < 4; ++c) {
         if (run.node[static_cast<std::size_t>(c)] == nullptr) continue;
@@ -193,7 +197,7 @@ void sample_run(const SlabRun& run, BlendSpace space, float full_scale, float* r
     for (int i = 0; i < n; ++i) {
       if (!run.at_infinity && !(slope_at(i) > 0)) std::fill(sums + 4 * i, sums + 4 * i + 4, 0.0F);
     }
-    if (mode == SampleSums::kLeave) {
+    if (mode == SumStage::kSampleOnly) {
       std::copy_n(sums, 4 * n, out);
       continue;
     }
@@ -221,7 +225,7 @@ HWY_EXPORT(sample_run);
 HWY_EXPORT(target);
 
 void sample_slab_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
-                     SampleSums sums) {
+                     SumStage sums) {
   HWY_DYNAMIC_DISPATCH(sample_run)(run, space, full_scale, rgba, z, sums);
 }
 const char* slab_kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }

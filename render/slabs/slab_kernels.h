@@ -4,8 +4,8 @@
 #include <array>
 #include <cstdint>
 
-#include "render/view/contribution.h"
-#include "store/frames/blend_space.h"
+#include "render/common/contribution.h"
+#include "store/processing/frames/blend_space.h"
 
 namespace raystage {
 
@@ -19,7 +19,7 @@ enum class SlabInterpolation {
 /// A run of pixels of one row of the view whose rays cross one cell of a slab's camera plane.
 /// Functions are linear in the pixel: f[0] x + f[1] y + f[2].
 struct SlabRun {
-  using Function = std::array<double, 3>;
+  using LinearFunction = std::array<double, 3>;
   int begin = 0, end = 0, y = 0;
   SlabInterpolation interpolation = SlabInterpolation::kQuadrilinear;
   /// Images of the nodes at the cell's upper left, upper right, lower left, lower right
@@ -28,13 +28,13 @@ struct SlabRun {
   int width = 0, height = 0;  ///< samples of each
   /// How far from the left to the right nodes: column / across, from the upper to the lower:
   /// row / across, both in [0, 1].
-  Function column{}, row{}, across{};
+  LinearFunction column{}, row{}, across{};
   /// Where the left and right nodes see the point of the focal plane, samples: u / ahead; the upper
   /// and lower: v / ahead. Seen where `ahead` is above 0.
-  std::array<Function, 2> u{}, v{};
-  Function ahead{};
+  std::array<LinearFunction, 2> u{}, v{};
+  LinearFunction ahead{};
   /// Of the focal plane as seen from the view (PlaneProjection).
-  Function slope{};
+  LinearFunction slope{};
   double distance = 0;
   bool at_infinity = false;
 };
@@ -42,9 +42,9 @@ struct SlabRun {
 /// Reconstructs the run into rows of the view, starting at its first pixel: `rgba` 4 floats a pixel
 /// (premultiplied linear light, code 65535 being `full_scale`), `z` 1 float (+infinity where alpha
 /// is 0). Run-time dispatch: see slab_kernel_target().
-/// `sums`: as blend_run(); kLeave does not write `z`.
+/// `sums`: as blend_run(); kSampleOnly does not write `z`.
 void sample_slab_run(const SlabRun& run, BlendSpace space, float full_scale, float* rgba, float* z,
-                     SampleSums sums = SampleSums::kFinish);
+                     SumStage sums = SumStage::kSampleAndFinish);
 
 /// The instruction set in use, e.g. "AVX3".
 const char* slab_kernel_target();

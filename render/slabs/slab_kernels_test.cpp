@@ -9,8 +9,8 @@
 #include <random>
 #include <vector>
 
-#include "schemas/test_targets.h"
-#include "schemas/transfer_function.h"
+#include "base/transfer_function.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -42,14 +42,14 @@ SlabRun sweeping_run(const std::vector<std::vector<std::uint16_t>>& images) {
   run.column = {0.011, 0.01, -0.2};
   run.row = {-0.009, 0.02, 1.1};
   run.ahead = {-0.004, 0.003, 1};
-  run.u = {SlabRun::Function{0.2, 0.1, -3}, SlabRun::Function{0.21, 0.08, -4}};
-  run.v = {SlabRun::Function{0.02, 0.9, 1}, SlabRun::Function{0.03, 0.95, -1}};
+  run.u = {SlabRun::LinearFunction{0.2, 0.1, -3}, SlabRun::LinearFunction{0.21, 0.08, -4}};
+  run.v = {SlabRun::LinearFunction{0.02, 0.9, 1}, SlabRun::LinearFunction{0.03, 0.95, -1}};
   run.slope = {-0.01, 0.001, 1.31};
   run.distance = 2;
   return run;
 }
 
-double at(const SlabRun::Function& f, int x, int y) {
+double at(const SlabRun::LinearFunction& f, int x, int y) {
   return f[0] * (x + 0.5) + f[1] * (y + 0.5) + f[2];
 }
 
@@ -142,7 +142,7 @@ TEST(SlabKernels, EveryInstructionSetAgreesWithTheDefinition) {
       image[i + 3] = *std::max_element(&image[i], &image[i] + 4);
     }
   }
-  testing::for_each_target(slab_kernel_target, [&] {
+  testing::for_each_simd_target(slab_kernel_target, [&] {
     for (const auto interpolation :
          {SlabInterpolation::kQuadrilinear, SlabInterpolation::kBilinearNodes,
           SlabInterpolation::kNearest}) {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "render/view/ray_cells.h"
+#include "render/common/ray_cells.h"
 
 namespace raystage {
 namespace {
@@ -45,7 +45,7 @@ SlabRays::SlabRays(const VirtualCamera& view, const Slab& slab)
     }
     // A single camera takes rays along its plane too.
     if (slab.nodes() > 1) conditions.emplace_back(side * across_);
-    for (const Vector3d& rival : slab.rivals) {
+    for (const Vector3d& rival : slab.competing_axes) {
       conditions.emplace_back(world_from_pixel.transpose() *
                               (slab.pose.viewing_direction() - rival));
     }
@@ -54,7 +54,7 @@ SlabRays::SlabRays(const VirtualCamera& view, const Slab& slab)
   }
 }
 
-bool SlabRays::answers(double x, double y) const {
+bool SlabRays::contains_ray(double x, double y) const {
   return std::ranges::any_of(sides_, [&](const Conditions& conditions) {
     return (columns_ * rows_ == 1 || at(across_, x, y) != 0) &&
            std::ranges::all_of(conditions,

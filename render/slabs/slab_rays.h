@@ -11,8 +11,8 @@ namespace raystage {
 /// Where the rays of a virtual camera cross a slab's camera plane.
 ///
 /// With the eye e and the ray d in the slab's frame (camera plane z = 0), the crossing is
-/// e - d e_z / d_z: in units of nodes column = column_times / across with
-///   across = -d_z,  column_times = (e_x across + e_z d_x) / spacing,
+/// e - d e_z / d_z: in units of nodes column = column_numerator / across with
+///   across = -d_z,  column_numerator = (e_x across + e_z d_x) / spacing,
 /// linear in the pixel, and exact with the eye on the plane, where e_z is 0. Rays are whole lines:
 /// a camera plane behind the virtual camera counts too.
 class SlabRays {
@@ -31,8 +31,8 @@ class SlabRays {
 
   /// Each of (x, y, 1), x and y in pixels of the view. 0 along an axis of one node: a line of
   /// cameras stands for an endless strip, one camera for every ray.
-  const Eigen::Vector3d& column_times() const { return column_times_; }
-  const Eigen::Vector3d& row_times() const { return row_times_; }
+  const Eigen::Vector3d& column_numerator() const { return column_times_; }
+  const Eigen::Vector3d& row_numerator() const { return row_times_; }
   const Eigen::Vector3d& across() const { return across_; }
 
   /// The row's pixels by cell, in increasing order on either side of the camera plane; those that
@@ -41,8 +41,8 @@ class SlabRays {
 
   /// Whether the ray through (x, y) is the slab's: crosses the grid, on the line's one or other
   /// side.
-  bool answers(double x, double y) const;
-  /// Of a ray that the slab answers.
+  bool contains_ray(double x, double y) const;
+  /// Of a ray that the slab contains_ray.
   Crossing crossing(double x, double y) const;
 
  private:

@@ -7,7 +7,7 @@
 namespace raystage {
 namespace {
 
-SlabRun::Function as_function(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+SlabRun::LinearFunction as_function(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 }  // namespace
 
@@ -38,9 +38,9 @@ SlabRun SlabRuns::run(const SlabRays::Run& part, int y) const {
   run.height = slab_.height;
   // With one node along an axis both sides are the same, and all goes to the first.
   if (slab_.columns > 1) {
-    run.column = as_function(rays_.column_times() - part.column * rays_.across());
+    run.column = as_function(rays_.column_numerator() - part.column * rays_.across());
   }
-  if (slab_.rows > 1) run.row = as_function(rays_.row_times() - part.row * rays_.across());
+  if (slab_.rows > 1) run.row = as_function(rays_.row_numerator() - part.row * rays_.across());
   run.across = as_function(rays_.across());
   const auto column = static_cast<std::size_t>(part.column);
   const auto row = static_cast<std::size_t>(part.row);

@@ -3,10 +3,10 @@
 
 #include <vector>
 
+#include "render/common/plane_projection.h"
 #include "render/slabs/slab.h"
 #include "render/slabs/slab_kernels.h"
 #include "render/slabs/slab_rays.h"
-#include "render/view/plane_projection.h"
 
 namespace raystage {
 
@@ -24,8 +24,8 @@ class SlabRuns {
   const Slab& slab_;
   const SlabRays& rays_;
   const PlaneProjection& projection_;
-  std::vector<SlabRun::Function> u_, v_;  // per column, per row of nodes
-  SlabRun::Function ahead_;
+  std::vector<SlabRun::LinearFunction> u_, v_;  // per column, per row of nodes
+  SlabRun::LinearFunction ahead_;
 };
 
 }  // namespace raystage

@@ -8,9 +8,9 @@
 #include <numeric>
 #include <random>
 
-#include "render/view/synthetic_take.h"
+#include "testing/render/synthetic_take.h"
 
-namespace raystage {
+namespace raystage::slab_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -26,7 +26,7 @@ Rig rig_of(const std::vector<CameraGeometry>& cameras) {
 std::vector<Slab> fit(const Rig& rig, const SlabSettings& settings = {}) {
   std::vector<int> all(rig.cameras.size());
   std::iota(all.begin(), all.end(), 0);
-  return fit_slabs(rig, all, topology_of(rig, all).normal, settings);
+  return fit_slabs(rig, all, make_topology(rig, all).normal, settings);
 }
 
 void turn(CameraGeometry& camera, const Eigen::Matrix3d& rotation) {
@@ -173,17 +173,17 @@ TEST(FitSlabs, ABoxHasASideForEveryDirection) {
   for (const Slab& slab : slabs) {
     ASSERT_EQ(slab.cameras.size(), 4U);
     EXPECT_EQ(slab.nodes(), 4);
-    EXPECT_EQ(slab.rivals.size(), 5U);
+    EXPECT_EQ(slab.competing_axes.size(), 5U);
     for (const int camera : slab.cameras) {
       EXPECT_GT(rig.cameras[static_cast<std::size_t>(camera)].pose.viewing_direction().dot(
                     slab.pose.viewing_direction()),
                 0.9999);
     }
-    for (const Vector3d& rival : slab.rivals) {
+    for (const Vector3d& rival : slab.competing_axes) {
       EXPECT_LT(rival.dot(slab.pose.viewing_direction()), 1e-9);
     }
   }
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::slab_test

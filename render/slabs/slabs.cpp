@@ -6,14 +6,14 @@
 #include <algorithm>
 #include <chrono>
 
+#include "base/error.h"
+#include "base/parallel.h"
+#include "render/common/plane_projection.h"
 #include "render/slabs/needed_pixels.h"
 #include "render/slabs/node_image.h"
 #include "render/slabs/slab_coverage.h"
 #include "render/slabs/slab_rays.h"
 #include "render/slabs/slab_runs.h"
-#include "render/view/plane_projection.h"
-#include "schemas/error.h"
-#include "schemas/parallel.h"
 
 namespace raystage {
 namespace {
@@ -29,7 +29,7 @@ double milliseconds(Clock::duration duration) {
 class SlabFrame {
  public:
   SlabFrame(const ViewRequest& request, const PlaneProjection& projection, const Slab& slab,
-            const std::vector<NodeSources>& nodes, NeededPixels& needed, SampleSums sums,
+            const std::vector<NodeSources>& nodes, NeededPixels& needed, SumStage sums,
             const PixelValues& given)
       : request_(request),
         projection_(projection),
@@ -38,7 +38,7 @@ class SlabFrame {
         needed_(needed),
         sums_(sums),
         given_(given),
-        interpolation_(interpolation_of(request.options)),
+        interpolation_(slab_interpolation(request.options)),
         rays_(request.view, slab),
         functions_(slab, rays_, projection),
         runs_(static_cast<std::size_t>(request.view.height)),
@@ -114,10 +114,10 @@ class SlabFrame {
 
   /// Whether this host makes the node's image.
   bool is_made_here(const NodeSources& node) const {
-    if (node.count == 0 || sums_ == SampleSums::kGiven) return false;
+    if (node.count == 0 || sums_ == SumStage::kFinishOnly) return false;
     const auto heaviest = std::max_element(node.weight.begin(), node.weight.begin() + node.count) -
                           node.weight.begin();
-    return request_.instant.is_held(node.camera[static_cast<std::size_t>(heaviest)]);
+    return request_.instant.is_local(node.camera[static_cast<std::size_t>(heaviest)]);
   }
 
   Error too_large(std::size_t count) const {
@@ -138,14 +138,14 @@ class SlabFrame {
       if (!needed[i]) held_[i].reset();
       if (needed[i] && !held_[i]) missing.push_back(static_cast<int>(i));
     }
-    std::vector<std::shared_ptr<const NodeImageSlot>> slots(missing.size());
-    bool all_whole = true;
+    std::vector<std::shared_ptr<const NodeImageCache>> slots(missing.size());
+    bool are_fully_decoded = true;
     for (std::size_t i = 0; i < missing.size(); ++i) {
-      slots[i] = slot_of(missing[i]);
+      slots[i] = transposed_index(missing[i]);
       const auto image = slots[i]->image();
-      all_whole = all_whole && image && image->made.is_whole();
+      are_fully_decoded = are_fully_decoded && image && image->made.is_whole();
     }
-    if (!all_whole) find_runs_of_nodes();
+    if (!are_fully_decoded) find_runs_of_nodes();
     std::vector<std::int64_t> decoded(missing.size());
     raystage::parallel_for(std::size_t{0}, missing.size(), [&](std::size_t i) {
       held_[static_cast<std::size_t>(missing[i])] = image_of(missing[i], *slots[i], decoded[i]);
@@ -159,18 +159,18 @@ class SlabFrame {
     }
   }
 
-  std::shared_ptr<const NodeImageSlot> slot_of(int node) const {
-    return request_.kept.get<NodeImageSlot>(
+  std::shared_ptr<const NodeImageCache> transposed_index(int node) const {
+    return request_.kept.get<NodeImageCache>(
         node_image_key(request_.instant, slab_, node % slab_.columns, node / slab_.columns,
                        nodes_[static_cast<std::size_t>(node)], request_.focal_plane),
         [&](std::size_t& bytes) {
           bytes = node_image_bytes(slab_);
-          return std::make_shared<NodeImageSlot>();
+          return std::make_shared<NodeImageCache>();
         });
   }
 
   /// A node's image that holds all that the view reads of it, in any of its bands.
-  std::shared_ptr<const NodeImage> image_of(int node, const NodeImageSlot& slot,
+  std::shared_ptr<const NodeImage> image_of(int node, const NodeImageCache& slot,
                                             std::int64_t& pixels_decoded) const {
     auto image = slot.image();
     if (image && image->made.is_whole()) return image;
@@ -236,15 +236,15 @@ class SlabFrame {
           std::ranges::any_of(run.node, [](const auto* n) { return n != nullptr; });
       const std::size_t at = row_start + static_cast<std::size_t>(part.begin);
       const auto values = 4 * static_cast<std::size_t>(part.end - part.begin);
-      if (sums_ == SampleSums::kGiven) std::copy_n(&given_[at * 4], values, &image.rgba[at * 4]);
-      if (sums_ == SampleSums::kLeave && !has_node) {
+      if (sums_ == SumStage::kFinishOnly) std::copy_n(&given_[at * 4], values, &image.rgba[at * 4]);
+      if (sums_ == SumStage::kSampleOnly && !has_node) {
         // A ray on the border of two slabs may have another's sums.
         std::fill_n(&image.rgba[at * 4], values, 0.0F);
         continue;
       }
       sample_slab_run(run, request_.instant.cache->blend_space(), full_scale, &image.rgba[at * 4],
                       &image.z[at], sums_);
-      if (sums_ == SampleSums::kLeave) continue;
+      if (sums_ == SumStage::kSampleOnly) continue;
       set_coverage(part, nodes, y, image);
     }
   }
@@ -255,7 +255,7 @@ class SlabFrame {
     std::array<double, 4> lacking{};
     for (std::size_t i = 0; i < 4; ++i) {
       if (nodes[i] >= 0) {
-        lacking[i] = 1 - nodes_[static_cast<std::size_t>(nodes[i])].present_share;
+        lacking[i] = 1 - nodes_[static_cast<std::size_t>(nodes[i])].present_weight;
       }
     }
     const bool any = std::ranges::any_of(lacking, [](double part) { return part > 0; });
@@ -288,8 +288,8 @@ class SlabFrame {
   const Slab& slab_;
   const std::vector<NodeSources>& nodes_;
   NeededPixels& needed_;
-  SampleSums sums_;
-  const PixelValues& given_;  // sums in place of samples, kGiven
+  SumStage sums_;
+  const PixelValues& given_;  // sums in place of samples, kFinishOnly
   SlabInterpolation interpolation_;
   SlabRays rays_;
   SlabRuns functions_;
@@ -299,11 +299,11 @@ class SlabFrame {
   std::vector<bool> camera_used_;
 };
 
-/// `given`: of all hosts, with kGiven.
-void render_rays(const ViewRequest& request, SampleSums sums, const PixelValues& given,
+/// `given`: of all hosts, with kFinishOnly.
+void render_rays(const ViewRequest& request, SumStage sums, const PixelValues& given,
                  RenderedView& image) {
   const auto start = Clock::now();
-  const auto slabs = slabs_of(request);
+  const auto slabs = rig_slabs(request);
   image.statistics.plan_ms = milliseconds(Clock::now() - start);
   NeededPixels needed(request.instant);
   // A ray on the border of two slabs is the first one's: it comes last.
@@ -311,13 +311,13 @@ void render_rays(const ViewRequest& request, SampleSums sums, const PixelValues&
     const Slab& slab = slabs->slabs[i];
     if (slab.width == 0) continue;  // its cameras see nothing of its image plane
     ViewRequest on_face = request;
-    on_face.focal_plane = focal_plane_of(slab, request);
+    on_face.focal_plane = slab_focal_plane(slab, request);
     const PlaneProjection projection(request.view, on_face.focal_plane);
     if (!projection.at_infinity() && projection.distance() == 0) continue;  // eye on the plane
     SlabFrame(on_face, projection, slab, slabs->nodes[i], needed, sums, given).render(image);
   }
   image.statistics.pixels_needed = needed.count();
-  if (request.measure_coverage && sums != SampleSums::kLeave) {
+  if (request.measure_coverage && sums != SumStage::kSampleOnly) {
     measure_slab_coverage(request, *slabs, image);
   }
 }
@@ -326,13 +326,13 @@ void render_rays(const ViewRequest& request, SampleSums sums, const PixelValues&
 
 RenderedView render_slabs(const ViewRequest& request) {
   RenderedView image = empty_view(request.view);
-  render_rays(request, SampleSums::kFinish, {}, image);
+  render_rays(request, SumStage::kSampleAndFinish, {}, image);
   return image;
 }
 
 Contribution contribute_slabs(const ViewRequest& request) {
   RenderedView image = empty_view(request.view);
-  render_rays(request, SampleSums::kLeave, {}, image);
+  render_rays(request, SumStage::kSampleOnly, {}, image);
   Contribution contribution;
   contribution.planes.push_back(std::move(image.rgba));
   contribution.statistics = image.statistics;
@@ -341,7 +341,7 @@ Contribution contribute_slabs(const ViewRequest& request) {
 
 RenderedView combine_slabs(const ViewRequest& request, const PixelValues& sums) {
   RenderedView image = empty_view(request.view);
-  render_rays(request, SampleSums::kGiven, sums, image);
+  render_rays(request, SumStage::kFinishOnly, sums, image);
   return image;
 }
 

@@ -4,10 +4,10 @@
 #include <memory>
 #include <vector>
 
+#include "render/common/method.h"
 #include "render/slabs/node_sources.h"
 #include "render/slabs/slab.h"
 #include "render/slabs/slab_kernels.h"
-#include "render/view/method.h"
 
 namespace raystage {
 
@@ -18,11 +18,11 @@ struct RigSlabs {
 };
 
 /// The slabs that the request's options ask for, worked out once and kept.
-std::shared_ptr<const RigSlabs> slabs_of(const ViewRequest& request);
+std::shared_ptr<const RigSlabs> rig_slabs(const ViewRequest& request);
 /// Where a slab's rays are looked up: on the focal plane asked for; of a box each face on a plane
 /// of its own, as far from the middle of the rig as that.
-Eigen::Vector4d focal_plane_of(const Slab& slab, const ViewRequest& request);
-SlabInterpolation interpolation_of(const MethodOptions& options);
+Eigen::Vector4d slab_focal_plane(const Slab& slab, const ViewRequest& request);
+SlabInterpolation slab_interpolation(const MethodOptions& options);
 
 /// Two-plane light field rendering (thesis 2.3 and appendix A; Levoy and Hanrahan 1996). The
 /// cameras' frames are rectified into slabs, node by node as views need them, and kept; a ray's

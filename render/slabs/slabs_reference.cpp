@@ -9,13 +9,13 @@
 #include <map>
 #include <optional>
 
+#include "base/parallel.h"
+#include "base/transfer_function.h"
+#include "render/common/plane_projection.h"
 #include "render/sampling/source_view.h"
 #include "render/slabs/slab_coverage.h"
 #include "render/slabs/slab_rays.h"
 #include "render/slabs/slabs.h"
-#include "render/view/plane_projection.h"
-#include "schemas/parallel.h"
-#include "schemas/transfer_function.h"
 
 namespace raystage {
 namespace {
@@ -41,8 +41,8 @@ class ReferenceFrame {
   explicit ReferenceFrame(const ViewRequest& request)
       : request_(request),
         rig_(*request.instant.rig),
-        slabs_(slabs_of(request)),
-        interpolation_(interpolation_of(request.options)),
+        slabs_(rig_slabs(request)),
+        interpolation_(slab_interpolation(request.options)),
         view_model_(
             {"view", request.view.width, request.view.height, request.view.intrinsics, {}, {}, {}}),
         frames_(rig_.cameras.size()),
@@ -52,7 +52,7 @@ class ReferenceFrame {
     ideal_view_.intrinsics.distortion = {};
     for (const Slab& slab : slabs_->slabs) {
       rays_.emplace_back(ideal_view_, slab);
-      projections_.emplace_back(ideal_view_, focal_plane_of(slab, request));
+      projections_.emplace_back(ideal_view_, slab_focal_plane(slab, request));
     }
   }
 
@@ -73,9 +73,9 @@ class ReferenceFrame {
         const Vector3d ray =
             reconstruct(x, y, &image.rgba[at * 4], image.coverage[at], image.z[at], behind);
         if (!request_.measure_coverage) continue;
-        std::vector<CameraBehind> cameras;
+        std::vector<RayCamera> cameras;
         for (const auto& [camera, weight] : behind) cameras.push_back({camera, weight});
-        const RayCoverage coverage = coverage_by(cameras, request_, ray);
+        const RayCoverage coverage = measure_ray_coverage(cameras, request_, ray);
         image.cameras[at] = coverage.cameras();
         image.nearest_ray[at] = coverage.nearest_ray();
       }
@@ -113,7 +113,7 @@ class ReferenceFrame {
     const double ideal_y = -ray_in_view->y() * k.fy + k.cy;
     const Vector3d ray = request_.view.pose.world_from_camera_rotation * *ray_in_view;
     for (std::size_t i = 0; i < rays_.size(); ++i) {
-      if (slabs_->slabs[i].width == 0 || !rays_[i].answers(ideal_x, ideal_y)) continue;
+      if (slabs_->slabs[i].width == 0 || !rays_[i].contains_ray(ideal_x, ideal_y)) continue;
       const PlaneProjection& projection = projections_[i];
       const double depth = projection.depth(ideal_x, ideal_y);
       if (!(depth > 0) || (!projection.at_infinity() && projection.distance() == 0)) return ray;
@@ -145,7 +145,7 @@ class ReferenceFrame {
             look_up(slab, slab.node_position(column, row), sources, ray, depth, seen_by);
         for (std::size_t c = 0; c < 4; ++c) sum[c] += weight * seen[c];
         for (std::size_t c = 0; c < 3; ++c) behind[sources.camera[c]] += weight * seen_by[c];
-        lacking += weight * (1 - sources.present_share);
+        lacking += weight * (1 - sources.present_weight);
       }
     }
     if (!(sum[3] > 0)) return;
@@ -208,7 +208,7 @@ class ReferenceFrame {
   /// not.
   std::optional<Vector3d> point_from(const Slab& slab, const Vector3d& node,
                                      const Vector3d& from_node, const Vector3d& centre) const {
-    const Eigen::Vector4d plane = focal_plane_of(slab, request_);
+    const Eigen::Vector4d plane = slab_focal_plane(slab, request_);
     const Vector3d normal = plane.head<3>();
     if (normal.isZero(0)) return from_node;
     const double along = -(normal.dot(node) + plane.w()) / normal.dot(from_node);

@@ -24,21 +24,21 @@ namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
 // Positions in BlockPositions are multiples of these parts of a pixel; below the limit, see
-// nearest_along().
+// evaluate_rounded().
 constexpr int kColumnBits = 8, kRowBits = 12;
-constexpr float kQuickLimit = 1 << 22;
-constexpr float kPart = 1.0F / (1 << kColumnBits);
+constexpr float kFastRoundLimit = 1 << 22;
+constexpr float kPositionUnit = 1.0F / (1 << kColumnBits);
 // By how much a block's parabola may be off where it is checked. What is of fourth order is off by
 // 4/3 of that elsewhere, and rounding adds half a part: one part in all.
-constexpr float kFitTolerance = 0.375F * kPart;
+constexpr float kFitTolerance = 0.375F * kPositionUnit;
 
 /// A camera's look at a block: (X, Y, W) = first + x * along + plane * step at the x-th pixel, in
 /// double; from there on in float. Positions are told from the centre of a pixel amid them, so that
 /// they are small numbers; for a lens that bends they are small only behind it.
-class BlockSight {
+class BlockProjection {
  public:
-  BlockSight() = default;
-  BlockSight(const MatchingCamera& camera, const CostRun& run, int begin, int count)
+  BlockProjection() = default;
+  BlockProjection(const MatchingCamera& camera, const CostRun& run, int begin, int count)
       : lens_(&camera.source.camera), box_(camera.frame->box()) {
     const double* m = lens_->ideal_from_pixel.data();
     const auto& deep = camera.source.per_inverse_depth;
@@ -60,7 +60,7 @@ class BlockSight {
   int row() const { return row_; }
 
   template <class V, class M>
-  struct Place {
+  struct ProjectedPoints {
     V u, v;  ///< from the origin's centre
     M seen;
   };
@@ -81,10 +81,10 @@ class BlockSight {
   }
 
   /// The outermost positions between which nothing lies beyond the frame or the box.
-  float least_u() const { return static_cast<float>(-column_); }
-  float least_v() const { return static_cast<float>(-row_); }
-  float most_u() const { return static_cast<float>(box_.right - 1 - box_.left - column_); }
-  float most_v() const { return static_cast<float>(box_.bottom - 1 - box_.top - row_); }
+  float min_u() const { return static_cast<float>(-column_); }
+  float min_v() const { return static_cast<float>(-row_); }
+  float max_u() const { return static_cast<float>(box_.right - 1 - box_.left - column_); }
+  float max_v() const { return static_cast<float>(box_.bottom - 1 - box_.top - row_); }
 
  private:
   template <class D>
@@ -130,17 +130,17 @@ class BlockSight {
     const auto inverse = hn::Div(one, hn::IfThenElse(in_front, w, one));
     const auto x = hn::Mul(line(0), inverse), y = hn::Mul(line(1), inverse);
     if (lens_->distorted) {
-      const auto sight = through_lens(d, *lens_, x, y, in_front);
+      const auto sight = project_through_lens(d, *lens_, x, y, in_front);
       const auto seen = hn::Gt(sight.seen, zero);
-      return Place<V, decltype(seen)>{hn::Sub(sight.u, set(d, left_)),
-                                      hn::Sub(sight.v, set(d, top_)), seen};
+      return ProjectedPoints<V, decltype(seen)>{hn::Sub(sight.u, set(d, left_)),
+                                                hn::Sub(sight.v, set(d, top_)), seen};
     }
     const auto inside_u =
         hn::And(hn::Gt(x, set(d, -left_)), hn::Lt(x, set(d, lens_->width - left_)));
     const auto inside_v =
         hn::And(hn::Gt(y, set(d, -top_)), hn::Lt(y, set(d, lens_->height - top_)));
     const auto seen = hn::And(in_front, hn::And(inside_u, inside_v));
-    return Place<V, decltype(seen)>{x, y, seen};
+    return ProjectedPoints<V, decltype(seen)>{x, y, seen};
   }
 
   const SourceView* lens_ = nullptr;
@@ -157,7 +157,7 @@ struct Parabola {
   V start, slope, bend;
 };
 template <class V>
-HWY_INLINE Parabola<V> parabola_through(V first, V middle, V last) {
+HWY_INLINE Parabola<V> fit_parabola(V first, V middle, V last) {
   const auto twice = hn::Sub(hn::Add(first, last), hn::Add(middle, middle));
   const auto bend = hn::Add(twice, twice);
   return {first, hn::Sub(hn::Sub(last, first), bend), bend};
@@ -168,7 +168,7 @@ struct Extent {
   V low, high;
 };
 template <class V>
-HWY_INLINE Extent<V> extent_of(const Parabola<V>& curve, V margin) {
+HWY_INLINE Extent<V> parabola_bounds(const Parabola<V>& curve, V margin) {
   const auto end = hn::Add(curve.start, hn::Add(curve.slope, curve.bend));
   const auto more = hn::Add(hn::Abs(curve.bend), margin);
   return {hn::Sub(hn::Min(curve.start, end), more), hn::Add(hn::Max(curve.start, end), more)};
@@ -183,13 +183,13 @@ template <class V>
 HWY_INLINE V along(const Curve<V>& curve, V x) {
   return hn::MulAdd(hn::MulAdd(curve.c2, x, curve.c1), x, curve.c0);
 }
-/// Rounded to the nearest whole number, below kQuickLimit: by one addition that pushes what is
+/// Rounded to the nearest whole number, below kFastRoundLimit: by one addition that pushes what is
 /// behind the point out of the mantissa.
 template <class V>
-HWY_INLINE auto nearest_along(const Curve<V>& curve, V x) {
+HWY_INLINE auto evaluate_rounded(const Curve<V>& curve, V x) {
   const hn::DFromV<V> d;
   const hn::RebindToSigned<decltype(d)> di;
-  const auto push = hn::Set(d, 3 * kQuickLimit);
+  const auto push = hn::Set(d, 3 * kFastRoundLimit);
   return hn::Sub(hn::BitCast(di, hn::Add(along(curve, x), push)), hn::BitCast(di, push));
 }
 
@@ -198,7 +198,7 @@ HWY_INLINE auto nearest_along(const Curve<V>& curve, V x) {
 /// some are beyond the frame. Returns whether it is so at every plane.
 class PositionFit {
  public:
-  PositionFit(const BlockSight& sight, int count) : sight_(sight), end_(count - 1) {
+  PositionFit(const BlockProjection& sight, int count) : sight_(sight), end_(count - 1) {
     if (count > 1) per_pixel_ = 1 / static_cast<float>(end_);
   }
 
@@ -220,24 +220,23 @@ class PositionFit {
     const auto middle = sight_.across_planes(d, end_ / 2, plane);
     const auto last = sight_.across_planes(d, end_, plane);
     const auto check = sight_.across_planes(d, end_ / 4, plane);
-    const auto u = parabola_through(first.u, middle.u, last.u);
-    const auto v = parabola_through(first.v, middle.v, last.v);
+    const auto u = fit_parabola(first.u, middle.u, last.u);
+    const auto v = fit_parabola(first.v, middle.v, last.v);
 
-    const auto part = hn::Set(d, kPart), tolerance = hn::Set(d, kFitTolerance);
-    const auto extent_u = extent_of(u, part), extent_v = extent_of(v, part);
+    const auto part = hn::Set(d, kPositionUnit), tolerance = hn::Set(d, kFitTolerance);
+    const auto extent_u = parabola_bounds(u, part), extent_v = parabola_bounds(v, part);
     auto even = hn::And(hn::And(first.seen, middle.seen), hn::And(last.seen, check.seen));
     const auto holds = [&](const auto& curve, auto truth, const auto& extent, float least,
                            float most, int bits) HWY_ATTR {
-      const float limit = kQuickLimit / static_cast<float>(1 << bits);
+      const float limit = kFastRoundLimit / static_cast<float>(1 << bits);
       const auto t = hn::Set(d, 0.25F);
       const auto guess = hn::MulAdd(t, hn::MulAdd(t, curve.bend, curve.slope), curve.start);
       const auto within = hn::And(hn::Ge(extent.low, hn::Set(d, std::max(least, -limit))),
                                   hn::Le(extent.high, hn::Set(d, std::min(most, limit))));
       return hn::And(within, hn::Le(hn::Abs(hn::Sub(guess, truth)), tolerance));
     };
-    even =
-        hn::And(even, holds(u, check.u, extent_u, sight_.least_u(), sight_.most_u(), kColumnBits));
-    even = hn::And(even, holds(v, check.v, extent_v, sight_.least_v(), sight_.most_v(), kRowBits));
+    even = hn::And(even, holds(u, check.u, extent_u, sight_.min_u(), sight_.max_u(), kColumnBits));
+    even = hn::And(even, holds(v, check.v, extent_v, sight_.min_v(), sight_.max_v(), kRowBits));
 
     const Curve<V> u_units = scaled(d, u, 1 << kColumnBits), v_units = scaled(d, v, 1 << kRowBits);
     hn::StoreU(u_units.c0, d, out.u[0] + plane);
@@ -270,10 +269,10 @@ class PositionFit {
     const auto unit = hn::Set(d, static_cast<float>(1 << kRowBits)),
                per_unit = hn::Set(d, 1.0F / (1 << kRowBits));
     const int lanes = static_cast<int>(hn::Lanes(d)), end = static_cast<int>(end_);
-    for (int part = 0; part * lanes < kCostBlock; ++part) {
+    for (int part = 0; part * lanes < kCostBlockSize; ++part) {
       const auto from = hn::Set(d, static_cast<float>(std::min(part * lanes, end)));
       const auto to = hn::Set(d, static_cast<float>(std::min(part * lanes + lanes - 1, end)));
-      const auto column = hn::Min(nearest_along(u, from), nearest_along(u, to));
+      const auto column = hn::Min(evaluate_rounded(u, from), evaluate_rounded(u, to));
       const auto first = hn::Mul(along(v, from), per_unit), last = hn::Mul(along(v, to), per_unit);
       const auto row = hn::Floor(hn::Sub(hn::Min(first, last), margin));
       const auto more = hn::Sub(hn::Floor(hn::Add(hn::Max(first, last), margin)), row);
@@ -285,7 +284,7 @@ class PositionFit {
     }
   }
 
-  const BlockSight& sight_;
+  const BlockProjection& sight_;
   double end_;
   float per_pixel_ = 0;
 };

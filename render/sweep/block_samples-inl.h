@@ -88,7 +88,7 @@ HWY_INLINE Words3 pick_channels(const Row& row, std::ptrdiff_t column, Words ind
 }
 
 /// Lane by lane, wherever they are.
-HWY_INLINE Words3 look_up_one_by_one(const Row& origin, Ints columns, Ints rows) {
+HWY_INLINE Words3 gather_scalar(const Row& origin, Ints columns, Ints rows) {
   const WordTag d;
   const IntTag di;
   constexpr std::size_t kMostLanes = 16;
@@ -107,7 +107,7 @@ HWY_INLINE Words3 look_up_one_by_one(const Row& origin, Ints columns, Ints rows)
 
 /// In one row, from column `first` on. Neighbouring lanes look at neighbouring columns, as a rule:
 /// then a vector or two hold them all.
-HWY_INLINE Words3 look_up_row(const Row& row, std::int32_t first, Ints columns) {
+HWY_INLINE Words3 gather_row(const Row& row, std::int32_t first, Ints columns) {
   const IntTag di;
   const WordTag d;
   const auto lanes = static_cast<std::uint32_t>(hn::Lanes(d));
@@ -118,22 +118,23 @@ HWY_INLINE Words3 look_up_row(const Row& row, std::int32_t first, Ints columns) 
   if (hn::AllTrue(d, hn::Lt(index, hn::Set(d, 2 * lanes)))) {
     return pick_channels<true>(row, first, index);
   }
-  return look_up_one_by_one(row, columns, hn::Zero(di));
+  return gather_scalar(row, columns, hn::Zero(di));
 }
 
 /// Which columns and rows a vector's pixels need, from the origin on.
-struct Need {
+struct SourceBounds {
   std::int32_t column = 0, row = 0;  ///< the least
   int more_rows = 0;                 ///< 2 for any more
 };
 
 /// In several rows; told from the first that is needed.
-HWY_INLINE Words3 look_up_rows(const Row& origin, const Need& need, Ints columns, Ints rows) {
+HWY_INLINE Words3 gather_rows(const Row& origin, const SourceBounds& need, Ints columns,
+                              Ints rows) {
   const WordTag d;
   const Row first = origin.below(need.row);
-  if (need.more_rows > 1) return look_up_one_by_one(first, columns, rows);
-  const Words3 upper = look_up_row(first, need.column, columns);
-  const Words3 lower = look_up_row(first.below(1), need.column, columns);
+  if (need.more_rows > 1) return gather_scalar(first, columns, rows);
+  const Words3 upper = gather_row(first, need.column, columns);
+  const Words3 lower = gather_row(first.below(1), need.column, columns);
   const auto is_upper = hn::RebindMask(d, hn::Eq(rows, hn::Zero(IntTag())));
   return {hn::IfThenElse(is_upper, upper.red, lower.red),
           hn::IfThenElse(is_upper, upper.green, lower.green),

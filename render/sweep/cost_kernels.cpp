@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Kernels of the plane sweep's matching costs, 32 pixels at a time: positions of the pixels in
+// each camera plane by plane (block_positions-inl.h), bilinear samples (block_samples-inl.h), mean
+// truncated difference from the mean colour, without the worst cameras on request (Kang, Szeliski
+// and Chai, CVPR 2001). Output: bytes, 255 = truncation. Cost:
+// O(pixels x planes x cameras). Must match matching_cost_reference() (cost_kernels_reference.cpp).
 #include "render/sweep/cost_kernels.h"
 
 #include <algorithm>
@@ -27,7 +32,7 @@ struct Samples {
 
 /// One camera's look at a block.
 struct Camera {
-  BlockSight sight;
+  BlockProjection sight;
   BlockPositions positions;
   Row origin;  ///< from the pixel on that positions are told from
 };
@@ -53,20 +58,20 @@ HWY_INLINE Samples samples_of(const Look& first, const Look& second) {
           channel_of(first.words.blue, first, second.words.blue, second)};
 }
 /// `y`: from the row that is needed first.
-HWY_INLINE Look look(const Row& origin, const Need& need, Ints x, Ints y) {
+HWY_INLINE Look look(const Row& origin, const SourceBounds& need, Ints x, Ints y) {
   const ColumnTaps columns = column_taps(x);
   if (HWY_LIKELY(need.more_rows == 0)) {
-    return {look_up_row(origin.below(need.row), need.column, columns.column), columns,
+    return {gather_row(origin.below(need.row), need.column, columns.column), columns,
             row_weights(y)};
   }
   const auto part = hn::And(y, hn::Set(IntTag(), (1 << kRowBits) - 1));
-  return {look_up_rows(origin, need, columns.column, hn::ShiftRight<kRowBits>(y)), columns,
+  return {gather_rows(origin, need, columns.column, hn::ShiftRight<kRowBits>(y)), columns,
           row_weights(part)};
 }
 
-HWY_INLINE Ints nearest_along(const float* c0, const float* c1, const float* c2, Floats x) {
+HWY_INLINE Ints evaluate_rounded(const float* c0, const float* c1, const float* c2, Floats x) {
   const FloatTag d;
-  return nearest_along(Curve<Floats>{hn::Set(d, *c0), hn::Set(d, *c1), hn::Set(d, *c2)}, x);
+  return evaluate_rounded(Curve<Floats>{hn::Set(d, *c0), hn::Set(d, *c1), hn::Set(d, *c2)}, x);
 }
 
 /// All of them seen, by the positions' parabola.
@@ -74,8 +79,8 @@ HWY_INLINE Look look_along(const Camera& camera, Floats x, int part, int plane) 
   const BlockPositions& p = camera.positions;
   const std::ptrdiff_t i = part * p.stride + plane;
   return look(camera.origin, {p.column[i], p.row[i] >> 2, p.row[i] & 3},
-              nearest_along(p.u[0] + plane, p.u[1] + plane, p.u[2] + plane, x),
-              nearest_along(p.v[0] + i, p.v[1] + plane, p.v[2] + plane, x));
+              evaluate_rounded(p.u[0] + plane, p.u[1] + plane, p.u[2] + plane, x),
+              evaluate_rounded(p.v[0] + i, p.v[1] + plane, p.v[2] + plane, x));
 }
 HWY_INLINE Samples sample_even(const Camera& camera, const Pixels& x, int plane) {
   return samples_of(look_along(camera, x.first, x.part, plane),
@@ -90,11 +95,11 @@ HWY_INLINE Samples sample_exactly(const Camera& camera, const Pixels& x, int pla
     const auto within = hn::Min(hn::Max(at, hn::Set(d, least)), hn::Set(d, most));
     return hn::NearestInt(hn::Mul(within, hn::Set(d, static_cast<float>(1 << bits))));
   };
-  const BlockSight& sight = camera.sight;
+  const BlockProjection& sight = camera.sight;
   const auto look_at = [&](const auto& place) HWY_ATTR {
     const IntTag di;
-    const Ints u = fixed(place.u, sight.least_u(), sight.most_u(), kColumnBits);
-    const Ints v = fixed(place.v, sight.least_v(), sight.most_v(), kRowBits);
+    const Ints u = fixed(place.u, sight.min_u(), sight.max_u(), kColumnBits);
+    const Ints v = fixed(place.v, sight.min_v(), sight.max_v(), kRowBits);
     const std::int32_t column = hn::GetLane(hn::MinOfLanes(di, u)) >> kColumnBits;
     const std::int32_t top = hn::GetLane(hn::MinOfLanes(di, v)) >> kRowBits;
     const std::int32_t bottom = hn::GetLane(hn::MaxOfLanes(di, v)) >> kRowBits;
@@ -135,7 +140,7 @@ struct Measure {
   int right = 0, left = 0;
   int truncation = 0;  ///< of the sum of three channels' differences
   /// By the number of cameras: what makes a mean of their sum, and 16 times the cost of theirs.
-  std::array<std::uint16_t, kMostMatched + 1> part{}, scale{};
+  std::array<std::uint16_t, kMaxMatchedCameras + 1> part{}, scale{};
 };
 
 /// The mean colour of the cameras that see, and what goes with their number.
@@ -177,7 +182,7 @@ HWY_INLINE Codes off(const Samples& sample, const Mean& mean) {
 HWY_INLINE void leave_out_worst(const Measure& measure, Samples* samples, Codes* seen) {
   const CodeTag d;
   const Mean mean = mean_of<false>(measure, samples, seen);
-  std::array<Codes, kMostMatched> offs;
+  std::array<Codes, kMaxMatchedCameras> offs;
   auto most = hn::Zero(d);
   for (int i = 0; i < measure.cameras; ++i) {
     offs[i] = hn::And(off(samples[i], mean), seen[i]);
@@ -186,9 +191,9 @@ HWY_INLINE void leave_out_worst(const Measure& measure, Samples* samples, Codes*
   auto waiting = hn::VecFromMask(d, hn::Gt(mean.count, codes(2)));
   for (int i = 0; i < measure.cameras; ++i) {
     const auto worst = hn::VecFromMask(d, hn::Eq(offs[i], most));
-    const auto left_out = hn::And(hn::And(worst, seen[i]), waiting);
-    waiting = hn::AndNot(left_out, waiting);
-    seen[i] = hn::AndNot(left_out, seen[i]);
+    const auto excluded_cameras = hn::And(hn::And(worst, seen[i]), waiting);
+    waiting = hn::AndNot(excluded_cameras, waiting);
+    seen[i] = hn::AndNot(excluded_cameras, seen[i]);
     samples[i] = {hn::And(samples[i].red, seen[i]), hn::And(samples[i].green, seen[i]),
                   hn::And(samples[i].blue, seen[i])};
   }
@@ -213,32 +218,32 @@ HWY_INLINE void compare(const Measure& measure, const Samples* samples, const Co
   hn::StoreU(hn::DemoteTo(d8, hn::BitCast(di, cost)), d8, costs);
 }
 
-/// Costs of a block's `count` pixels, plane by plane: kCostBlock bytes a plane, in the order that
-/// join() leaves them in.
+/// Costs of a block's `count` pixels, plane by plane: kCostBlockSize bytes a plane, in the order
+/// that join() leaves them in.
 void fill_planes(const CostRun& run, int begin, int count, CostScratch& scratch) {
   const FloatTag d;
   const int lanes = static_cast<int>(hn::Lanes(d));
   const Measure measure(run);
-  std::array<Camera, kMostMatched> cameras;
+  std::array<Camera, kMaxMatchedCameras> cameras;
   bool all_even = true;
   for (std::size_t i = 0; i < run.cameras.size(); ++i) {
     Camera& camera = cameras[i];
     const MatchingFrame& frame = *run.cameras[i]->frame;
-    camera.sight = BlockSight(*run.cameras[i], run, begin, count);
+    camera.sight = BlockProjection(*run.cameras[i], run, begin, count);
     camera.positions = scratch.positions(static_cast<int>(i));
     camera.origin =
         Row{frame.words() + camera.sight.column(), frame.pitch()}.below(camera.sight.row());
     all_even &= PositionFit(camera.sight, count).fit(run.planes.count, camera.positions);
   }
   const auto last = hn::Set(d, static_cast<float>(count - 1));
-  std::array<Samples, kMostMatched> samples;
-  std::array<Codes, kMostMatched> seen;
+  std::array<Samples, kMaxMatchedCameras> samples;
+  std::array<Codes, kMaxMatchedCameras> seen;
   for (int plane = 0; plane < run.planes.count; ++plane) {
-    std::uint8_t* costs = scratch.costs() + static_cast<std::ptrdiff_t>(plane) * kCostBlock;
+    std::uint8_t* costs = scratch.costs() + static_cast<std::ptrdiff_t>(plane) * kCostBlockSize;
     for (int x = 0; x < count; x += 2 * lanes) {
       const Pixels pixels{hn::Min(hn::Iota(d, static_cast<float>(x)), last),
                           hn::Min(hn::Iota(d, static_cast<float>(x + lanes)), last), x / lanes};
-      if (all_even && run.cameras.size() > 1 && run.left_out == 0) {
+      if (all_even && run.cameras.size() > 1 && run.excluded_cameras == 0) {
         for (std::size_t i = 0; i < run.cameras.size(); ++i) {
           samples[i] = sample_even(cameras[i], pixels, plane);
         }
@@ -253,7 +258,8 @@ void fill_planes(const CostRun& run, int begin, int count, CostScratch& scratch)
           seen[i] = hn::Set(CodeTag(), 0xFFFF);
         }
       }
-      for (int i = 0; i < run.left_out; ++i) leave_out_worst(measure, samples.data(), seen.data());
+      for (int i = 0; i < run.excluded_cameras; ++i)
+        leave_out_worst(measure, samples.data(), seen.data());
       compare<false>(measure, samples.data(), seen.data(), costs + x);
     }
   }
@@ -266,10 +272,10 @@ void turn(const CostScratch& scratch, int count, int stride, std::uint8_t* out) 
   using Bytes = hn::Vec<decltype(d)>;
   const int lanes = static_cast<int>(hn::Lanes(FloatTag()));
   for (int plane = 0; plane < stride; plane += kSide) {
-    for (int first = 0; first < kCostBlock; first += kSide) {
+    for (int first = 0; first < kCostBlockSize; first += kSide) {
       Bytes rows[kSide], mixed[kSide];
       for (int i = 0; i < kSide; ++i) {
-        rows[i] = hn::LoadU(d, scratch.costs() + (plane + i) * kCostBlock + first);
+        rows[i] = hn::LoadU(d, scratch.costs() + (plane + i) * kCostBlockSize + first);
       }
       for (int round = 0; round < 4; ++round) {  // each doubles the bytes of a pixel in a row
         for (int i = 0; i < kSide / 2; ++i) {
@@ -290,8 +296,8 @@ void turn(const CostScratch& scratch, int count, int stride, std::uint8_t* out) 
 
 void fill(const CostRun& run, CostScratch& scratch) {
   const int stride = plane_stride(run.planes.count);
-  for (int begin = run.begin; begin < run.end; begin += kCostBlock) {
-    const int count = std::min(kCostBlock, run.end - begin);
+  for (int begin = run.begin; begin < run.end; begin += kCostBlockSize) {
+    const int count = std::min(kCostBlockSize, run.end - begin);
     fill_planes(run, begin, count, scratch);
     turn(scratch, count, stride,
          run.costs + static_cast<std::ptrdiff_t>(begin - run.begin) * stride);
@@ -313,16 +319,16 @@ HWY_EXPORT(target);
 
 CostScratch::CostScratch(int planes, int cameras)
     : stride_(static_cast<std::size_t>(plane_stride(planes))),
-      coefficients_((5 + kMostParts) * static_cast<std::size_t>(cameras) * stride_),
+      coefficients_((5 + kMaxParts) * static_cast<std::size_t>(cameras) * stride_),
       even_(static_cast<std::size_t>(cameras) * stride_),
-      columns_(kMostParts * static_cast<std::size_t>(cameras) * stride_),
+      columns_(kMaxParts * static_cast<std::size_t>(cameras) * stride_),
       rows_(columns_.size()),
-      costs_(kCostBlock * stride_) {}
+      costs_(kCostBlockSize * stride_) {}
 
-void fill_costs(const CostRun& run, CostScratch& scratch) {
+void compute_matching_costs(const CostRun& run, CostScratch& scratch) {
   HWY_DYNAMIC_DISPATCH(fill)(run, scratch);
 }
-const char* sweep_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
+const char* cost_kernel_target() { return HWY_DYNAMIC_DISPATCH(target)(); }
 
 }  // namespace raystage
 #endif

@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
+#include "render/common/blending_field.h"
 #include "render/matching/matching.h"
 #include "render/sampling/depth_sampling.h"
-#include "render/sweep/camera_field.h"
 #include "render/sweep/matching_frame.h"
 
 namespace raystage {
@@ -23,16 +23,16 @@ struct MatchingCamera {
 /// A run of pixels of one row whose costs come from the same cameras.
 struct CostRun {
   int begin = 0, end = 0, y = 0;
-  std::span<const MatchingCamera* const> cameras;  ///< kMostMatched at most
+  std::span<const MatchingCamera* const> cameras;  ///< kMaxMatchedCameras at most
   SweepPlanes planes;
   double truncation = 40;         ///< codes, 1 to 255
-  int left_out = 0;               ///< cameras at each point, see fill_costs()
+  int excluded_cameras = 0;       ///< cameras at each point, see compute_matching_costs()
   std::uint8_t* costs = nullptr;  ///< of the first pixel; plane_stride() bytes a pixel
 };
 
-inline constexpr int kMostMatched = 16;
+inline constexpr int kMaxMatchedCameras = 16;
 /// Pixels that are worked on at once: longer runs are cut from their beginning on.
-inline constexpr int kCostBlock = 32;
+inline constexpr int kCostBlockSize = 32;
 
 /// Where a camera sees the pixels of a block, plane by plane: c0 + x (c1 + x c2), x pixels into the
 /// block. A block has parts, as many pixels as a vector holds; where something is told part by
@@ -46,7 +46,7 @@ struct BlockPositions {
   std::ptrdiff_t stride = 0;
 };
 
-/// What fill_costs() works in; one a thread.
+/// What compute_matching_costs() works in; one a thread.
 class CostScratch {
  public:
   /// For runs of so many cameras at most.
@@ -55,20 +55,20 @@ class CostScratch {
   BlockPositions positions(int camera) {
     const auto i = static_cast<std::size_t>(camera);
     const auto part = [&](std::size_t c) {
-      return &coefficients_[((5 + kMostParts) * i + c) * stride_];
+      return &coefficients_[((5 + kMaxParts) * i + c) * stride_];
     };
     return {{part(0), part(1), part(2)},
             {part(5), part(3), part(4)},
             &even_[i * stride_],
-            &columns_[i * kMostParts * stride_],
-            &rows_[i * kMostParts * stride_],
+            &columns_[i * kMaxParts * stride_],
+            &rows_[i * kMaxParts * stride_],
             static_cast<std::ptrdiff_t>(stride_)};
   }
-  std::uint8_t* costs() { return costs_.data(); }  ///< kCostBlock a plane
+  std::uint8_t* costs() { return costs_.data(); }  ///< kCostBlockSize a plane
   const std::uint8_t* costs() const { return costs_.data(); }
 
  private:
-  static constexpr std::size_t kMostParts = kCostBlock / 4;
+  static constexpr std::size_t kMaxParts = kCostBlockSize / 4;
 
   std::size_t stride_;
   std::vector<float> coefficients_;
@@ -82,20 +82,20 @@ class CostScratch {
 /// at positions that are exact to 1/256 pixel.
 ///
 /// Against occlusion, after Kang, Szeliski and Chai 2001 ("Handling occlusions in dense multi-view
-/// stereo"): `left_out` times the camera that is farthest from the mean of those that still count
-/// is left out, the first of equals, as long as more than two count.
-void fill_costs(const CostRun& run, CostScratch& scratch);
+/// stereo"): `excluded_cameras` times the camera that is farthest from the mean of those that still
+/// count is left out, the first of equals, as long as more than two count.
+void compute_matching_costs(const CostRun& run, CostScratch& scratch);
 
 /// The slow, obvious one, of one point: `ray` in the world, scaled to planar depth 1.
 struct ReferenceCamera {
   const Rig::Camera* camera = nullptr;
   const DecodedFrame* frame = nullptr;
 };
-double cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space,
-                      const Eigen::Vector3d& eye, const Eigen::Vector3d& ray, double inverse_depth,
-                      double truncation, int left_out = 0);
+double matching_cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space,
+                               const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
+                               double inverse_depth, double truncation, int excluded_cameras = 0);
 
 /// The instruction set in use.
-const char* sweep_target();
+const char* cost_kernel_target();
 
 }  // namespace raystage

@@ -9,7 +9,7 @@
 #include <random>
 
 #include "render/matching/matching.h"
-#include "schemas/test_targets.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -23,7 +23,7 @@ struct Case {
   SweepPlanes planes{37, 0, 0.1};
   BlendSpace space = BlendSpace::kPerceptual;
   double truncation = 40;
-  int left_out = 0;
+  int excluded_cameras = 0;
   double view_fov = 1.3;  ///< radians
   int view_width = 83, view_height = 40;
   double focal = 120;                             ///< pixels
@@ -95,18 +95,19 @@ Counts expect_costs_of_reference(const Case& c) {
   Counts counts;
   double off = 0;
   for (const int y : {0, c.view_height / 2, c.view_height - 1}) {
-    fill_costs({0, c.view_width, y, pointers, c.planes, c.truncation, c.left_out, costs.data()},
-               scratch);
+    compute_matching_costs(
+        {0, c.view_width, y, pointers, c.planes, c.truncation, c.excluded_cameras, costs.data()},
+        scratch);
     for (std::size_t x = 0; x < width; ++x) {
       const auto ray = *rays.through(static_cast<double>(x) + 0.5, y + 0.5);
       for (int plane = 0; plane < c.planes.count; ++plane) {
-        const double expected =
-            cost_reference(references, c.space, view.pose.position, ray,
-                           c.planes.inverse_depth(plane), c.truncation, c.left_out);
+        const double expected = matching_cost_reference(references, c.space, view.pose.position,
+                                                        ray, c.planes.inverse_depth(plane),
+                                                        c.truncation, c.excluded_cameras);
         const int found = costs[x * stride + static_cast<std::size_t>(plane)];
         off += std::abs(found - expected);
         // Where two cameras are nearly as far off, a fraction of a code decides which one goes.
-        if (c.left_out > 0 && std::abs(found - expected) > 1 + a_code) {
+        if (c.excluded_cameras > 0 && std::abs(found - expected) > 1 + a_code) {
           ++counts.torn;
         } else {
           EXPECT_NEAR(found, expected, 1 + a_code)
@@ -123,7 +124,7 @@ Counts expect_costs_of_reference(const Case& c) {
 
 /// On every instruction set there is.
 void expect_costs_everywhere(const Case& c, int least_told, int least_unknown) {
-  testing::for_each_target(sweep_target, [&] {
+  testing::for_each_simd_target(cost_kernel_target, [&] {
     const Counts counts = expect_costs_of_reference(c);
     EXPECT_GE(counts.told, least_told);
     EXPECT_GE(counts.unknown, least_unknown);
@@ -163,12 +164,13 @@ TEST(CostKernels, AgreeWhereAllCamerasSee) {
 }
 
 TEST(CostKernels, LeaveOutTheCamerasThatAgreeLeast) {
-  for (const int left_out : {1, 2, 14}) {
-    expect_costs_everywhere({.left_out = left_out}, 100, 10);
-    expect_costs_everywhere({.planes = kFarPlanes, .left_out = left_out, .view_fov = kNarrow},
-                            3 * 83 * kFarPlanes.count, 0);
+  for (const int excluded_cameras : {1, 2, 14}) {
+    expect_costs_everywhere({.excluded_cameras = excluded_cameras}, 100, 10);
+    expect_costs_everywhere(
+        {.planes = kFarPlanes, .excluded_cameras = excluded_cameras, .view_fov = kNarrow},
+        3 * 83 * kFarPlanes.count, 0);
   }
-  expect_costs_everywhere({.cameras = 16, .planes = {5, 0.2, 0.4}, .left_out = 8}, 100, 10);
+  expect_costs_everywhere({.cameras = 16, .planes = {5, 0.2, 0.4}, .excluded_cameras = 8}, 100, 10);
 }
 
 TEST(CostKernels, AgreeWhenPixelsAreStepsOfOtherSizes) {
@@ -217,7 +219,8 @@ TEST(CostKernels, APartOfAFrameIsMatchedAsTheWhole) {
     }
     CostScratch scratch(c.planes.count, static_cast<int>(c.cameras));
     costs.emplace_back(stride * static_cast<std::size_t>(c.view_width));
-    fill_costs({0, c.view_width, 20, pointers, c.planes, 40, 0, costs.back().data()}, scratch);
+    compute_matching_costs({0, c.view_width, 20, pointers, c.planes, 40, 0, costs.back().data()},
+                           scratch);
   }
   EXPECT_EQ(costs[0], costs[1]);
 }

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "schemas/parallel.h"
-#include "schemas/transfer_function.h"
+#include "base/parallel.h"
+#include "base/transfer_function.h"
 
 namespace raystage::plane_sweep {
 

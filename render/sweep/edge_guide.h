@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "render/view/view.h"
+#include "render/common/view.h"
 
 namespace raystage::plane_sweep {
 

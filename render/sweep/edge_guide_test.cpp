@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "schemas/transfer_function.h"
+#include "base/transfer_function.h"
 
 namespace raystage::plane_sweep {
 namespace {

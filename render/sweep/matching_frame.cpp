@@ -5,7 +5,7 @@
 #include <array>
 #include <vector>
 
-#include "schemas/transfer_function.h"
+#include "base/transfer_function.h"
 
 namespace raystage {
 namespace {

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "render/matching/large_buffer.h"
-#include "store/frames/frame_cache.h"
+#include "render/common/large_buffer.h"
+#include "store/processing/frames/frame_cache.h"
 
 namespace raystage {
 

@@ -9,20 +9,20 @@
 #include <chrono>
 #include <limits>
 
+#include "base/parallel.h"
+#include "render/common/memory_overrun_note.h"
 #include "render/matching/matching.h"
 #include "render/sampling/depth_planning.h"
+#include "render/sampling/field_coverage.h"
 #include "render/sweep/cost_kernels.h"
 #include "render/sweep/edge_guide.h"
-#include "render/sweep/field_coverage.h"
-#include "render/sweep/selection.h"
-#include "render/view/working_memory.h"
-#include "schemas/parallel.h"
+#include "render/sweep/inlier_selection.h"
 
 namespace raystage::plane_sweep {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-using Tile = CameraField::Tile;
+using Tile = BlendingField::Tile;
 
 double milliseconds(Clock::duration duration) {
   return std::chrono::duration<double, std::milli>(duration).count();
@@ -31,7 +31,7 @@ double milliseconds(Clock::duration duration) {
 /// One view's rendering, stage by stage: plan (which source pixels), decode, match, blend.
 class Frame {
  public:
-  Frame(const ViewRequest& request, const Plan& plan)
+  Frame(const ViewRequest& request, const PlaneSweepPlan& plan)
       : request_(request),
         view_(request.view),
         plan_(plan),
@@ -53,14 +53,14 @@ class Frame {
       map = match(guide, image.statistics);
     }
     if (image.statistics.working_bytes > request_.working_bytes) {
-      image.notes.push_back(more_than_its_share("plane_sweep", request_));
+      image.notes.push_back(memory_overrun_note("plane_sweep", request_));
     }
     blend(map, image);
     image.statistics.plan_ms = milliseconds(planned - start);
     image.statistics.decode_ms = milliseconds(decoded - planned);
     image.statistics.render_ms = milliseconds(Clock::now() - decoded);
     if (request_.count_needed_pixels) count_needed(map, image.statistics);
-    if (request_.measure_coverage) measure_field_coverage(request_, plan_.field, {}, image);
+    if (request_.measure_coverage) measure_view_coverage(request_, plan_.field, {}, image);
     return image;
   }
 
@@ -86,7 +86,7 @@ class Frame {
   }
 
   static bool has_camera(const Tile& tile, int camera) {
-    return std::ranges::binary_search(tile.cameras, camera, {}, &CameraField::TileCamera::camera);
+    return std::ranges::binary_search(tile.cameras, camera, {}, &BlendingField::TileCamera::camera);
   }
 
   /// Which cameras take part, and which of their pixels.
@@ -94,7 +94,7 @@ class Frame {
     for_each_tile([&](const Tile& tile) {
       for (const auto& camera : tile.cameras) source(camera.camera).used = true;
     });
-    const Instant& instant = request_.instant;
+    const LightFieldFrame& instant = request_.instant;
     raystage::parallel_for(std::size_t{0}, sources_.size(), [&](std::size_t i) {
       Source& opened = sources_[i];
       if (!opened.used) return;
@@ -102,7 +102,7 @@ class Frame {
       opened.look_up = depth_source(view_, instant.rig->cameras[i], plan_.planes.farthest);
       const auto layout = instant.cache->layout(camera, instant.frame_of_camera[i]);
       opened.wanted.assign(static_cast<std::size_t>(layout->mcu_count()), 0);
-      plan_into(opened.look_up.camera, *layout, opened.wanted.data());
+      set_mcu_layout(opened.look_up.camera, *layout, opened.wanted.data());
       for_each_tile([&](const Tile& tile) {
         if (!has_camera(tile, camera)) return;
         const ViewBlock block{tile.left,   tile.right,       tile.top,
@@ -157,11 +157,11 @@ class Frame {
     run.y = y;
     run.planes = planes_;
     run.truncation = plan_.settings.truncation;
-    run.left_out = plan_.settings.left_out;
+    run.excluded_cameras = plan_.settings.excluded_cameras;
     const std::ptrdiff_t stride = plane_stride(plan_.planes.count);
     std::vector<const MatchingCamera*> cameras;
     for (int column = 0; column < plan_.field.columns(); ++column) {
-      const Tile& tile = plan_.field.tile(column, y / CameraField::kTile);
+      const Tile& tile = plan_.field.tile(column, y / BlendingField::kTile);
       cameras.clear();
       for (const int camera : tile.best) {
         if (source(camera).frame) cameras.push_back(&source(camera).matching);
@@ -170,7 +170,7 @@ class Frame {
       run.end = tile.right;
       run.cameras = cameras;
       run.costs = costs + tile.left * stride;
-      fill_costs(run, scratch);
+      compute_matching_costs(run, scratch);
     }
   }
 
@@ -200,7 +200,7 @@ class Frame {
 
   PlaneMap match(std::span<const std::uint8_t> guide, RenderStatistics& statistics) {
     const CostVolume volume{view_.width, view_.height, plan_.planes.count};
-    const Settings& s = plan_.settings;
+    const PlaneSweepSettings& s = plan_.settings;
     if (volume.planes == 1) {
       PlaneMap map{view_.width, view_.height, {}, {}};
       map.plane.resize(pixels());
@@ -211,7 +211,7 @@ class Frame {
     if (s.aggregation != Aggregation::kSemiGlobal) {
       const int radius = s.aggregation == Aggregation::kBox ? s.box_radius : 0;
       hold(held + box_bytes(volume, radius, tbb::this_task_arena::max_concurrency()), statistics);
-      return box_match(volume, fill, radius, s.sub_plane);
+      return box_match(volume, fill, radius, s.subplane_refinement);
     }
     SemiGlobalSettings settings = semi_global_settings(s, guide);
     settings.buffers = &request_.buffers;
@@ -232,17 +232,17 @@ class Frame {
 
   void blend(const PlaneMap& map, RenderedView& image) {
     raystage::parallel_for(0, view_.height, [&](int y) {
-      std::array<float, CameraField::kTile> inverse_depth;
+      std::array<float, BlendingField::kTile> inverse_depth;
       std::vector<float> samples;
       Mattes mattes;
       for (int column = 0; column < plan_.field.columns(); ++column) {
-        const Tile& tile = plan_.field.tile(column, y / CameraField::kTile);
+        const Tile& tile = plan_.field.tile(column, y / BlendingField::kTile);
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
         const std::size_t at = static_cast<std::size_t>(y) * static_cast<std::size_t>(view_.width) +
                                static_cast<std::size_t>(tile.left);
         find_depths(map, tile, y, inverse_depth.data());
         const std::span<float> rgba(&image.rgba[at * 4], n * 4);
-        if (plan_.settings.left_out == 0) {
+        if (plan_.settings.excluded_cameras == 0) {
           for (const auto& camera : tile.cameras) {
             add_samples(tile, camera, y, {inverse_depth.data(), n}, rgba);
           }
@@ -252,7 +252,7 @@ class Frame {
             add_samples(tile, tile.cameras[i], y, {inverse_depth.data(), n},
                         std::span(samples).subspan(i * rgba.size(), rgba.size()));
           }
-          add_selected_samples(samples, plan_.settings.left_out, rgba);
+          add_inlier_samples(samples, plan_.settings.excluded_cameras, rgba);
         }
         if (has_matte()) find_mattes(tile, y, {inverse_depth.data(), n}, samples, rgba, mattes);
         finish(rgba, {mattes.seen.data(), has_matte() ? n : 0}, {inverse_depth.data(), n},
@@ -261,13 +261,13 @@ class Frame {
     });
   }
 
-  void add_samples(const Tile& tile, const CameraField::TileCamera& camera, int y,
+  void add_samples(const Tile& tile, const BlendingField::TileCamera& camera, int y,
                    std::span<const float> inverse_depth, std::span<float> sums) {
     const Source& from = source(camera.camera);
     if (!from.frame) return;
-    std::array<float, CameraField::kTile> share;
+    std::array<float, BlendingField::kTile> share;
     for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
-      share[i] = CameraField::share(tile, camera, tile.left + static_cast<int>(i), y);
+      share[i] = BlendingField::share(tile, camera, tile.left + static_cast<int>(i), y);
     }
     add_samples_at_depth(from.look_up, tile.left, y, inverse_depth,
                          {share.data(), inverse_depth.size()}, plan_.settings.look_up, sums);
@@ -277,7 +277,7 @@ class Frame {
 
   /// Of a tile's row, for frames with a matte.
   struct Mattes {
-    std::array<float, CameraField::kTile> seen, share, alpha;
+    std::array<float, BlendingField::kTile> seen, share, alpha;
   };
 
   /// `seen` of all cameras; where some were left out for their colours, `sums` become the others'
@@ -289,13 +289,13 @@ class Frame {
       const Source& from = source(camera.camera);
       if (!from.frame) continue;
       for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
-        mattes.share[i] = CameraField::share(tile, camera, tile.left + static_cast<int>(i), y);
+        mattes.share[i] = BlendingField::share(tile, camera, tile.left + static_cast<int>(i), y);
       }
-      add_seen_at_depth(from.look_up, tile.left, y, inverse_depth,
-                        {mattes.share.data(), inverse_depth.size()},
-                        {mattes.seen.data(), inverse_depth.size()});
+      add_visibility_at_depth(from.look_up, tile.left, y, inverse_depth,
+                              {mattes.share.data(), inverse_depth.size()},
+                              {mattes.seen.data(), inverse_depth.size()});
     }
-    if (plan_.settings.left_out == 0) return;
+    if (plan_.settings.excluded_cameras == 0) return;
     mattes.alpha = {};
     for (std::size_t at = 0; at < samples.size(); at += 4) {
       mattes.alpha[at % sums.size() / 4] += samples[at + 3];
@@ -315,7 +315,8 @@ class Frame {
     finish_samples(rgba, seen, cache.blend_space(), static_cast<float>(cache.full_scale()), rgba);
     for (std::size_t i = 0; i < inverse_depth.size(); ++i) {
       const float alpha = rgba[4 * i + 3];
-      const float absent = absent_share(plan_, request_.instant, x + static_cast<int>(i), y);
+      const float absent =
+          absent_camera_weight(plan_, request_.instant, x + static_cast<int>(i), y);
       image.coverage[at + i] = alpha * (1 - absent);
       const double depth = 1 / (plan_.planes.farthest + static_cast<double>(inverse_depth[i]));
       image.z[at + i] =
@@ -334,28 +335,29 @@ class Frame {
       DepthSource marking = s.look_up;
       marking.camera.wanted_mcus = nullptr;
       marking.camera.read_pixels = read.data();
-      std::array<float, CameraField::kTile> inverse_depth, share;
-      const auto mark = [&](const Tile& tile, int y, LookUp look_up) {
+      std::array<float, BlendingField::kTile> inverse_depth, share;
+      const auto mark = [&](const Tile& tile, int y, Interpolation look_up) {
         const auto n = static_cast<std::size_t>(tile.right - tile.left);
         mark_samples_at_depth(marking, tile.left, y, {inverse_depth.data(), n}, {share.data(), n},
                               look_up);
       };
       for_each_tile([&](const Tile& tile) {
         const auto found = std::ranges::lower_bound(tile.cameras, static_cast<int>(i), {},
-                                                    &CameraField::TileCamera::camera);
+                                                    &BlendingField::TileCamera::camera);
         if (found == tile.cameras.end() || found->camera != static_cast<int>(i)) return;
         const bool matched =
             plan_.planes.count > 1 && std::ranges::binary_search(tile.best, static_cast<int>(i));
         for (int y = tile.top; y < tile.bottom; ++y) {
           find_depths(map, tile, y, inverse_depth.data());
           for (int x = tile.left; x < tile.right; ++x) {
-            share[static_cast<std::size_t>(x - tile.left)] = CameraField::share(tile, *found, x, y);
+            share[static_cast<std::size_t>(x - tile.left)] =
+                BlendingField::share(tile, *found, x, y);
           }
           mark(tile, y, plan_.settings.look_up);
           share.fill(1);
           for (int plane = 0; matched && plane < plan_.planes.count; ++plane) {
             inverse_depth.fill(static_cast<float>(planes_.inverse_depth(plane)));
-            mark(tile, y, LookUp::kLinear);
+            mark(tile, y, Interpolation::kLinear);
           }
         }
       });
@@ -366,7 +368,7 @@ class Frame {
 
   const ViewRequest& request_;
   const VirtualCamera& view_;
-  const Plan& plan_;
+  const PlaneSweepPlan& plan_;
   const SweepPlanes planes_;  // as sources are told
   tbb::enumerable_thread_specific<CostScratch> scratch_;
   std::vector<Source> sources_;  // per camera of the rig
@@ -376,8 +378,8 @@ class Frame {
 
 RenderedView render(const ViewRequest& request) {
   const auto start = Clock::now();
-  const std::optional<Plan> made = plan(request);
-  if (!made) return view_of_nothing(request);
+  const std::optional<PlaneSweepPlan> made = plan(request);
+  if (!made) return transparent_view(request);
   return Frame(request, *made).render(start);
 }
 

@@ -7,17 +7,17 @@
 #include <string>
 #include <vector>
 
+#include "render/common/blending_field.h"
+#include "render/common/method.h"
 #include "render/matching/matching.h"
 #include "render/sampling/depth_sampling.h"
-#include "render/sweep/camera_field.h"
-#include "render/view/method.h"
 
 namespace raystage {
 
-/// Method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis, Reconstruction): planes
-/// across the view, evenly spaced in inverse depth; at each pixel the one on which the cameras
-/// agree best, smoothed by semi-global matching; then the cameras blended where they see that
-/// point, with weights by angle and field of view (README.md: how they differ from the
+/// Method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis, ReconstructionSettings):
+/// planes across the view, evenly spaced in inverse depth; at each pixel the one on which the
+/// cameras agree best, smoothed by semi-global matching; then the cameras blended where they see
+/// that point, with weights by angle and field of view (README.md: how they differ from the
 /// lumigraph's).
 ///
 /// A = the shares of the chosen cameras that saw the pixel's point. Coverage is lower than that by
@@ -30,33 +30,34 @@ namespace plane_sweep {
 
 enum class Aggregation { kSemiGlobal, kBox, kNone };
 
-struct Settings {
+struct PlaneSweepSettings {
   int cameras = 4;
   Aggregation aggregation = Aggregation::kSemiGlobal;
-  LookUp look_up = LookUp::kCubic;
-  bool sub_plane = true;
+  Interpolation look_up = Interpolation::kCubic;
+  bool subplane_refinement = true;
   int p1 = 40, p2 = 800, box_radius = 2;
   double truncation = 40;
-  int left_out = 0;
+  int excluded_cameras = 0;
   double edge_scale = 0;  ///< codes; 0: all edges are alike
 };
 
 /// What is to be done for a view: shared by the fast and the slow way.
-struct Plan {
-  Settings settings;
-  CameraField field;
-  std::optional<CameraField> complete;  ///< as if no camera were absent; only where one is
+struct PlaneSweepPlan {
+  PlaneSweepSettings settings;
+  BlendingField field;
+  std::optional<BlendingField> complete;  ///< as if no camera were absent; only where one is
   SweepPlanes planes;
   std::vector<std::string> notes;  ///< see RenderedView::notes
 };
 /// `guide`: see there; edge_scale only counts with one.
-SemiGlobalSettings semi_global_settings(const Settings& settings,
+SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
                                         std::span<const std::uint8_t> guide);
 /// nullopt where the view sees nothing of the scene.
-std::optional<Plan> plan(const ViewRequest& request);
+std::optional<PlaneSweepPlan> plan(const ViewRequest& request);
 
 /// What share of a pixel cameras have that are absent, 0 to 1.
-float absent_share(const Plan& plan, const Instant& instant, int x, int y);
+float absent_camera_weight(const PlaneSweepPlan& plan, const LightFieldFrame& instant, int x,
+                           int y);
 
 RenderedView render(const ViewRequest& request);
 RenderedView render_reference(const ViewRequest& request);

@@ -4,12 +4,12 @@
 #include <cmath>
 #include <limits>
 
+#include "base/transfer_function.h"
 #include "render/matching/matching.h"
+#include "render/sampling/field_coverage.h"
 #include "render/sweep/cost_kernels.h"
 #include "render/sweep/edge_guide.h"
-#include "render/sweep/field_coverage.h"
 #include "render/sweep/plane_sweep.h"
-#include "schemas/transfer_function.h"
 
 namespace raystage::plane_sweep {
 namespace {
@@ -42,7 +42,7 @@ void leave_out(int cameras, std::vector<Sample>& samples) {
 /// Everything pixel by pixel, in double.
 class Reference {
  public:
-  Reference(const ViewRequest& request, const Plan& plan)
+  Reference(const ViewRequest& request, const PlaneSweepPlan& plan)
       : request_(request), plan_(plan), rays_(request.view), frames_(cameras().size()) {}
 
   RenderedView render() {
@@ -59,7 +59,7 @@ class Reference {
     }
     blend(map, image);
     const auto end = std::chrono::steady_clock::now();
-    if (request_.measure_coverage) measure_field_coverage(request_, plan_.field, {}, image);
+    if (request_.measure_coverage) measure_view_coverage(request_, plan_.field, {}, image);
     image.statistics.decode_ms = std::chrono::duration<double, std::milli>(decoded - start).count();
     image.statistics.render_ms = std::chrono::duration<double, std::milli>(end - decoded).count();
     return image;
@@ -81,23 +81,23 @@ class Reference {
     }
   }
 
-  double cost(const CameraField::Tile& tile, const Vector3d& ray, double inverse_depth) const {
+  double cost(const BlendingField::Tile& tile, const Vector3d& ray, double inverse_depth) const {
     std::vector<ReferenceCamera> matched;
     for (const int camera : tile.best) {
       const auto i = static_cast<std::size_t>(camera);
       matched.push_back({&cameras()[i], frames_[i].get()});
     }
-    return cost_reference(matched, request_.instant.cache->blend_space(),
-                          request_.view.pose.position, ray, inverse_depth,
-                          plan_.settings.truncation, plan_.settings.left_out);
+    return matching_cost_reference(matched, request_.instant.cache->blend_space(),
+                                   request_.view.pose.position, ray, inverse_depth,
+                                   plan_.settings.truncation, plan_.settings.excluded_cameras);
   }
 
   void fill_row(int y, std::span<std::uint8_t> costs) const {
     const auto stride = static_cast<std::size_t>(plane_stride(plan_.planes.count));
     for (int x = 0; x < request_.view.width; ++x) {
       const auto ray = rays_.through(x + 0.5, y + 0.5);
-      const CameraField::Tile& tile =
-          plan_.field.tile(x / CameraField::kTile, y / CameraField::kTile);
+      const BlendingField::Tile& tile =
+          plan_.field.tile(x / BlendingField::kTile, y / BlendingField::kTile);
       for (int plane = 0; plane < plan_.planes.count; ++plane) {
         const double value =
             ray ? cost(tile, *ray, plan_.planes.inverse_depth(plane)) : kUnknownCost;
@@ -109,11 +109,12 @@ class Reference {
 
   PlaneMap match(std::span<const std::uint8_t> guide) const {
     const CostVolume volume{request_.view.width, request_.view.height, plan_.planes.count};
-    const Settings& s = plan_.settings;
+    const PlaneSweepSettings& s = plan_.settings;
     const FillCosts fill = [&](int y, std::span<std::uint8_t> costs) { fill_row(y, costs); };
     if (s.aggregation != Aggregation::kSemiGlobal) {
-      return box_match_reference(
-          volume, fill, s.aggregation == Aggregation::kBox ? s.box_radius : 0, s.sub_plane);
+      return box_match_reference(volume, fill,
+                                 s.aggregation == Aggregation::kBox ? s.box_radius : 0,
+                                 s.subplane_refinement);
     }
     return semi_global_match_reference(volume, fill, semi_global_settings(s, guide));
   }
@@ -131,17 +132,17 @@ class Reference {
   void blend(int x, int y, double inverse_depth, float* rgba, float& coverage, float& z) const {
     const auto ray = rays_.through(x + 0.5, y + 0.5);
     if (!ray) return;
-    const CameraField::Tile& tile =
-        plan_.field.tile(x / CameraField::kTile, y / CameraField::kTile);
+    const BlendingField::Tile& tile =
+        plan_.field.tile(x / BlendingField::kTile, y / BlendingField::kTile);
     std::vector<Sample> samples;
     double seen = 0, matte = 0;
-    for (const CameraField::TileCamera& camera : tile.cameras) {
+    for (const BlendingField::TileCamera& camera : tile.cameras) {
       const auto i = static_cast<std::size_t>(camera.camera);
       const DepthSample sample =
           sample_at_depth_reference(request_.view.pose.position, *ray, inverse_depth, cameras()[i],
                                     *frames_[i], plan_.settings.look_up);
       const double share =
-          sample.seen * static_cast<double>(CameraField::share(tile, camera, x, y));
+          sample.seen * static_cast<double>(BlendingField::share(tile, camera, x, y));
       seen += share;
       if (!(share * sample.alpha > 0)) continue;
       samples.push_back({sample.code, share, sample.alpha});
@@ -149,7 +150,7 @@ class Reference {
       matte += share * sample.alpha;
     }
     if (seen <= 0 || matte <= 0) return;
-    leave_out(plan_.settings.left_out, samples);
+    leave_out(plan_.settings.excluded_cameras, samples);
     std::array<double, 3> sum{};
     double weight = 0;
     for (const Sample& sample : samples) {
@@ -161,7 +162,7 @@ class Reference {
     // what is there.
     if (!request_.instant.cache->has_matte()) seen = matte = weight;
     const double alpha =
-        std::min(1.0, seen / static_cast<double>(kEnoughShares)) * std::min(1.0, matte / seen);
+        std::min(1.0, seen / static_cast<double>(kFullAlphaWeight)) * std::min(1.0, matte / seen);
     const FrameCache& cache = *request_.instant.cache;
     for (std::size_t c = 0; c < 3; ++c) {
       const double mean = std::clamp(sum[c] / weight, 0.0, 1.0);
@@ -170,12 +171,12 @@ class Reference {
       rgba[c] = static_cast<float>(light * cache.full_scale() * alpha);
     }
     rgba[3] = static_cast<float>(alpha);
-    coverage = rgba[3] * (1 - absent_share(plan_, request_.instant, x, y));
+    coverage = rgba[3] * (1 - absent_camera_weight(plan_, request_.instant, x, y));
     if (inverse_depth > 0) z = static_cast<float>(1 / inverse_depth);
   }
 
   const ViewRequest& request_;
-  const Plan& plan_;
+  const PlaneSweepPlan& plan_;
   ViewRays rays_;
   std::vector<std::shared_ptr<const DecodedFrame>> frames_;
 };
@@ -183,8 +184,8 @@ class Reference {
 }  // namespace
 
 RenderedView render_reference(const ViewRequest& request) {
-  const std::optional<Plan> made = plan(request);
-  if (!made) return view_of_nothing(request);
+  const std::optional<PlaneSweepPlan> made = plan(request);
+  if (!made) return transparent_view(request);
   return Reference(request, *made).render();
 }
 

@@ -8,13 +8,13 @@
 #include <limits>
 #include <string>
 
-#include "render/sweep/position_probe.h"
-#include "render/view/any_geometry.h"
-#include "render/view/exact_geometry.h"
-#include "render/view/worst_error.h"
-#include "schemas/test_targets.h"
+#include "testing/render/exact_geometry.h"
+#include "testing/render/geometry_generators.h"
+#include "testing/render/position_probe.h"
+#include "testing/render/worst_error.h"
+#include "testing/test_simd_targets.h"
 
-namespace raystage {
+namespace raystage::positions_extremes_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -50,10 +50,10 @@ Shot some_shot() {
   geometry.width = kWidth;
   geometry.height = kHeight;
   geometry.intrinsics = {500, 510, 320.5, 240, *rc::gen::arbitrary<bool>() ? kLens : Distortion{}};
-  const Vector3d around = testing::far_off();
-  Pose eye = testing::some_pose(around, 1);
-  Shot shot{testing::some_view(eye), {"c", CameraModel(geometry), {}, {}, {}, {}}, planes};
-  shot.count = std::min(*rc::gen::element(1, 2, 17, kCostBlock), shot.view.width);
+  const Vector3d around = testing::random_origin();
+  Pose eye = testing::random_pose(around, 1);
+  Shot shot{testing::random_view(eye), {"c", CameraModel(geometry), {}, {}, {}, {}}, planes};
+  shot.count = std::min(*rc::gen::element(1, 2, 17, kCostBlockSize), shot.view.width);
   shot.begin = *rc::gen::inRange(0, shot.view.width - shot.count + 1);
   shot.y = *rc::gen::inRange(0, shot.view.height);
 
@@ -63,7 +63,7 @@ Shot some_shot() {
   const Vector3d rounded(static_cast<double>(ray.x), static_cast<double>(ray.y),
                          static_cast<double>(ray.z));
   const Vector3d way = rounded + planes.nearest() * (eye.position - shot.camera.pose.position);
-  shot.camera.pose.world_from_camera_rotation = testing::looking_at(
+  shot.camera.pose.world_from_camera_rotation = testing::rotation_towards(
       Vector3d::Zero(), way.normalized() + between(0, 0.3) * testing::direction());
   if (*rc::gen::arbitrary<bool>())
     shot.camera.pose.world_from_camera_rotation *=
@@ -83,7 +83,8 @@ std::optional<Place> exact_place(const Shot& shot, const DepthSource& source, in
   const Vector3d& centre = shot.camera.pose.position;
   const ExactVector ray = exact_ray(shot.view, pixel_x, pixel_y);
   const ExactVector towards = q == 0 ? ray : q * ((exact(eye) + 1 / q * ray) - exact(centre));
-  const auto pixel = testing::exact_look(shot.camera.model.intrinsics(), shot.camera.pose, towards);
+  const auto pixel =
+      testing::exact_projection(shot.camera.model.intrinsics(), shot.camera.pose, towards);
   const double ahead =
       static_cast<double>(dot(exact(shot.camera.pose.viewing_direction()), towards));
   if (!pixel) return std::nullopt;
@@ -98,7 +99,7 @@ std::optional<Place> exact_place(const Shot& shot, const DepthSource& source, in
     terms = std::max(
         terms, std::abs(first) + std::abs(m[0] * x) + std::abs(shot.planes.step * deep * plane));
   }
-  const double in_double = testing::ray_terms(shot.view, pixel_x, pixel_y) +
+  const double in_double = testing::ray_term_magnitude(shot.view, pixel_x, pixel_y) +
                            static_cast<double>(q) * (eye - centre).norm();
   const double size = 500 + 320 + 640;  // focal length, principal point, and how far from there
   return Place{(*pixel)[0], (*pixel)[1],
@@ -111,8 +112,8 @@ TEST(BlockPositionsExtremes, AreThoseOf50Digits) {
   frame.height = kHeight;
   frame.rgba = std::make_unique<std::uint16_t[]>(4 * (kWidth * (kHeight + 1) + 1));
   const MatchingFrame matching(frame, BlendSpace::kPerceptual, {0, kWidth, 0, kHeight});
-  testing::for_each_target(sweep_target, [&] {
-    const std::string target = sweep_target();
+  testing::for_each_simd_target(cost_kernel_target, [&] {
+    const std::string target = cost_kernel_target();
     WorstError by_fit(target + ": position by a block's parabola, px", 0.01),
         by_itself(target + ": position by itself, px", 0.01);
     EXPECT_TRUE(rc::check("any view, camera, planes and block", [&] {
@@ -148,4 +149,4 @@ TEST(BlockPositionsExtremes, AreThoseOf50Digits) {
 }
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::positions_extremes_test

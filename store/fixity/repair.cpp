@@ -8,11 +8,11 @@
 #include <optional>
 #include <system_error>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
-#include "schemas/parallel.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/parallel.h"
+#include "base/posix_file.h"
 #include "store/fixity/verify.h"
-#include "store/posix_file.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
@@ -95,8 +95,8 @@ class CameraRepair {
 
  private:
   void replace(RepairReport::Camera& result) {
-    constexpr auto kByUser = TemporaryFile::Creation::kByUser;
-    TemporaryFile new_archive(archive_path_, kByUser), new_journal(journal_path_, kByUser);
+    constexpr auto kByWriter = TemporaryFile::Creation::kByWriter;
+    TemporaryFile new_archive(archive_path_, kByWriter), new_journal(journal_path_, kByWriter);
     write_salvaged(pair_, result.salvage, new_archive.path(), new_journal.path());
     check_new_pair(pair_, result.salvage, new_archive.path(), new_journal.path());
     if (!result.salvage.losses.empty()) {
@@ -162,7 +162,7 @@ RepairReport repair_take(const fs::path& folder, const RepairOptions& options) {
   std::atomic<std::size_t> done = 0;
   // One camera a thread: each has files of its own.
   const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
-  for_each_in_flight(
+  parallel_for_in_order(
       cameras, threads, [&] { return options.stop.stop_requested(); },
       [&](std::size_t i) {
         RepairReport::Camera& camera = report.cameras[i];

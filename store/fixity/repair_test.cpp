@@ -11,12 +11,12 @@
 #include <random>
 #include <set>
 
-#include "schemas/error.h"
-#include "store/fixity/fixity_test_data.h"
+#include "base/error.h"
 #include "store/fixity/verify.h"
 #include "store/matroska.h"
-#include "store/take_test_data.h"
 #include "store/timeline.h"
+#include "testing/store/fixity_test_data.h"
+#include "testing/store/take_test_data.h"
 
 namespace raystage {
 namespace {

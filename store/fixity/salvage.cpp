@@ -9,9 +9,9 @@
 #include <set>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
+#include "base/little_endian.h"
 #include "store/journal.h"
-#include "store/little_endian.h"
 #include "store/matroska.h"
 
 namespace raystage {

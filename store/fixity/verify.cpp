@@ -9,10 +9,10 @@
 #include <optional>
 #include <system_error>
 
-#include "schemas/error.h"
-#include "schemas/parallel.h"
+#include "base/error.h"
+#include "base/parallel.h"
+#include "base/posix_file.h"
 #include "schemas/recording_document.h"
-#include "store/posix_file.h"
 #include "store/timeline.h"
 #include "store/timeline_file.h"
 
@@ -159,7 +159,7 @@ TakeReport verify_take(const fs::path& folder, const TakeVerifyOptions& given) {
   Share share(report.bytes(), options.progress);
   // One camera a thread, in order, so that a disk reads its files from end to end.
   const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
-  for_each_in_flight(
+  parallel_for_in_order(
       cameras, threads, [&] { return options.stop.stop_requested(); },
       [&](std::size_t i) {
         verify_camera(take, static_cast<int>(i), options, share, report.cameras[i]);

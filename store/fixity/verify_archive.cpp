@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/fixity/header_damage.h"
 #include "store/journal.h"
 #include "store/jpeg/decode.h"

@@ -8,14 +8,14 @@
 #include <mutex>
 #include <random>
 
-#include "schemas/atomic_file.h"
-#include "schemas/error.h"
+#include "base/atomic_file.h"
+#include "base/error.h"
 #include "schemas/recording_document.h"
-#include "store/fixity/fixity_test_data.h"
 #include "store/jpeg/encode.h"
 #include "store/matroska.h"
-#include "store/take_test_data.h"
 #include "store/timeline.h"
+#include "testing/store/fixity_test_data.h"
+#include "testing/store/take_test_data.h"
 
 namespace raystage {
 namespace {

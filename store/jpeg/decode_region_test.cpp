@@ -6,13 +6,13 @@
 #include <random>
 #include <string>
 
-#include "schemas/error.h"
-#include "schemas/test_targets.h"
+#include "base/error.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/encode.h"
 #include "store/jpeg/inverse_dct.h"
-#include "store/jpeg/test_encoder.h"
-#include "store/jpeg/test_images.h"
+#include "testing/store/test_encoder.h"
+#include "testing/store/test_images.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -179,7 +179,7 @@ TEST(DecodeRegion, EqualsTheFullDecodeForEveryKindOfPicture) {
 
 TEST(DecodeRegion, EqualsTheFullDecodeOnEveryInstructionSet) {
   const RgbImage image = test_images::make(Kind::kMixed, 200, 130);
-  testing::for_each_target(inverse_dct_target, [&] {
+  testing::for_each_simd_target(inverse_dct_target, [&] {
     for (const auto& [h, v] : {std::pair{1, 1}, {2, 1}, {1, 2}, {2, 2}}) {
       OddJpeg odd;
       odd.h[0] = h;

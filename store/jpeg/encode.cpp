@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <string>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/jpeg/layout.h"
 #include "store/jpeg/libjpeg.h"
 

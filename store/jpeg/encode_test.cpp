@@ -8,11 +8,11 @@
 #include <cstring>
 #include <limits>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/libjpeg.h"
-#include "store/jpeg/test_encoder.h"
-#include "store/jpeg/test_images.h"
+#include "testing/store/test_encoder.h"
+#include "testing/store/test_images.h"
 
 namespace raystage {
 namespace {

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Integer inverse DCT of two 8x8 blocks at a time: the accurate algorithm of libjpeg-turbo
+// (JDCT_ISLOW: Loeffler, Ligtenberg and Moschytz, ICASSP 1989), bit for bit. Must match
+// inverse_dct_reference() exactly.
 #include "store/jpeg/inverse_dct.h"
 
 #include <algorithm>

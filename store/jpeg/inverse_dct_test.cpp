@@ -8,7 +8,7 @@
 #include <numbers>
 #include <random>
 
-#include "schemas/test_targets.h"
+#include "testing/test_simd_targets.h"
 
 namespace raystage {
 namespace {
@@ -34,7 +34,7 @@ BlockPair random_pair(std::mt19937& random, int limit, unsigned zeros_in_10) {
 }
 
 TEST(InverseDct, EqualsTheReferenceWhateverTheCoefficientsOnEveryInstructionSet) {
-  testing::for_each_target(inverse_dct_target, [] {
+  testing::for_each_simd_target(inverse_dct_target, [] {
     std::mt19937 random(1);
     for (int i = 0; i < 20000; ++i) {
       const int limits[] = {2, 40, 1024, 8000, 32767};

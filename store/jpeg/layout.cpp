@@ -5,7 +5,7 @@
 #include <cstring>
 #include <string>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/jpeg/marker_search.h"
 #include "store/jpeg/markers.h"
 

@@ -7,11 +7,11 @@
 #include <random>
 #include <string>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/jpeg/encode.h"
 #include "store/jpeg/marker_search.h"
-#include "store/jpeg/test_encoder.h"
-#include "store/jpeg/test_images.h"
+#include "testing/store/test_encoder.h"
+#include "testing/store/test_images.h"
 
 namespace raystage {
 namespace {

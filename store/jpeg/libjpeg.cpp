@@ -8,7 +8,7 @@
 #include <new>
 #include <string>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage::libjpeg {
 namespace {

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Converts wanted MCUs of decoded YCbCr planes to RGB and looks the codes up in a table of linear
+// light, a row of pixels at a time, bit for bit as libjpeg-turbo's full decode followed by the
+// table. Cost: O(pixels). The tests compare it with libjpeg-turbo.
 #include "store/jpeg/linear_pixels.h"
 
 #include <algorithm>

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds restart markers in JPEG data: bytes 0xFF followed by 0xD0 to 0xD7, a vector of bytes at a
+// time. Cost: O(bytes). The tests compare it with a byte-by-byte search.
 #include "store/jpeg/marker_search.h"
 
 #include <algorithm>

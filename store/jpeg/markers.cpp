@@ -5,7 +5,7 @@
 #include <cstring>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 
 namespace raystage {
 

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <string>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/jpeg/libjpeg.h"
 
 namespace raystage {

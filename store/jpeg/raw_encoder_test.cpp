@@ -9,10 +9,10 @@
 #include <random>
 #include <utility>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/layout.h"
-#include "store/jpeg/test_images.h"
+#include "testing/store/test_images.h"
 
 namespace raystage {
 namespace {

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Upsamples chroma rows by 2 with a triangle filter, bit for bit as libjpeg-turbo's smooth
+// upsampling (jdsample.c), or by replication. Cost: O(pixels). The tests compare it with libjpeg-
+// turbo.
 #include "store/jpeg/upsampling.h"
 
 #include <algorithm>

@@ -9,10 +9,10 @@
 #include <memory>
 #include <string>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/raw_encoder.h"
-#include "store/jpeg/test_images.h"
+#include "testing/store/test_images.h"
 
 namespace raystage {
 namespace {
@@ -35,7 +35,7 @@ RgbImage cut(const RgbImage& image, int width, int height, int step) {
 
 }  // namespace
 
-std::vector<RgbImage> bench_pictures(int width, int height, int step) {
+std::vector<RgbImage> load_bench_images(int width, int height, int step) {
   std::vector<RgbImage> result;
   if (const char* folder = std::getenv("RAYSTAGE_BENCH_PICTURES")) {
     std::vector<std::filesystem::path> files;

@@ -11,7 +11,7 @@ namespace raystage {
 
 /// Sixteen pictures, cut from the middle of the photographs that RAYSTAGE_BENCH_PICTURES (a folder
 /// of JPEGs) holds, every `step`-th pixel; painted ones where there are too few.
-std::vector<RgbImage> bench_pictures(int width, int height, int step);
+std::vector<RgbImage> load_bench_images(int width, int height, int step);
 
 /// Full-range 4:2:0 planes. Sizes must be even.
 std::vector<SourceFrame> raw_frames(const std::vector<RgbImage>& images);

@@ -5,7 +5,7 @@
 
 namespace raystage {
 
-testing::SyntheticTake painted_array(int rows, int columns) {
+testing::SyntheticTake make_painted_rig(int rows, int columns) {
   testing::SyntheticTake settings;
   settings.cameras = testing::camera_grid(rows, columns, 0.0615, 960, 640);
   settings.plane_depth = 5;

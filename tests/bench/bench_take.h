@@ -3,15 +3,15 @@
 
 #include <memory>
 
-#include "render/view/synthetic_take.h"
-#include "schemas/test_folder.h"
 #include "store/take.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/test_folder.h"
 
 namespace raystage {
 
 /// `rows` x `columns` cameras of 960x640, 61.5 mm apart as those of the light field shop, that look
 /// at a painted plane 5 m off in a scene from 3 to 40 m; JPEG of quality 90 with restart markers.
-testing::SyntheticTake painted_array(int rows, int columns);
+testing::SyntheticTake make_painted_rig(int rows, int columns);
 
 /// A take to measure on.
 class BenchTake {

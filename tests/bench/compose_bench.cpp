@@ -15,11 +15,11 @@
 #include <cstring>
 #include <numbers>
 
-#include "compose/exr/file.h"
+#include "base/parallel.h"
+#include "compose/exr/exr_file.h"
 #include "compose/exr/memory_stream.h"
-#include "compose/geometry/test_meshes.h"
 #include "compose/layers/merge.h"
-#include "schemas/parallel.h"
+#include "testing/compose/test_meshes.h"
 #include "tests/bench/run_benchmarks.h"
 
 namespace raystage {
@@ -32,7 +32,7 @@ constexpr std::size_t kPixels = std::size_t{kWidth} * kHeight;
 class Scene {
  public:
   Scene() : mesh_(bumpy_ball(), "ball") {
-    scene_.meshes.push_back(testing::placed_at(mesh_, {0, 0, -3}, 0.8));
+    scene_.meshes.push_back(testing::make_instance(mesh_, {0, 0, -3}, 0.8));
     scene_.lights.ambient.setConstant(0.2F);
     DirectionalLight light;
     light.towards = Eigen::Vector3d(0.4, 1, 0.5).normalized();
@@ -41,11 +41,11 @@ class Scene {
   }
   const GeometryScene& scene() const { return scene_; }
   const VirtualCamera& camera() const { return camera_; }
-  const MeshScene& mesh() const { return mesh_; }
+  const EmbreeMesh& mesh() const { return mesh_; }
 
  private:
   static Mesh bumpy_ball() {
-    Mesh mesh = testing::ball(1, testing::material_of(Material::Kind::kDiffuse, 0.7F), 500);
+    Mesh mesh = testing::ball(1, testing::make_material(Material::Kind::kDiffuse, 0.7F), 500);
     for (std::size_t i = 0; i < mesh.positions.size(); ++i) {
       const Eigen::Vector3d& p = mesh.positions[i];
       mesh.positions[i] =
@@ -54,7 +54,7 @@ class Scene {
     mesh.normals.clear();
     return mesh;
   }
-  MeshScene mesh_;
+  EmbreeMesh mesh_;
   GeometryScene scene_;
   VirtualCamera camera_;
 };
@@ -72,7 +72,7 @@ const LayerImage& mesh_image() {
 /// As of a light field on a plane behind half of the mesh: smooth with fine noise.
 const LayerImage& light_field_image() {
   static const LayerImage image = [] {
-    LayerImage result = empty_image(kWidth, kHeight);
+    LayerImage result = transparent_layer_image(kWidth, kHeight);
     for (std::size_t i = 0; i < kPixels; ++i) {
       const auto x = static_cast<float>(i % kWidth), y = static_cast<float>(i / kWidth);
       for (std::size_t c = 0; c < 3; ++c) {

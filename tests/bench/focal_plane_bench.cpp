@@ -32,7 +32,7 @@ class BenchTakes {
 
  private:
   static testing::SyntheticTake in_motion(int restart_interval) {
-    testing::SyntheticTake settings = painted_array(8, 8);
+    testing::SyntheticTake settings = make_painted_rig(8, 8);
     settings.plane_depth = kFocalDepth;
     settings.depth_range.reset();
     settings.jpeg.restart_interval = restart_interval;
@@ -63,21 +63,21 @@ VirtualCamera view_of_frame(int frame, int frames) {
   return virtual_camera_with_fov(kWidth, kHeight, 40 * std::numbers::pi / 180, pose);
 }
 
-Reconstruction reconstruction(const Take& take) {
-  return {"focal_plane", plane_in_front_of(take.rig(), kFocalDepth)};
+ReconstructionSettings reconstruction(const Take& take) {
+  return {"focal_plane", fronto_parallel_plane(take.rig(), kFocalDepth)};
 }
 
 /// Leaves rows x columns cameras in, spread over the grid.
 std::vector<int> left_out_but(const Take& take, int per_side) {
-  std::vector<int> left_out;
+  std::vector<int> excluded_cameras;
   for (int i = 0; i < take.camera_count(); ++i) {
     const Rig::Camera& camera = take.rig().cameras[static_cast<std::size_t>(i)];
     const int step = per_side > 1 ? 7 / (per_side - 1) : 1;
     const bool kept = *camera.row % step == 0 && *camera.column % step == 0 &&
                       *camera.row / step < per_side && *camera.column / step < per_side;
-    if (!kept) left_out.push_back(i);
+    if (!kept) excluded_cameras.push_back(i);
   }
-  return left_out;
+  return excluded_cameras;
 }
 
 void BM_FocalPlane(benchmark::State& state) {
@@ -127,7 +127,7 @@ void BM_OpenCv(benchmark::State& state) {
   cv::setNumThreads(static_cast<int>(state.range(0)));
   const bool crop = state.range(1) != 0;
   const VirtualCamera view = view_through_all(kAllCameras);
-  const Eigen::Vector4d plane = plane_in_front_of(take.rig(), kFocalDepth);
+  const Eigen::Vector4d plane = fronto_parallel_plane(take.rig(), kFocalDepth);
   for (auto _ : state) benchmark::DoNotOptimize(peer.render(view, plane, crop).data);
 
   const cv::Mat theirs = peer.render(view, plane, crop);
@@ -161,8 +161,9 @@ int gathering_cameras(const Take& take, const VirtualCamera& view) {
   return count;
 }
 
-Reconstruction aperture(const Take& take) {
-  return {"aperture", plane_in_front_of(take.rig(), kFocalDepth), {{"radius", kApertureRadius}}};
+ReconstructionSettings aperture(const Take& take) {
+  return {
+      "aperture", fronto_parallel_plane(take.rig(), kFocalDepth), {{"radius", kApertureRadius}}};
 }
 
 void BM_Aperture(benchmark::State& state) {
@@ -198,7 +199,7 @@ void BM_OpenCvAperture(benchmark::State& state) {
   static const OpenCvFocalPlane peer(take);
   cv::setNumThreads(static_cast<int>(state.range(0)));
   const VirtualCamera view = view_on_array(take);
-  const Eigen::Vector4d plane = plane_in_front_of(take.rig(), kFocalDepth);
+  const Eigen::Vector4d plane = fronto_parallel_plane(take.rig(), kFocalDepth);
   for (auto _ : state) {
     benchmark::DoNotOptimize(peer.render_aperture(view, plane, kApertureRadius).data);
   }
@@ -223,10 +224,10 @@ void archive_to_pixels(benchmark::State& state, const Take& take) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
   constexpr int kFrames = 48;
   RendererSettings settings;
-  settings.left_out = left_out_but(take, static_cast<int>(state.range(1)));
+  settings.excluded_cameras = left_out_but(take, static_cast<int>(state.range(1)));
   // Room for three instants, so that none is still there when the shot comes round to it again.
   const std::size_t cameras =
-      static_cast<std::size_t>(take.camera_count()) - settings.left_out.size();
+      static_cast<std::size_t>(take.camera_count()) - settings.excluded_cameras.size();
   settings.cache_bytes = 3 * cameras * kWidth * kHeight * 8;
   const auto instants = take.archive(0).frames();
   const auto frames_at = [&](int frame) {

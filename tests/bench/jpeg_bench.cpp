@@ -11,7 +11,7 @@
 #include <string>
 #include <vector>
 
-#include "schemas/atomic_file.h"
+#include "base/atomic_file.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/encode.h"
 #include "store/jpeg/layout.h"

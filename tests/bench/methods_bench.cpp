@@ -15,13 +15,13 @@
 #include <numeric>
 #include <random>
 
-#include "render/evaluation/trade.h"
-#include "render/hull/test_matte.h"
+#include "render/common/ray_cells.h"
+#include "render/evaluation/bench.h"
 #include "render/methods.h"
 #include "render/renderer.h"
 #include "render/sampling/depth_sampling.h"
-#include "render/view/ray_cells.h"
-#include "rig/sampling_limits.h"
+#include "rig/plenoptic_sampling.h"
+#include "testing/render/test_matte.h"
 #include "tests/bench/bench_take.h"
 #include "tests/bench/run_benchmarks.h"
 
@@ -35,14 +35,14 @@ double ms_since(Clock::time_point start) {
 }
 
 const Take& take() {
-  static const BenchTake opened("RAYSTAGE_BENCH_TAKE", painted_array(8, 8));
+  static const BenchTake opened("RAYSTAGE_BENCH_TAKE", make_painted_rig(8, 8));
   return opened.take();
 }
 
 /// For visual_hull: with mattes of a disk on the painted plane, 2 m across. Always written anew, as
 /// captured takes have none.
 const Take& take_with_mattes() {
-  static const testing::SyntheticTake settings = painted_array(8, 8);
+  static const testing::SyntheticTake settings = make_painted_rig(8, 8);
   static const BenchTake opened(settings);
   [[maybe_unused]] static const bool written = [] {
     for (const CameraGeometry& camera : settings.cameras) {
@@ -81,22 +81,24 @@ double disparity_of(const Take& take) {
   for (const Rig::Camera& camera : take.rig().cameras) {
     longest = std::max({longest, camera.model.intrinsics().fx, camera.model.intrinsics().fy});
   }
-  return disparity_range(longest, camera_spacing(take.rig(), topology_of(take.rig(), all)),
+  return disparity_range(longest,
+                         max_neighbour_baseline(take.rig(), make_topology(take.rig(), all)),
                          *take.document().depth_range);
 }
 
 /// The shortest of renderings with one and with two threads, in turn, so that whatever else the
 /// machine does troubles both alike.
-void BM_Threads(benchmark::State& state, const Take& take, const TradeSetting& setting) {
+void BM_Threads(benchmark::State& state, const Take& take, const BenchSetting& setting) {
   RendererSettings settings;
-  settings.cache_bytes = settings.kept_bytes = std::size_t{2} << 30;
-  settings.kept = std::make_shared<KeptResults>(settings.kept_bytes);
+  settings.cache_bytes = settings.result_cache_bytes = std::size_t{2} << 30;
+  settings.kept = std::make_shared<ResultCache>(settings.result_cache_bytes);
   const LightFieldRenderer renderer(take, settings);
   const FrameSelection frames = select_frames(take, 0, kNanosecondsPerSecond);
   // The hull's rays cost 20 us each: a part of the view says as much of threads.
   const VirtualCamera view = bench_view(take, setting.method == "visual_hull" ? 8 : 1);
-  const Reconstruction reconstruction{
-      setting.method, plane_in_front_of(take.rig(), best_focal_depth(*take.document().depth_range)),
+  const ReconstructionSettings reconstruction{
+      setting.method,
+      fronto_parallel_plane(take.rig(), optimal_focal_depth(*take.document().depth_range)),
       setting.options};
   const auto render = [&] {
     const RenderedView image = renderer.render(view, frames, reconstruction);
@@ -176,9 +178,9 @@ void BM_RayQuery(benchmark::State& state) {
                                   static_cast<std::size_t>(state.range(0)));
   const LightFieldRenderer renderer(take(), {});
   const FrameSelection frames = select_frames(take(), 0, kNanosecondsPerSecond);
-  const Reconstruction reconstruction{
+  const ReconstructionSettings reconstruction{
       "lumigraph",
-      plane_in_front_of(take().rig(), best_focal_depth(*take().document().depth_range))};
+      fronto_parallel_plane(take().rig(), optimal_focal_depth(*take().document().depth_range))};
   const std::vector<WorldRay> rays = some_rays(state.range(1) != 0);
   std::vector<RaySample> samples(rays.size());
   renderer.query(rays, frames, reconstruction, samples);  // decodes
@@ -238,7 +240,8 @@ BENCHMARK(BM_MemoryWrite)->Arg(1)->Arg(2)->Unit(benchmark::kMillisecond)->UseRea
 void BM_SampleRate(benchmark::State& state) {
   const auto threads = static_cast<std::size_t>(state.range(0));
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-  const LookUp look_up = state.range(1) != 0 ? LookUp::kCubic : LookUp::kLinear;
+  const Interpolation interpolation =
+      state.range(1) != 0 ? Interpolation::kCubic : Interpolation::kLinear;
   constexpr int kSide = 128, kPictures = 64;
   Pose pose;
   const VirtualCamera view = virtual_camera_with_fov(kSide, kSide, 1, pose);
@@ -261,7 +264,7 @@ void BM_SampleRate(benchmark::State& state) {
     tbb::parallel_for(0, kPictures, [&](int) {
       std::vector<float> sums(4 * kSide);
       for (int y = 0; y < kSide; ++y) {
-        add_samples_at_depth(source, 0, y, inverse_depth, weight, look_up, sums);
+        add_samples_at_depth(source, 0, y, inverse_depth, weight, interpolation, sums);
       }
       benchmark::DoNotOptimize(sums.data());
     });
@@ -279,7 +282,7 @@ BENCHMARK(BM_SampleRate)
 }  // namespace raystage
 
 int main(int argc, char** argv) {
-  for (const raystage::TradeSetting& setting : raystage::default_trade_settings()) {
+  for (const raystage::BenchSetting& setting : raystage::default_bench_settings()) {
     benchmark::RegisterBenchmark(("BM_Threads/" + setting.label).c_str(),
                                  [setting](benchmark::State& state) {
                                    raystage::BM_Threads(state,

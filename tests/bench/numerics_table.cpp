@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "render/sampling/kernel_accuracy.h"
 #include "render/sampling/source_view.h"
+#include "testing/render/kernel_accuracy.h"
 
 namespace raystage {
 namespace {
@@ -57,7 +57,7 @@ void run() {
   fmt::print(
       "| | weight | position, px | depth | weight | position, px | depth | sum of weights |\n");
   fmt::print("| --- | --: | --: | --: | --: | --: | --: | --: |\n");
-  for (const testing::Extreme& extreme : testing::extremes()) {
+  for (const testing::ExtremeView& extreme : testing::extremes()) {
     testing::ViewAccuracy worst;
     for (const auto target : distinct) {
       choose(target);

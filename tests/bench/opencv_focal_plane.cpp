@@ -6,9 +6,9 @@
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
-#include "render/view/ray_cells.h"
-#include "render/view/world_ray.h"
-#include "schemas/transfer_function.h"
+#include "base/transfer_function.h"
+#include "render/common/ray_cells.h"
+#include "render/common/world_ray.h"
 #include "store/jpeg/decode.h"
 
 namespace raystage {
@@ -49,7 +49,7 @@ OpenCvFocalPlane::OpenCvFocalPlane(const Take& take) : take_(take) {
   }
   std::vector<int> all;
   for (int i = 0; i < take.camera_count(); ++i) all.push_back(i);
-  topology_ = topology_of(take.rig(), all);
+  topology_ = make_topology(take.rig(), all);
 }
 
 cv::Mat OpenCvFocalPlane::render(const VirtualCamera& view, const Eigen::Vector4d& plane,
@@ -135,7 +135,7 @@ std::vector<cv::Mat> OpenCvFocalPlane::draw_weights(const VirtualCamera& view) c
   std::vector<int> scratch;
   std::vector<RayCells::Span> spans;
   for (int y = 0; y < view.height; ++y) {
-    cells.spans_of_row(y, view.width, scratch, spans);
+    cells.row_spans(y, view.width, scratch, spans);
     for (const RayCells::Span& span : spans) {
       const auto& cell = cells.cells()[static_cast<std::size_t>(span.cell)];
       for (std::size_t c = 0; c < 3; ++c) {

@@ -6,8 +6,8 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "render/view/plane_projection.h"
-#include "render/view/view.h"
+#include "render/common/plane_projection.h"
+#include "render/common/view.h"
 #include "rig/topology.h"
 #include "store/take.h"
 

@@ -10,10 +10,10 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "base/transfer_function.h"
+#include "render/common/blending_field.h"
+#include "render/common/plane_projection.h"
 #include "render/renderer.h"
-#include "render/sweep/camera_field.h"
-#include "render/view/plane_projection.h"
-#include "schemas/transfer_function.h"
 #include "store/jpeg/decode.h"
 #include "tests/bench/bench_take.h"
 #include "tests/bench/run_benchmarks.h"
@@ -25,7 +25,7 @@ constexpr int kWidth = 960, kHeight = 640, kPlanes = 96;
 constexpr double kTruncation = 40;
 
 const Take& take() {
-  static const BenchTake opened("RAYSTAGE_BENCH_TAKE", painted_array(4, 4));
+  static const BenchTake opened("RAYSTAGE_BENCH_TAKE", make_painted_rig(4, 4));
   return opened.take();
 }
 
@@ -36,7 +36,7 @@ VirtualCamera middle_view() {
   return virtual_camera_with_fov(kWidth, kHeight, 50 * std::numbers::pi / 180, pose);
 }
 
-Reconstruction sweep(OptionValues options) {
+ReconstructionSettings sweep(OptionValues options) {
   options["planes"] = static_cast<double>(kPlanes);
   return {"plane_sweep", {0, 0, 0, 1}, std::move(options)};
 }
@@ -61,9 +61,9 @@ class OpenCvSweep {
     const DepthRange scene = *take().document().depth_range;
     std::vector<int> all;
     for (int i = 0; i < take().camera_count(); ++i) all.push_back(i);
-    const InverseDepthRange range = inverse_depths_in_view(view, rig, scene);
-    planes_ = planes_across(range, kPlanes);
-    const CameraField field(view, rig, all, range, 4);
+    const InverseDepthRange range = inverse_depth_range_in_view(view, rig, scene);
+    planes_ = evenly_spaced_planes(range, kPlanes);
+    const BlendingField field(view, rig, all, range, 4);
     JpegDecoder decoder;
     for (const int i : field.tile(field.columns() / 2, field.rows() / 2).best) {
       const RgbImage image = decoder.decode(take().archive(i).jpeg(0), "frame");

@@ -18,11 +18,11 @@
 #include <map>
 #include <thread>
 
+#include "base/atomic_file.h"
 #include "ingest/record/record_setup.h"
-#include "ingest/sources/memory_source.h"
-#include "schemas/atomic_file.h"
-#include "schemas/test_folder.h"
 #include "store/jpeg/decode.h"
+#include "testing/ingest/scripted_source.h"
+#include "testing/test_folder.h"
 #include "tests/bench/bench_frames.h"
 
 namespace raystage {
@@ -118,14 +118,14 @@ Result record(const std::vector<SourceFrame>& frames, int cameras, double fps, d
     config.cameras.push_back({fmt::format("c{:02}", i), RecordConfig::SimulatedSource{}});
   }
   auto opened = open_cameras(config, [&](const RecordConfig::Camera&) {
-    MemoryScript script;
+    SourceScript script;
     script.frames = frames;
     script.fps = fps;
-    return memory_source(script);
+    return make_scripted_source(script);
   });
-  RecordingTake take = RecordingTake::create(folder.path() / "take",
-                                             take_for(config, opened, "n", host_utc_now(), "bench"),
-                                             rig_for(config, {}, opened), "n");
+  RecordingTake take = RecordingTake::create(
+      folder.path() / "take", make_take_document(config, opened, "n", host_utc_now(), "bench"),
+      make_recording_rig(config, {}, opened), "n");
   settings.duration_s = seconds;
   Recorder recorder(settings, std::move(opened), take, "bench");
   const Usage before = usage(RUSAGE_SELF);
@@ -145,7 +145,7 @@ Result record(const std::vector<SourceFrame>& frames, int cameras, double fps, d
   }
   result.peak_mb = static_cast<double>(session.memory_peak_bytes) / 1e6;
   result.audit = session.audit && session.audit->holds;
-  if (!result.audit && session.audit) result.complaint = session.audit->complaints.at(0);
+  if (!result.audit && session.audit) result.complaint = session.audit->problems.at(0);
   return result;
 }
 
@@ -308,8 +308,8 @@ class Bench {
   const double seconds_;
   const int threads_;
   RecorderSettings settings_;
-  const std::vector<SourceFrame> vga_ = raw_frames(bench_pictures(640, 480, 1)),
-                                 small_ = raw_frames(bench_pictures(320, 240, 2));
+  const std::vector<SourceFrame> vga_ = raw_frames(load_bench_images(640, 480, 1)),
+                                 small_ = raw_frames(load_bench_images(320, 240, 2));
   double capacity_ = 0;
 };
 

@@ -7,10 +7,10 @@
 #include <random>
 
 #include "store/jpeg/encode.h"
-#include "store/sync/luminance.h"
-#include "store/sync/resync.h"
-#include "store/sync/simulated_stamps.h"
+#include "store/processing/sync/luminance.h"
+#include "store/processing/sync/resync.h"
 #include "store/timeline_file.h"
+#include "testing/store/simulated_stamps.h"
 
 namespace raystage {
 namespace {

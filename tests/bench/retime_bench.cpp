@@ -12,12 +12,12 @@
 #include <vector>
 
 #include "images/image_file.h"
-#include "ingest/simulated/array.h"
-#include "ingest/simulated/camera_image.h"
-#include "ingest/simulated/develop.h"
-#include "ingest/simulated/scene.h"
 #include "rig/rig.h"
-#include "store/retime/in_between.h"
+#include "simulate/camera_renderer.h"
+#include "simulate/scene.h"
+#include "simulate/sensor_model.h"
+#include "simulate/simulated_rig.h"
+#include "store/processing/retime/in_between.h"
 
 namespace raystage {
 namespace {
@@ -69,10 +69,10 @@ class Stage {
     SimulationSettings settings;
     settings.width = width;
     settings.height = height;
-    const Rig rig = rig_from_document(make_array(settings).truth);
+    const Rig rig = rig_from_document(make_simulated_rig(settings).truth);
     for (const int camera : {0, 7, 27, 63}) {
       const auto& c = rig.cameras[static_cast<std::size_t>(camera)];
-      cameras_.push_back({PixelRays(c.model, c.pose), StillCache()});
+      cameras_.push_back({PixelRays(c.model, c.pose), StaticSampleCache()});
     }
   }
   std::size_t cameras() const { return cameras_.size(); }
@@ -81,13 +81,13 @@ class Stage {
     world_.set_time(time);
     renderer_.render(world_, cameras_[camera].rays, 4, cameras_[camera].cache, image_);
     if (!noise) return develop(image_);
-    return Developer({}, {image_.width, image_.height}, 0.005).develop(image_, ++seed_);
+    return SensorModel({}, {image_.width, image_.height}, 0.005).develop(image_, ++seed_);
   }
 
  private:
   struct Camera {
     PixelRays rays;
-    StillCache cache;
+    StaticSampleCache cache;
   };
   Scene scene_;
   SceneGeometry geometry_;

@@ -38,13 +38,13 @@ const Take& bench_take() {
 
 /// Leaves per_side x per_side cameras in.
 std::vector<int> all_but_middle(int per_side) {
-  std::vector<int> left_out;
+  std::vector<int> excluded_cameras;
   const int first = (kSide - per_side) / 2;
   const auto in_middle = [&](int place) { return place >= first && place < first + per_side; };
   for (int i = 0; i < kSide * kSide; ++i) {
-    if (!in_middle(i / kSide) || !in_middle(i % kSide)) left_out.push_back(i);
+    if (!in_middle(i / kSide) || !in_middle(i % kSide)) excluded_cameras.push_back(i);
   }
-  return left_out;
+  return excluded_cameras;
 }
 
 /// Behind the array, so far that all of it is in view: every camera contributes. `frame` moves it.
@@ -57,8 +57,8 @@ VirtualCamera view_of(int per_side, int size, int frame = 0) {
   return virtual_camera_with_fov(size, size, kFov, pose);
 }
 
-Reconstruction reconstruction(std::int64_t method) {
-  return {kMethods[method], plane_in_front_of(bench_take().rig(), 4)};
+ReconstructionSettings reconstruction(std::int64_t method) {
+  return {kMethods[method], fronto_parallel_plane(bench_take().rig(), 4)};
 }
 
 /// Every frame shows another instant, which is decoded for it.
@@ -67,9 +67,9 @@ void BM_FromArchives(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, thread_count);
   const Take& take = bench_take();
   RendererSettings settings;
-  settings.left_out = all_but_middle(8);
+  settings.excluded_cameras = all_but_middle(8);
   settings.cache_bytes = std::size_t{3} * 64 * 320 * 240 * 8;  // of three instants
-  settings.kept_bytes = settings.cache_bytes;
+  settings.result_cache_bytes = settings.cache_bytes;
   const LightFieldRenderer renderer(take, settings);
   constexpr int kFrames = 48;
   double rendered = 0, decoded = 0;
@@ -111,7 +111,7 @@ void BM_FromMemory(benchmark::State& state) {
                                     static_cast<std::size_t>(state.range(2)));
   const int per_side = static_cast<int>(state.range(1)), size = static_cast<int>(state.range(3));
   RendererSettings settings;
-  settings.left_out = all_but_middle(per_side);
+  settings.excluded_cameras = all_but_middle(per_side);
   const LightFieldRenderer renderer(bench_take(), settings);
   const FrameSelection frames = select_frames(bench_take(), 0, 1'000'000);
   const VirtualCamera view = view_of(per_side, size);
@@ -145,7 +145,7 @@ BENCHMARK(BM_FromMemory)  // by cameras, by threads, by resolution
 void BM_Rolled(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, 1);
   RendererSettings settings;
-  settings.left_out = all_but_middle(8);
+  settings.excluded_cameras = all_but_middle(8);
   const LightFieldRenderer renderer(bench_take(), settings);
   const FrameSelection frames = select_frames(bench_take(), 0, 1'000'000);
   VirtualCamera view = view_of(8, 512);
@@ -173,8 +173,8 @@ BENCHMARK(BM_Rolled)
 void BM_Rectify(benchmark::State& state) {
   const tbb::global_control threads(tbb::global_control::max_allowed_parallelism, 2);
   RendererSettings settings;
-  settings.left_out = all_but_middle(8);
-  settings.kept_bytes = 1;  // nothing stays
+  settings.excluded_cameras = all_but_middle(8);
+  settings.result_cache_bytes = 1;  // nothing stays
   if (state.range(0) == 0) settings.cache_bytes = 1;
   const LightFieldRenderer renderer(bench_take(), settings);
   const FrameSelection frames = select_frames(bench_take(), 0, 1'000'000);

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "schemas/test_data.h"
-#include "schemas/test_folder.h"
+#include "testing/test_data.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -38,7 +38,7 @@ class CapturedDepth : public ::testing::TestWithParam<Captured> {};
 // what that gives, and what limits depth on shop.
 TEST_P(CapturedDepth, ShowsWhatNoCameraSawAsWellAsEver) {
   const Captured& captured = GetParam();
-  const auto data = testing::captured_data(captured.set);
+  const auto data = testing::find_captured_data(captured.set);
   if (!data) GTEST_SKIP() << "no captured light field " << captured.set;
   const TestFolder folder;
   std::string take = (folder.path() / "take").string();

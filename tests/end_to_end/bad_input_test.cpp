@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "schemas/test_folder.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 #include "tests/end_to_end/small_manifest.h"
 
@@ -12,10 +12,10 @@ namespace {
 
 using testing::CommandResult;
 using ::testing::HasSubstr;
+using testing::read_text;
 using testing::replaced;
 using testing::run;
 using testing::small_manifest;
-using testing::text_of;
 using testing::write_text;
 
 /// A folder with three pictures and a manifest of three cameras that imports well.
@@ -34,7 +34,7 @@ class BadInput : public ::testing::Test {
     const CommandResult result = import_manifest(text);
     EXPECT_EQ(result.exit_code, 2) << result.err;
     EXPECT_THAT(result.err, HasSubstr(why));
-    EXPECT_TRUE(testing::files_with(folder_.path(), "take").empty());
+    EXPECT_TRUE(testing::find_files(folder_.path(), "take").empty());
   }
 
   TestFolder folder_;
@@ -59,7 +59,7 @@ TEST_F(BadInput, MissingFiles) {
 }
 
 TEST_F(BadInput, ATruncatedJpeg) {
-  const std::string whole = text_of(path("b.jpg"));
+  const std::string whole = read_text(path("b.jpg"));
   write_text(path("b.jpg"), whole.substr(0, whole.size() / 2));
   expect_refused(small_manifest(), "b.jpg");
 }
@@ -111,15 +111,15 @@ TEST_F(BadInput, AnOutputFolderThatIsAFile) {
       run("raystage import '" + path("import.json") + "' -o '" + path("file/take") + "'");
   EXPECT_EQ(result.exit_code, 1) << result.err;
   EXPECT_THAT(result.err, HasSubstr("file"));
-  EXPECT_EQ(text_of(path("file")), "no folder");
+  EXPECT_EQ(read_text(path("file")), "no folder");
 }
 
 TEST_F(BadInput, AnOutputThatIsThereAlreadyIsKept) {
   ASSERT_EQ(import_manifest(small_manifest()).exit_code, 0);
-  const std::string before = text_of(path("take/rig.json"));
+  const std::string before = read_text(path("take/rig.json"));
   const CommandResult again = import_manifest(small_manifest());
   EXPECT_EQ(again.exit_code, 2) << again.err;
-  EXPECT_EQ(text_of(path("take/rig.json")), before);
+  EXPECT_EQ(read_text(path("take/rig.json")), before);
 }
 
 TEST_F(BadInput, ATakeThatWasNeverSynchronisedSaysHowTo) {
@@ -138,7 +138,7 @@ TEST_F(BadInput, ATakeThatWasNeverSynchronisedSaysHowTo) {
   const CommandResult unknown =
       run(replaced(render, "raystage render", "raystage render --frames 1:4"));
   EXPECT_EQ(unknown.exit_code, 2);
-  EXPECT_TRUE(testing::files_with(folder_.path(), ".exr").empty());
+  EXPECT_TRUE(testing::find_files(folder_.path(), ".exr").empty());
 }
 
 TEST(Usage, UnknownCommandsAndOptionsAreBadUsage) {

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "schemas/test_folder.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -139,7 +139,7 @@ TEST_F(BadShot, FramesForWhichTheTakeHasNothing) {
   json shot = good();
   shot["layers"][0]["start_seconds"] = 0.9;  // the take ends in the second frame
   shot["last_frame"] = 9;
-  expect_refused(shot, "#/layers/0", "--missing hold");
+  expect_refused(shot, "#/layers/0", "held or black (--missing)");
   for (const char* policy : {"hold", "black"}) {
     const CommandResult result = rendered(shot.dump(), std::string("--missing ") + policy);
     EXPECT_EQ(result.exit_code, 0) << result.err;

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "render/view/synthetic_take.h"
+#include "testing/render/synthetic_take.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -14,11 +14,11 @@ namespace {
 
 using ::testing::AllOf;
 using testing::CommandResult;
-using testing::files_with;
+using testing::find_files;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using testing::read_text;
 using testing::run;
-using testing::text_of;
 using testing::write_text;
 
 class Bench : public ::testing::Test {
@@ -26,14 +26,14 @@ class Bench : public ::testing::Test {
   void SetUp() override {
     testing::SyntheticTake settings;
     settings.cameras = testing::camera_grid(3, 3, 0.06, 96, 72);
-    settings.knows_depth_range = false;
+    settings.has_depth_range = false;
     write_synthetic_take(settings, take_);
   }
   std::string command(const std::string& options) const {
     return "raystage bench '" + take_.string() + "' --leave-out r1c1 -o '" + out_.string() + "' " +
            options;
   }
-  nlohmann::json document() const { return nlohmann::json::parse(text_of(out_ / "trade.json")); }
+  nlohmann::json document() const { return nlohmann::json::parse(read_text(out_ / "trade.json")); }
 
   TestFolder folder_;
   const std::filesystem::path take_ = folder_.path() / "take", out_ = folder_.path() / "out";
@@ -50,9 +50,9 @@ TEST_F(Bench, WritesTablesAndAPage) {
   // The scene lies on the plane.
   EXPECT_GT(document()["rows"][0]["psnr_db"].get<double>(), 40);
   EXPECT_GT(document()["rows"][0]["peak_memory_bytes"].get<double>(), 1e6);
-  EXPECT_THAT(text_of(out_ / "trade.csv"), HasSubstr("\r\none,nearest,,1,2,"));
-  EXPECT_THAT(text_of(out_ / "trade.html"), AllOf(HasSubstr("</html>"), Not(HasSubstr("://"))));
-  EXPECT_TRUE(files_with(folder_.path(), ".tmp").empty());
+  EXPECT_THAT(read_text(out_ / "trade.csv"), HasSubstr("\r\none,nearest,,1,2,"));
+  EXPECT_THAT(read_text(out_ / "trade.html"), AllOf(HasSubstr("</html>"), Not(HasSubstr("://"))));
+  EXPECT_TRUE(find_files(folder_.path(), ".tmp").empty());
 }
 
 TEST_F(Bench, TakesSettingsFromADocument) {
@@ -125,8 +125,8 @@ TEST_F(Bench, ASignalLeavesWhatIsFinished) {
   EXPECT_EQ(document()["complete"], false);
   EXPECT_GE(document()["rows"].size(), 1U);
   EXPECT_LT(document()["rows"].size(), 200U);
-  EXPECT_THAT(text_of(out_ / "trade.html"), HasSubstr("before it was stopped"));
-  EXPECT_TRUE(files_with(folder_.path(), ".tmp").empty());
+  EXPECT_THAT(read_text(out_ / "trade.html"), HasSubstr("before it was stopped"));
+  EXPECT_TRUE(find_files(folder_.path(), ".tmp").empty());
 }
 
 }  // namespace

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "rig/photometric.h"
+#include "base/transfer_function.h"
+#include "rig/photometric_model.h"
 #include "schemas/rig_document.h"
-#include "schemas/test_folder.h"
-#include "schemas/transfer_function.h"
 #include "store/jpeg/decode.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 #include "tests/end_to_end/true_rig.h"
 
@@ -20,7 +20,7 @@ namespace {
 using testing::CommandResult;
 using ::testing::HasSubstr;
 using testing::run;
-using testing::true_rig_of;
+using testing::write_true_rig;
 
 TEST(CalibrateColor, TargetsMakeColoursAlike) {
   const TestFolder folder;
@@ -39,7 +39,7 @@ TEST(CalibrateColor, TargetsMakeColoursAlike) {
                                   " " + take("black") + " -o " + rig);
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
   // Truth is light = brightness + contrast * shown; here the first camera is the measure.
-  const RigDocument truth = read_rig(true_rig_of(take("white"))), measured = read_rig(rig);
+  const RigDocument truth = read_rig(write_true_rig(take("white"))), measured = read_rig(rig);
   const PhotometricResponse& first = truth.cameras[0].photometric;
   for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
     for (std::size_t k = 0; k < 3; ++k) {
@@ -72,9 +72,10 @@ TEST(CalibrateColor, TargetsMakeColoursAlike) {
             0);
   const RigDocument neutral = read_rig(rig);
   for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
-    const Rgb shown = shown_of_light(truth.cameras[i].photometric, {160, 120}, 80, 60,
-                                     {0.6, 0.96 * 0.6, 0.9 * 0.6});
-    const Rgb light = light_of_shown(neutral.cameras[i].photometric, {160, 120}, 80, 60, shown);
+    const Rgb shown = invert_photometric_correction(truth.cameras[i].photometric, {160, 120}, 80,
+                                                    60, {0.6, 0.96 * 0.6, 0.9 * 0.6});
+    const Rgb light =
+        apply_photometric_correction(neutral.cameras[i].photometric, {160, 120}, 80, 60, shown);
     EXPECT_NEAR(light[0], light[1], 0.01 * light[1]) << i;
     EXPECT_NEAR(light[2], light[1], 0.01 * light[1]) << i;
   }
@@ -92,7 +93,7 @@ TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
                   .exit_code,
               0);
   }
-  const RigDocument truth = read_rig(true_rig_of(take("white")));
+  const RigDocument truth = read_rig(write_true_rig(take("white")));
   // The measure is a camera whose black can be seen.
   std::size_t reference = 0;
   const auto shown_black = [&](std::size_t camera) {
@@ -115,7 +116,7 @@ TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
           truth.cameras[reference].geometry.id + " -o " + rig);
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
   // Two columns of three tiles each, two rows: on the right every tile is alike.
-  const std::string jpeg = testing::text_of(sheet);
+  const std::string jpeg = testing::read_text(sheet);
   const RgbImage picture = JpegDecoder().decode(std::as_bytes(std::span(jpeg)), "sheet");
   const auto green = [&](int x, int y) {
     return int{picture.pixels[3 * static_cast<std::size_t>(y * picture.width + x) + 1]};
@@ -138,8 +139,10 @@ TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
   const auto expect_light = [&](const RigDocument& by, double within) {
     for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
       for (const auto& [x, y] : {std::pair{0, 0}, {159, 0}, {80, 60}, {20, 100}, {159, 119}}) {
-        const Rgb shown = shown_of_light(truth.cameras[i].photometric, size, x, y, {0.5, 0.5, 0.5});
-        const Rgb light = light_of_shown(by.cameras[i].photometric, size, x, y, shown);
+        const Rgb shown = invert_photometric_correction(truth.cameras[i].photometric, size, x, y,
+                                                        {0.5, 0.5, 0.5});
+        const Rgb light =
+            apply_photometric_correction(by.cameras[i].photometric, size, x, y, shown);
         for (std::size_t k = 0; k < 3; ++k) {
           EXPECT_NEAR(light[k] * scale[k], 0.5, within * 0.5) << i << " at " << x << ", " << y;
         }
@@ -158,12 +161,12 @@ TEST(CalibrateColor, TargetsMendVignettingOffsetsAndHotPixels) {
     const PhotometricResponse &expected = truth.cameras[i].photometric,
                               &response = measured.cameras[i].photometric;
     // Every pixel that is clearly hot is known, by what it shows in the dark.
-    for (const DarkPixel& hot : expected.dark_pixels) {
-      const auto same = std::ranges::find_if(response.dark_pixels, [&](const DarkPixel& pixel) {
+    for (const HotPixel& hot : expected.hot_pixels) {
+      const auto same = std::ranges::find_if(response.hot_pixels, [&](const HotPixel& pixel) {
         return pixel.x == hot.x && pixel.y == hot.y;
       });
       if (hot.light[2] < 0.06) continue;  // an offset below 0 may hide it
-      ASSERT_NE(same, response.dark_pixels.end()) << i << " at " << hot.x << ", " << hot.y;
+      ASSERT_NE(same, response.hot_pixels.end()) << i << " at " << hot.x << ", " << hot.y;
       EXPECT_NEAR(same->light[1], hot.light[1], 0.04 + 0.05 * hot.light[1]);
     }
   }
@@ -189,13 +192,13 @@ TEST(CalibrateColor, ExposuresStraightenEveryCamerasCurve) {
   EXPECT_THAT(swapped.err, HasSubstr("darker"));
   const CommandResult found = run(command + " --exposures 4,1");  // as their light is
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
-  const RigDocument truth = read_rig(true_rig_of(take("white"))), measured = read_rig(rig);
+  const RigDocument truth = read_rig(write_true_rig(take("white"))), measured = read_rig(rig);
   const auto light_by = [](const PhotometricResponse& response, double code) {
     Rgb shown{};
     for (std::size_t k = 0; k < 3; ++k) {
-      shown[k] = linear_from_srgb(straightened(response.curve[k], code));
+      shown[k] = linear_from_srgb(evaluate_response_curve(response.curve[k], code));
     }
-    return light_of_shown(response, {160, 120}, 80, 60, shown);
+    return apply_photometric_correction(response, {160, 120}, 80, 60, shown);
   };
   const auto scale = [&](std::size_t k) {  // what the reference camera makes of white
     return light_by(measured.cameras[0].photometric, 0.75)[k] /
@@ -214,7 +217,7 @@ TEST(CalibrateColor, ExposuresStraightenEveryCamerasCurve) {
 
 /// The true rig of a take without its colours, as a document of its own.
 std::string colourless_rig_of(const std::filesystem::path& take) {
-  RigDocument rig = read_rig(true_rig_of(take));
+  RigDocument rig = read_rig(write_true_rig(take));
   for (RigDocument::Camera& camera : rig.cameras) camera.photometric = {};
   const std::filesystem::path file = take / "colourless_rig.json";
   write_rig(rig, file);
@@ -246,12 +249,13 @@ TEST(CalibrateColor, ASceneMakesColoursAlikeWithoutATarget) {
   EXPECT_EQ(report.at("cameras").size(), 6U);
   EXPECT_LT(step.at("after").at("mean_ciede2000"),
             step.at("before").at("mean_ciede2000").get<double>() / 4);
-  const RigDocument truth = read_rig(true_rig_of(take)), measured = read_rig(rig);
+  const RigDocument truth = read_rig(write_true_rig(take)), measured = read_rig(rig);
   const PictureSize size{320, 240};
   const auto light_made_of = [&](std::size_t camera, double light) {
-    const Rgb shown =
-        shown_of_light(truth.cameras[camera].photometric, size, 160, 120, {light, light, light});
-    return light_of_shown(measured.cameras[camera].photometric, size, 160, 120, shown);
+    const Rgb shown = invert_photometric_correction(truth.cameras[camera].photometric, size, 160,
+                                                    120, {light, light, light});
+    return apply_photometric_correction(measured.cameras[camera].photometric, size, 160, 120,
+                                        shown);
   };
   for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
     for (const double light : {0.2, 0.5}) {
@@ -284,11 +288,13 @@ TEST(CalibrateColor, AChartTellsWhatChannelsSeeOfEachOther) {
   const std::string command = "raystage calibrate color " + take("white") + " " + take("grey") +
                               " --dark " + take("black") + " --vignetting --chart " +
                               take("color_chart") + " -o " + rig;
-  const RigDocument truth = read_rig(true_rig_of(take("color_chart")));
+  const RigDocument truth = read_rig(write_true_rig(take("color_chart")));
   const PictureSize size{480, 360};
   const auto made_of = [&](std::size_t camera, const Rgb& light) {
-    const Rgb shown = shown_of_light(truth.cameras[camera].photometric, size, 100, 60, light);
-    return light_of_shown(read_rig(rig).cameras[camera].photometric, size, 100, 60, shown);
+    const Rgb shown =
+        invert_photometric_correction(truth.cameras[camera].photometric, size, 100, 60, light);
+    return apply_photometric_correction(read_rig(rig).cameras[camera].photometric, size, 100, 60,
+                                        shown);
   };
   const Rgb lights[] = {{0.5, 0.5, 0.5}, {0.4, 0.1, 0.1}, {0.1, 0.3, 0.1}, {0.1, 0.15, 0.4}};
   const CommandResult alike = run(command);

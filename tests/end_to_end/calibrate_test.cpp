@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "schemas/rig_document.h"
-#include "schemas/test_folder.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 #include "tests/end_to_end/true_rig.h"
 
@@ -16,7 +16,7 @@ namespace {
 using testing::CommandResult;
 using ::testing::HasSubstr;
 using testing::run;
-using testing::true_rig_of;
+using testing::write_true_rig;
 
 /// A light in the dark before twelve free-running cameras on three nodes whose clocks differ.
 CommandResult simulate_light(const std::string& take) {
@@ -37,9 +37,9 @@ TEST(Calibrate, FromTheFirstFrameToTheRigInOneCommand) {
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
   EXPECT_THAT(found.out, HasSubstr("can be relied upon"));
   EXPECT_EQ(read_rig(rig).cameras.size(), 12U);
-  EXPECT_THAT(testing::text_of(page), HasSubstr("r2c3"));
+  EXPECT_THAT(testing::read_text(page), HasSubstr("r2c3"));
   const CommandResult compared =
-      run("raystage calibrate compare --json " + true_rig_of(take) + " " + rig);
+      run("raystage calibrate compare --json " + write_true_rig(take) + " " + rig);
   ASSERT_EQ(compared.exit_code, 0) << compared.err;
   const auto comparison = nlohmann::json::parse(compared.out);
   for (const auto& camera : comparison.at("cameras")) {
@@ -90,7 +90,7 @@ TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
   const std::string board = " --board 10x7 --square-mm 30 -q";
   const CommandResult found = run("raystage calibrate lens " + take + board + " -o " + lens);
   ASSERT_EQ(found.exit_code, 0) << found.out << found.err;
-  const RigDocument truth = read_rig(true_rig_of(take)), measured = read_rig(lens);
+  const RigDocument truth = read_rig(write_true_rig(take)), measured = read_rig(lens);
   EXPECT_FALSE(is_calibrated(measured));  // lenses only
   for (std::size_t i = 0; i < truth.cameras.size(); ++i) {
     const Intrinsics &expected = truth.cameras[i].geometry.intrinsics,
@@ -106,7 +106,7 @@ TEST(Calibrate, ABoardTellsLensesThatALightCannot) {
   ASSERT_EQ(placed.exit_code, 0) << placed.out << placed.err;
   EXPECT_EQ(nlohmann::json::parse(placed.out).at("scale_from"), "board");
   const auto compared = nlohmann::json::parse(
-      run("raystage calibrate compare --json " + true_rig_of(take) + " " + rig).out);
+      run("raystage calibrate compare --json " + write_true_rig(take) + " " + rig).out);
   EXPECT_NEAR(compared.at("scale").get<double>(), 1, 0.01);
   EXPECT_EQ(run("raystage calibrate lens " + take + " --board 13x9 --square-mm 30 -q -o " + lens)
                 .exit_code,

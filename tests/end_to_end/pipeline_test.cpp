@@ -6,28 +6,28 @@
 
 #include <nlohmann/json.hpp>
 
-#include "render/view/synthetic_take.h"
+#include "testing/render/synthetic_take.h"
 #include "tests/end_to_end/run_command.h"
 
-namespace raystage {
+namespace raystage::pipeline_test {
 namespace {
 
 using ::testing::AllOf;
 using testing::CommandResult;
-using testing::files_with;
+using testing::find_files;
 using ::testing::Ge;
 using ::testing::Gt;
 using ::testing::HasSubstr;
 using ::testing::Le;
 using ::testing::Lt;
 using ::testing::Not;
+using testing::read_text;
 using testing::run;
-using testing::text_of;
 using testing::write_text;
 
 using nlohmann::json;
 
-json evaluation_in(const std::filesystem::path& file) { return json::parse(text_of(file)); }
+json evaluation_in(const std::filesystem::path& file) { return json::parse(read_text(file)); }
 
 /// What the code gives, less a little for other processors.
 struct AtLeast {
@@ -75,18 +75,18 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
   const CommandResult rendered = run(render + "error");
   ASSERT_EQ(rendered.exit_code, 0) << rendered.err;
   EXPECT_THAT(rendered.err, HasSubstr("Progress: 100%"));
-  EXPECT_EQ(files_with(frames, ".exr").size(), 3U);
-  const std::string first = text_of(frames + "/s.0001.exr");
+  EXPECT_EQ(find_files(frames, ".exr").size(), 3U);
+  const std::string first = read_text(frames + "/s.0001.exr");
   EXPECT_NE(run(render + "error").exit_code, 0);  // they exist
   EXPECT_EQ(run(render + "skip").exit_code, 0);
   const CommandResult quiet = run(render + "overwrite --threads 1 -q");
   EXPECT_EQ(quiet.exit_code, 0) << quiet.err;
   EXPECT_THAT(quiet.err, Not(HasSubstr("Progress")));
-  EXPECT_EQ(text_of(frames + "/s.0001.exr"), first);  // same bytes, one thread or all
+  EXPECT_EQ(read_text(frames + "/s.0001.exr"), first);  // same bytes, one thread or all
   // A torn file is not trusted.
   write_text(frames + "/s.0001.exr", first.substr(0, first.size() / 2));
   EXPECT_EQ(run(render + "skip").exit_code, 0);
-  EXPECT_EQ(text_of(frames + "/s.0001.exr"), first);
+  EXPECT_EQ(read_text(frames + "/s.0001.exr"), first);
 
   const CommandResult evaluated = run(
       "raystage evaluate '" + take + "' '" + take + "/views.json' --method focal_plane --out '" +
@@ -115,7 +115,7 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
     const double sum = views[0].at(field).get<double>() + views[1].at(field).get<double>();
     EXPECT_NEAR(value.get<double>(), sum / 2, 1e-6);
   }
-  EXPECT_THAT(text_of(frames + "/t.md"), HasSubstr("| focal_plane |"));
+  EXPECT_THAT(read_text(frames + "/t.md"), HasSubstr("| focal_plane |"));
 
   const CommandResult preview = run("raystage preview '" + frames + "/s.####.exr' -o '" + frames +
                                     "/p.mp4' --contact-sheet '" + frames + "/c.png' -q");
@@ -123,7 +123,7 @@ TEST(Pipeline, SimulateSyncRenderEvaluate) {
   EXPECT_THAT(preview.err, Not(HasSubstr("Progress")));
   EXPECT_GT(std::filesystem::file_size(frames + "/p.mp4"), 500U);
   EXPECT_GT(std::filesystem::file_size(frames + "/c.png"), 500U);
-  EXPECT_TRUE(files_with(folder.path(), ".tmp").empty());
+  EXPECT_TRUE(find_files(folder.path(), ".tmp").empty());
 }
 
 TEST(Pipeline, LeftOutCamerasAreTheTruth) {
@@ -166,8 +166,8 @@ TEST(Pipeline, InterruptedRendersLeaveOnlyWholeFrames) {
                                     "' -o '" + frames.string() + "/s.####.exr'",
                                 signal, frames / "s.0003.exr");
     EXPECT_EQ(result.exit_code, 128 + signal) << result.err;
-    EXPECT_TRUE(files_with(frames, ".tmp").empty());
-    const std::size_t written = files_with(frames, ".exr").size();
+    EXPECT_TRUE(find_files(frames, ".tmp").empty());
+    const std::size_t written = find_files(frames, ".exr").size();
     EXPECT_GE(written, 3U);
     EXPECT_LT(written, 2000U);
     const CommandResult resumed =  // whole files are kept: nothing is left to do
@@ -190,7 +190,7 @@ struct Captured {
 class CapturedLightField : public ::testing::TestWithParam<Captured> {};
 
 TEST_P(CapturedLightField, ComesOutAsWellAsItCanOnOnePlane) {
-  const auto data = testing::captured_data(GetParam().set);
+  const auto data = testing::find_captured_data(GetParam().set);
   if (!data) GTEST_SKIP() << "no captured light field " << GetParam().set;
   const TestFolder folder;
   const std::string take = (folder.path() / "take").string();
@@ -216,7 +216,7 @@ TEST_P(CapturedLightField, ComesOutAsWellAsItCanOnOnePlane) {
   const CommandResult rendered =
       run("raystage render '" + take + "/shot.json' -o '" + take + "/f.####.exr'");
   EXPECT_EQ(rendered.exit_code, 0) << rendered.err;
-  EXPECT_EQ(files_with(take, ".exr").size(), 2U);
+  EXPECT_EQ(find_files(take, ".exr").size(), 2U);
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -226,4 +226,4 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& test) { return std::string(test.param.set); });
 
 }  // namespace
-}  // namespace raystage
+}  // namespace raystage::pipeline_test

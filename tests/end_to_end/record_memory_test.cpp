@@ -8,8 +8,8 @@
 #include <nlohmann/json.hpp>
 #include <regex>
 
-#include "schemas/resources.h"
-#include "schemas/test_folder.h"
+#include "base/resources.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -32,7 +32,7 @@ class RecordMemory : public ::testing::Test {
                "' && raystage record record.json -o take --status none " + options);
   }
   json session() const {
-    return json::parse(testing::text_of(folder_.path() / "take/recording/one.json"))
+    return json::parse(testing::read_text(folder_.path() / "take/recording/one.json"))
         .at("sessions")[0];
   }
   /// The MB that the line at the start names.

@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "schemas/recording_document.h"
-#include "schemas/test_folder.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
@@ -36,7 +36,7 @@ class Record : public ::testing::Test {
     return run("cd '" + folder_.path().string() + "' && " + command);
   }
   json account(const std::string& name) const {
-    return json::parse(testing::text_of(folder_.path() / name));
+    return json::parse(testing::read_text(folder_.path() / name));
   }
   const std::filesystem::path& folder() const { return folder_.path(); }
 
@@ -154,7 +154,7 @@ TEST_F(Record, OneMayGoOnOnlyWithinTheTakesTimes) {
   EXPECT_EQ(first.exit_code, 0) << first.err;
   EXPECT_THAT(first.err, HasSubstr("Frames count from"));
   EXPECT_THAT(first.out, Not(HasSubstr("Too late")));
-  const auto before = testing::contents_of(folder() / "take");
+  const auto before = testing::read_folder(folder() / "take");
   const CommandResult far = here(
       "raystage record other.json -o take --resume --start-at "
       "$(date -u -d '+200 days' +%FT%TZ) --status none");
@@ -165,7 +165,7 @@ TEST_F(Record, OneMayGoOnOnlyWithinTheTakesTimes) {
       "$(date -u -d '-30 seconds' +%FT%TZ) --status none");
   EXPECT_EQ(early.exit_code, 2) << early.err;
   EXPECT_THAT(early.err, HasSubstr("before the take's epoch"));
-  EXPECT_EQ(testing::contents_of(folder() / "take"), before);
+  EXPECT_EQ(testing::read_folder(folder() / "take"), before);
 }
 
 TEST_F(Record, HoldSaysHowLongTheMemoryLasts) {

@@ -15,7 +15,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "schemas/test_user.h"
+#include "testing/test_permissions.h"
 
 namespace raystage::testing {
 namespace {
@@ -57,21 +57,21 @@ struct Running {
   Stream out, err;
 };
 
-void start(Running& running, const std::string& command, const Lacks& lacks) {
+void start(Running& running, const std::string& command, const CommandLimits& lacks) {
   const std::string whole = "export PATH='" RAYSTAGE_BIN_DIR ":'\"$PATH\"; " + command;
   running.child = fork();
   if (running.child == 0) {
     setpgid(0, 0);
     running.out.connect(STDOUT_FILENO);
     running.err.connect(STDERR_FILENO);
-    if (lacks.file_bytes) {
-      const rlimit limit{*lacks.file_bytes, *lacks.file_bytes};
+    if (lacks.max_file_bytes) {
+      const rlimit limit{*lacks.max_file_bytes, *lacks.max_file_bytes};
       if (setrlimit(RLIMIT_FSIZE, &limit) != 0) _exit(126);
 #ifdef __SANITIZE_THREAD__
       signal(SIGXFSZ, SIG_IGN);  // its own writes raise it before the command can ignore it
 #endif
     }
-    if (lacks.root && !give_up_root()) _exit(126);
+    if (lacks.root && !drop_root_privileges()) _exit(126);
     execl("/bin/bash", "bash", "-c", whole.c_str(), nullptr);
     _exit(127);
   }
@@ -93,7 +93,7 @@ CommandResult finish(Running& running) {
 
 }  // namespace
 
-CommandResult run(const std::string& command, const Lacks& lacks) {
+CommandResult run(const std::string& command, const CommandLimits& lacks) {
   Running running;
   start(running, command, lacks);
   return finish(running);
@@ -110,7 +110,7 @@ CommandResult run_and_signal(const std::string& command, int signal,
   return finish(running);
 }
 
-std::optional<std::filesystem::path> captured_data(const std::string& set) {
+std::optional<std::filesystem::path> find_captured_data(const std::string& set) {
   const char* given = std::getenv("RAYSTAGE_DATA");
   const std::filesystem::path folder =
       given != nullptr ? std::filesystem::path(given)
@@ -119,7 +119,7 @@ std::optional<std::filesystem::path> captured_data(const std::string& set) {
   return folder / set;
 }
 
-std::vector<std::filesystem::path> files_with(const std::filesystem::path& folder,
+std::vector<std::filesystem::path> find_files(const std::filesystem::path& folder,
                                               const std::string& part) {
   std::vector<std::filesystem::path> found;
   if (!std::filesystem::exists(folder)) return found;
@@ -131,16 +131,16 @@ std::vector<std::filesystem::path> files_with(const std::filesystem::path& folde
   return found;
 }
 
-std::map<std::string, std::string> contents_of(const std::filesystem::path& folder) {
+std::map<std::string, std::string> read_folder(const std::filesystem::path& folder) {
   std::map<std::string, std::string> contents;
   for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
     contents[entry.path().lexically_relative(folder).string()] =
-        entry.is_directory() ? "folder" : text_of(entry.path());
+        entry.is_directory() ? "folder" : read_text(entry.path());
   }
   return contents;
 }
 
-std::string text_of(const std::filesystem::path& file) {
+std::string read_text(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
 }

@@ -17,29 +17,30 @@ struct CommandResult {
 };
 
 /// What a command must do without.
-struct Lacks {
-  std::optional<std::uint64_t> file_bytes = {};  ///< no file grows beyond this, as on a full disk
-  bool root = false;                             ///< it runs as somebody else
+struct CommandLimits {
+  std::optional<std::uint64_t> max_file_bytes =
+      {};             ///< no file grows beyond this, as on a full disk
+  bool root = false;  ///< it runs as somebody else
 };
 
 /// Runs a shell command with the built executables first on the PATH, to its end.
-CommandResult run(const std::string& command, const Lacks& lacks = {});
+CommandResult run(const std::string& command, const CommandLimits& lacks = {});
 
 /// Starts a shell command, sends `signal` as soon as `ready` exists, waits for its end.
 CommandResult run_and_signal(const std::string& command, int signal,
                              const std::filesystem::path& ready);
 
 /// Where the captured light fields are, or nullopt.
-std::optional<std::filesystem::path> captured_data(const std::string& set);
+std::optional<std::filesystem::path> find_captured_data(const std::string& set);
 
 /// Files under a folder whose name contains `part`.
-std::vector<std::filesystem::path> files_with(const std::filesystem::path& folder,
+std::vector<std::filesystem::path> find_files(const std::filesystem::path& folder,
                                               const std::string& part);
 
 /// All that is in a folder, by name within it: files with their text, folders with "folder".
-std::map<std::string, std::string> contents_of(const std::filesystem::path& folder);
+std::map<std::string, std::string> read_folder(const std::filesystem::path& folder);
 
-std::string text_of(const std::filesystem::path& file);
+std::string read_text(const std::filesystem::path& file);
 void write_text(const std::filesystem::path& file, const std::string& text);
 
 /// `text` with every occurrence of `from` replaced.

@@ -7,10 +7,10 @@
 #include <array>
 #include <cmath>
 
-#include "compose/exr/file.h"
-#include "images/exr/exr_channels.h"
+#include "compose/exr/exr_file.h"
+#include "images/exr_channels.h"
 #include "schemas/shot_document.h"
-#include "schemas/test_folder.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/end_to_end/disk_test_data.h"
+#include "tests/end_to_end/disk_recording.h"
 
 namespace raystage {
 namespace {
@@ -23,7 +23,7 @@ const std::string kUntilStalled =
     "free=; until [ \"$free\" = \"$(stat -f -c %a .)\" ]; do "
     "free=$(stat -f -c %a .); sleep 1.2; done; ";
 
-class SmallDisk : public testing::DiskRecording {
+class SmallDisk : public testing::DiskRecordingTest {
  protected:
   void SetUp() override {
     std::filesystem::create_directory(folder() / "disk");
@@ -55,8 +55,8 @@ TEST_F(SmallDisk, FullToTheEndEveryLossIsRecordedAndARoomierOneGoesOn) {
   EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\nexit 0\n")) << result.err;
   EXPECT_THAT(result.out, ::testing::EndsWith("The audit holds.\nexit 0\n")) << result.err;
   const auto first = session(kept() / "take", 0), second = session(kept() / "take", 1);
-  expect_account(first, 4);
-  expect_account(second, 0.5);
+  expect_valid_audit(first, 4);
+  expect_valid_audit(second, 0.5);
   for (int camera = 0; camera < kCameras; ++camera) {
     const auto& account = first.at("cameras")[camera];
     EXPECT_GT(account.at("stored"), 5);
@@ -78,7 +78,7 @@ TEST_F(SmallDisk, RoomThatIsMadeMeanwhileIsUsed) {
       "3m", "{ " + kRecord + "8 & }; " + kUntilStalled + now("size=16m") + "wait $!" + kSay);
   EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\n")) << result.err;
   const auto account = session(kept() / "take");
-  expect_account(account, 8);
+  expect_valid_audit(account, 8);
   for (int camera = 0; camera < kCameras; ++camera) {
     EXPECT_FALSE(
         account.at("cameras")[camera].at("dropped").contains("dropped, could not be written"));
@@ -96,7 +96,7 @@ TEST_F(SmallDisk, NearlyFullFromTheStartEveryLossIsRecorded) {
   write_config("drop_newest", 32);
   const CommandResult result = on_disk("400k", kRecord + "8" + kSay);
   EXPECT_THAT(result.out, HasSubstr("The audit holds.\nexit 3\n")) << result.err;
-  expect_account(session(kept() / "take"), 8);
+  expect_valid_audit(session(kept() / "take"), 8);
   EXPECT_EQ(here("raystage verify -q kept/take").exit_code, 0);
 }
 

@@ -13,15 +13,15 @@
 #include <regex>
 #include <string>
 
-#include "compose/exr/file.h"
-#include "render/view/synthetic_take.h"
+#include "compose/exr/exr_file.h"
+#include "testing/render/synthetic_take.h"
 #include "tests/end_to_end/run_command.h"
 
 namespace raystage {
 namespace {
 
 using testing::CommandResult;
-using testing::files_with;
+using testing::find_files;
 using testing::run;
 using testing::write_text;
 
@@ -86,7 +86,7 @@ TEST_P(ThesisCase, RendersAMovingViewOfItsArray) {
   ASSERT_EQ(rendered.exit_code, 0) << rendered.err;
   // The view asks for more than cameras of 320 pixels over 62 degrees have.
   EXPECT_THAT(rendered.err, ::testing::HasSubstr("more resolution than the light field has"));
-  ASSERT_EQ(files_with(folder.path(), ".exr").size(), static_cast<std::size_t>(kFrames));
+  ASSERT_EQ(find_files(folder.path(), ".exr").size(), static_cast<std::size_t>(kFrames));
   EXPECT_LT(error_of(read_exr(folder.path() / "s.0001.exr"), {-0.07, 0.02, 0.1}), 0.04);
   EXPECT_LT(error_of(read_exr(folder.path() / "s.0008.exr"), {0.07, -0.04, 0.02}), 0.04);
 

@@ -5,13 +5,13 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "schemas/test_folder.h"
+#include "testing/test_folder.h"
 
 namespace raystage::testing {
 
 /// Writes truth.json's true rig as a document of its own.
-inline std::string true_rig_of(const std::filesystem::path& take) {
-  const auto truth = nlohmann::json::parse(text_of(take / "truth.json"));
+inline std::string write_true_rig(const std::filesystem::path& take) {
+  const auto truth = nlohmann::json::parse(read_text(take / "truth.json"));
   const std::filesystem::path file = take / "true_rig.json";
   write_text(file, truth.at("rig").dump());
   return file.string();

@@ -6,8 +6,8 @@
 
 #include <algorithm>
 
-#include "schemas/test_folder.h"
-#include "schemas/test_user.h"
+#include "testing/test_folder.h"
+#include "testing/test_permissions.h"
 #include "tests/end_to_end/run_command.h"
 #include "tests/end_to_end/small_manifest.h"
 
@@ -17,9 +17,9 @@ namespace {
 using ::testing::AllOf;
 using ::testing::AnyOf;
 using testing::CommandResult;
-using testing::contents_of;
 using ::testing::HasSubstr;
 using ::testing::Not;
+using testing::read_folder;
 using testing::run;
 using testing::write_text;
 
@@ -76,27 +76,28 @@ class Unwritable : public ::testing::TestWithParam<Writing> {
 
   const std::filesystem::path& folder() const { return folder_.path(); }
   std::filesystem::path output() const { return folder() / GetParam().output; }
-  CommandResult run_here(const std::string& command, const testing::Lacks& lacks = {}) const {
+  CommandResult run_here(const std::string& command,
+                         const testing::CommandLimits& lacks = {}) const {
     return run("cd '" + folder().string() + "' && " + command, lacks);
   }
 
   /// What the command writes where it can; everything is put back afterwards.
-  Contents written_where_it_can(const testing::Lacks& lacks) const {
+  Contents written_where_it_can(const testing::CommandLimits& lacks) const {
     const TestFolder elsewhere;
     std::filesystem::copy(folder(), elsewhere.path() / "all",
                           std::filesystem::copy_options::recursive);
     if (lacks.root) {
       std::filesystem::permissions(elsewhere.path(), std::filesystem::perms(0755));
-      open_to_all(elsewhere.path() / "all");
+      make_world_writable(elsewhere.path() / "all");
     }
     const CommandResult result =
         run("cd '" + (elsewhere.path() / "all").string() + "' && " + GetParam().command, lacks);
     EXPECT_EQ(result.exit_code, 0) << result.err;
-    return changes(contents_of(folder()), contents_of(elsewhere.path() / "all"));
+    return changes(read_folder(folder()), read_folder(elsewhere.path() / "all"));
   }
 
-  void expect_refused(const testing::Lacks& lacks, const std::string& why) const {
-    const auto before = contents_of(folder());
+  void expect_refused(const testing::CommandLimits& lacks, const std::string& why) const {
+    const auto before = read_folder(folder());
     const CommandResult result = run_here(GetParam().command, lacks);
     EXPECT_EQ(result.exit_code, 1) << result.err;
     EXPECT_THAT(result.err, HasSubstr(GetParam().program()));
@@ -106,7 +107,7 @@ class Unwritable : public ::testing::TestWithParam<Writing> {
                 AnyOf(AllOf(HasSubstr(output().filename().string()), HasSubstr(why)),
                       HasSubstr(folder_of_output + ": the output folder cannot be written to")));
     EXPECT_THAT(result.err, Not(HasSubstr("unexpected")));
-    for (const auto& [name, text] : changes(before, contents_of(folder()))) {
+    for (const auto& [name, text] : changes(before, read_folder(folder()))) {
       ADD_FAILURE() << name << " changed: " << text.substr(0, 100);
     }
   }
@@ -124,18 +125,18 @@ TEST_P(Unwritable, AFullDiskChangesNothing) {
   const std::size_t late = GetParam().same_every_time ? largest - 1 : largest / 2;
   for (const std::size_t room : {std::size_t{0}, std::size_t{20}, late}) {
     SCOPED_TRACE(std::to_string(room) + " bytes");
-    expect_refused({.file_bytes = room}, "File too large");
+    expect_refused({.max_file_bytes = room}, "File too large");
   }
 }
 
 TEST_P(Unwritable, AFolderWithoutPermissionChangesNothing) {
-  open_to_all(folder());
+  make_world_writable(folder());
   for (const std::string& path : {folder().string(), std::string(RAYSTAGE_BIN_DIR "/raystage")}) {
-    const std::string closed = closed_to_others(path);
+    const std::string closed = unprivileged_access_error(path);
     if (!closed.empty()) GTEST_SKIP() << closed;
   }
   EXPECT_FALSE(written_where_it_can({.root = true}).empty());  // so that a refusal is the lock's
-  const LockedFolder locked(output().parent_path());
+  const ReadOnlyFolder locked(output().parent_path());
   expect_refused({.root = true}, "ermission denied");
 }
 

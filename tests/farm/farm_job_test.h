@@ -63,7 +63,7 @@ class FarmJobTest : public ::testing::Test {
 
   /// Copies the programs to folder_/bin, where `script` stands in place of raystage-render; it
   /// finds the true one as "$TRUE_RENDER".
-  void put_in_place_of_render(const std::string& script) const {
+  void replace_render_program(const std::string& script) const {
     const auto bin = folder_ / "bin";
     std::filesystem::create_directories(bin);
     for (const auto& file : std::filesystem::directory_iterator(RAYSTAGE_BIN_DIR)) {
@@ -91,7 +91,7 @@ class FarmJobTest : public ::testing::Test {
     for (const auto& file : std::filesystem::directory_iterator(folder)) {
       if (file.path().extension() != ".exr" || file.path().filename().string().starts_with('.'))
         continue;
-      frames[file.path().filename().string()] = text_of(file.path());
+      frames[file.path().filename().string()] = read_text(file.path());
     }
     return frames;
   }

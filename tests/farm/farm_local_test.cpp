@@ -16,7 +16,7 @@ class FarmLocal : public FarmJobTest {
   /// As a render manager does it: every step's command in order, for every value of its range.
   void run_openjd_session(std::string file) const {
     file.pop_back();  // the line break
-    const auto document = nlohmann::json::parse(text_of(folder_ / file));
+    const auto document = nlohmann::json::parse(read_text(folder_ / file));
     write_text(folder_ / "rules.json", R"({"version": "pathmapping-1.0"})");
     const auto filled_in = [&](std::string word, int task) {
       const auto& parameters = document["parameterDefinitions"];
@@ -24,7 +24,7 @@ class FarmLocal : public FarmJobTest {
       word = replaced(word, "{{Param.Raystage}}", parameters[1]["default"]);
       word = replaced(word, "{{Task.Param.Task}}", std::to_string(task));
       word = replaced(word, "{{Session.PathMappingRulesFile}}", (folder_ / "rules.json").string());
-      return farm::shell_word(word);
+      return farm::shell_quote(word);
     };
     for (const auto& step : document["steps"]) {
       int tasks = 1;
@@ -62,9 +62,9 @@ TEST_F(FarmLocal, AJobGivesTheFramesOfAPlainRender) {
   EXPECT_EQ(told["tasks"][0]["frames"], "1-41x10") << "every tenth frame first";
   const CommandResult page = here("raystage farm status 'o u t/s.####.exr' --html page.html");
   EXPECT_THAT(page.out, HasSubstr(": done\n"));
-  EXPECT_THAT(text_of(folder_ / "page.html"), HasSubstr("48 of 48 frames done"));
+  EXPECT_THAT(read_text(folder_ / "page.html"), HasSubstr("48 of 48 frames done"));
   // A stranger finds nothing left half-written.
-  EXPECT_TRUE(files_with(folder_, ".tmp").empty());
+  EXPECT_TRUE(find_files(folder_, ".tmp").empty());
 }
 
 TEST_F(FarmLocal, DerivesEachInstantOnce) {
@@ -79,7 +79,7 @@ TEST_F(FarmLocal, DerivesEachInstantOnce) {
   for (const auto& task : told["tasks"]) prepared += task["stage"] == "prepare";
   EXPECT_EQ(prepared, 1);
   // Nothing stays pinned, and nothing is prepared that is stored.
-  EXPECT_TRUE(files_with(folder_, "pin.").empty());
+  EXPECT_TRUE(find_files(folder_, "pin.").empty());
   ASSERT_EQ(here("raystage farm submit 'show dir/freeze.json' -o out2/s.####.exr --engine local "
                  "--no-preview")
                 .exit_code,
@@ -90,7 +90,7 @@ TEST_F(FarmLocal, DerivesEachInstantOnce) {
 }
 
 TEST_F(FarmLocal, TriesAgainWhatFailsAndWithMoreMemoryWhatRanOutOfIt) {
-  put_in_place_of_render(R"(
+  replace_render_program(R"(
 echo "$@" >>'calls'
 case "$*" in
   *"--frames=11-20 "*) [ -e failed-2 ] || { [ ! -e failed-1 ] || touch failed-2; touch failed-1; exit 1; } ;;
@@ -105,7 +105,7 @@ esac)");
   EXPECT_EQ(told["tasks"][1]["attempts"].size(), 3U);
   EXPECT_EQ(told["tasks"][2]["attempts"].size(), 2U);
   EXPECT_EQ(told["tasks"][2]["attempts"][0]["end"]["result"], "out_of_memory");
-  const std::string calls = text_of(folder_ / "calls");
+  const std::string calls = read_text(folder_ / "calls");
   EXPECT_THAT(calls, HasSubstr("--frames=21-30 --existing skip"));
   EXPECT_EQ(std::count(calls.begin(), calls.end(), '\n'), 5 + 2 + 1) << calls;
   EXPECT_THAT(calls, HasSubstr("--memory 0.600"));
@@ -116,7 +116,7 @@ esac)");
 }
 
 TEST_F(FarmLocal, GivesUpWhatFailsForGoodAndRetriesWhenAsked) {
-  put_in_place_of_render(R"(case "$*" in *"--frames=11-20 "*) [ -e mended ] || exit 1 ;; esac)");
+  replace_render_program(R"(case "$*" in *"--frames=11-20 "*) [ -e mended ] || exit 1 ;; esac)");
   const CommandResult farm = here(
       "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local --chunk 10 "
       "--attempts 2 --no-preview");
@@ -134,7 +134,7 @@ TEST_F(FarmLocal, GivesUpWhatFailsForGoodAndRetriesWhenAsked) {
 }
 
 TEST_F(FarmLocal, RetryRendersWhatWasRemovedOrDamagedAndWhatIsNamed) {
-  put_in_place_of_render(R"(echo "$@" >>calls; [ ! -e broken ] || { rm broken; exit 1; })");
+  replace_render_program(R"(echo "$@" >>calls; [ ! -e broken ] || { rm broken; exit 1; })");
   ASSERT_EQ(here("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --engine local "
                  "--chunk 12 --no-preview")
                 .exit_code,
@@ -159,7 +159,7 @@ TEST_F(FarmLocal, RetryRendersWhatWasRemovedOrDamagedAndWhatIsNamed) {
   std::filesystem::remove(folder_ / "calls");
   write_text(folder_ / "broken", "");  // the first attempt fails, and the old frame is whole
   EXPECT_EQ(here("raystage farm retry out/s.####.exr --frames 7,99").exit_code, 0);
-  const std::string calls = text_of(folder_ / "calls");
+  const std::string calls = read_text(folder_ / "calls");
   const auto first = calls.find("--frames=7 --existing overwrite");
   ASSERT_NE(first, std::string::npos) << calls;
   EXPECT_NE(calls.find("--frames=7 --existing overwrite", first + 1), std::string::npos) << calls;
@@ -199,7 +199,7 @@ TEST_F(FarmLocal, AQuotaThatIsUsedUpIsTheNodesFault) {
   ASSERT_TRUE(attempt.contains("end")) << told.dump(1);
   EXPECT_TRUE(attempt["end"].value("node_fault", false)) << attempt.dump(1);
   EXPECT_THAT(attempt["end"]["reason"].get<std::string>(), HasSubstr("Disk quota exceeded"));
-  EXPECT_TRUE(files_with(folder_ / "out", ".tmp").empty());
+  EXPECT_TRUE(find_files(folder_ / "out", ".tmp").empty());
   EXPECT_EQ(here("raystage farm retry out/s.####.exr").exit_code, 0);
   EXPECT_EQ(frames_in(folder_ / "out").size(), 48U);
 }
@@ -236,7 +236,7 @@ TEST_F(FarmLocal, WordsBeforeTheCommandRunIt) {
 }
 
 TEST_F(FarmLocal, StopsOnASignalAndGoesOnWhenAsked) {
-  put_in_place_of_render("[ -e slow ] && sleep 20");
+  replace_render_program("[ -e slow ] && sleep 20");
   write_text(folder_ / "slow", "");
   const CommandResult stopped = run_and_signal(
       "bash -c \"cd '" + folder_.string() +
@@ -279,7 +279,7 @@ TEST_F(FarmLocal, PathsMayHaveOtherNamesOnTheNodes) {
       "--engine local --no-queue --chunk 48 --map '" +
       folder_.string() + "=" + folder_.string() + ".net'");
   ASSERT_EQ(farm.exit_code, 0) << farm.err;
-  const std::string job = text_of(folder_ / "out" / "s.farm" / "job-0001" / "job.json");
+  const std::string job = read_text(folder_ / "out" / "s.farm" / "job-0001" / "job.json");
   EXPECT_THAT(job, HasSubstr("\"output\": \"" + folder_.string() + ".net/out/s.####.exr\""));
   EXPECT_EQ(here("raystage farm task out/s.farm/job-0001 render 0").exit_code, 0);
   EXPECT_EQ(here("raystage farm task out/s.farm/job-0001 verify").exit_code, 0);
@@ -303,7 +303,7 @@ TEST_F(FarmLocal, ReadOnlyTakesGetACacheNextToTheOutput) {
   ASSERT_EQ(farm.exit_code, 0) << farm.err;
   EXPECT_THAT(farm.err, HasSubstr("a take is read-only"));
   EXPECT_FALSE(std::filesystem::exists(folder_ / "show dir" / "take" / "depth"));
-  EXPECT_EQ(files_with(folder_ / "out" / "s.farm" / "cache" / "depth", ".zst").size(), 1U);
+  EXPECT_EQ(find_files(folder_ / "out" / "s.farm" / "cache" / "depth", ".zst").size(), 1U);
   EXPECT_EQ(status("out/s.####.exr")["instants_solved"], 1);
 }
 
@@ -321,7 +321,7 @@ TEST_F(FarmLocal, OtherBuildsAreRefused) {
                  "--no-queue")
                 .exit_code,
             0);
-  put_in_place_of_render("");
+  replace_render_program("");
   const CommandResult other = here("bin/raystage farm task out/s.farm/job-0001 render 0");
   EXPECT_EQ(other.exit_code, 1);
   const auto told = status("out/s.####.exr");

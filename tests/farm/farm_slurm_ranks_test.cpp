@@ -48,7 +48,7 @@ class FarmSlurmRanks : public FarmJobTest {
     const fs::path take = folder_ / "show dir" / "take", whole = folder_ / "whole";
     fs::create_directories(whole);
     fs::rename(take, whole / "take");
-    const json document = json::parse(text_of(whole / "take" / "take.json"));
+    const json document = json::parse(read_text(whole / "take" / "take.json"));
     const auto make = [&](const fs::path& to, int camera) {
       fs::create_directories(to / "archive");
       for (const char* name : {"take.json", "rig.json", "timeline.zst"}) {
@@ -93,8 +93,8 @@ class FarmSlurmRanks : public FarmJobTest {
   }
   std::string logs() const {
     std::string text;
-    for (const auto& file : files_with(folder_ / "out" / "s.farm", ".log")) {
-      text += "== " + file.filename().string() + "\n" + text_of(file);
+    for (const auto& file : find_files(folder_ / "out" / "s.farm", ".log")) {
+      text += "== " + file.filename().string() + "\n" + read_text(file);
     }
     return text;
   }

@@ -71,8 +71,8 @@ class FarmSlurm : public FarmJobTest {
   }
   std::string logs() const {
     std::string text;
-    for (const auto& file : files_with(folder_ / "out" / "s.farm", ".log")) {
-      text += "== " + file.filename().string() + "\n" + text_of(file);
+    for (const auto& file : find_files(folder_ / "out" / "s.farm", ".log")) {
+      text += "== " + file.filename().string() + "\n" + read_text(file);
     }
     return text;
   }
@@ -87,7 +87,7 @@ class FarmSlurmDisaster : public FarmSlurm, public ::testing::WithParamInterface
 
 TEST_P(FarmSlurmDisaster, TheSequenceIsThatOfOneMachine) {
   start(GetParam().settings);
-  put_in_place_of_render(R"(
+  replace_render_program(R"(
 case "$*" in
   *"--frames=21-24 "*) [ -e ')" +
                          folder_.string() + R"(/f2' ] || {
@@ -166,7 +166,7 @@ TEST_F(FarmSlurm, ANodeOfManySlotsWithAFullDiskFailsFewTasks) {
   ASSERT_EQ(setenv("CPUS", "4", 1), 0);
   start("MinJobAge=2");
   unsetenv("CPUS");
-  put_in_place_of_render("sleep 1");
+  replace_render_program("sleep 1");
   ASSERT_EQ(on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 2 -j 1 "
                        "--memory 0.3 --no-measure --no-preview --no-queue")
                 .exit_code,
@@ -215,7 +215,7 @@ TEST_F(FarmSlurm, WhatSlurmWouldRejectIsRefusedBeforeAnythingIsRendered) {
 
 TEST_F(FarmSlurm, ATaskThatSlurmEndsIsRecordedAndGetsMoreTime) {
   start();
-  put_in_place_of_render("[ -e '" + folder_.string() + "/f' ] || { touch '" + folder_.string() +
+  replace_render_program("[ -e '" + folder_.string() + "/f' ] || { touch '" + folder_.string() +
                          "/f'; sleep 100; }");
   ASSERT_EQ(on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --frames 1-4 "
                        "--chunk 4 -j 1 --time 20 --no-measure --no-preview")
@@ -230,7 +230,7 @@ TEST_F(FarmSlurm, ATaskThatSlurmEndsIsRecordedAndGetsMoreTime) {
   const json status = told();
   EXPECT_EQ(status["state"], "done") << status.dump(1) << logs();
   EXPECT_EQ(status["tasks"][0]["attempts"][0]["end"]["result"], "stopped") << status.dump(1);
-  EXPECT_THAT(text_of(folder_ / "out/s.farm/job-0001/round-2.sh"), HasSubstr("--time=40"));
+  EXPECT_THAT(read_text(folder_ / "out/s.farm/job-0001/round-2.sh"), HasSubstr("--time=40"));
 }
 
 TEST_F(FarmSlurm, AProgramThatNodesLackEndsTheJobWithThatReason) {
@@ -273,12 +273,12 @@ TEST_F(FarmSlurm, AFreezeDerivesItsInstantOnceAndAMoveItsInstantsSideBySide) {
   EXPECT_GE(prepared, 14);
   EXPECT_EQ(status["instants_solved"], prepared);
   EXPECT_EQ(nodes_of(status, "prepare").size(), 4U);
-  EXPECT_TRUE(files_with(folder_, "pin.").empty());
+  EXPECT_TRUE(find_files(folder_, "pin.").empty());
 }
 
 TEST_F(FarmSlurm, OneLiveJobAnOutputAndTheNextBehindIt) {
   start();
-  put_in_place_of_render("sleep 2");
+  replace_render_program("sleep 2");
   const std::string submit =
       "raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 24 -j 1 --no-measure "
       "--no-preview --existing overwrite ";
@@ -329,7 +329,7 @@ TEST_F(FarmSlurm, TheDoctorAsksEveryNode) {
 
 TEST_F(FarmSlurm, NodesWithoutTheJobsFolderAreLeftAndALostVerificationIsQueuedAnew) {
   start("MinJobAge=2");
-  put_in_place_of_render("sleep 1");
+  replace_render_program("sleep 1");
   ASSERT_EQ(on_cluster("raystage farm submit 'show dir/shot.json' -o out/s.####.exr --chunk 4 -j 1 "
                        "--no-measure --no-preview --no-queue")
                 .exit_code,

@@ -8,7 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 
-#include "compose/exr/file.h"
+#include "compose/exr/exr_file.h"
 
 namespace raystage::testing {
 

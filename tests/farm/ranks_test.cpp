@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "images/exr/exr_channels.h"
-#include "schemas/test_folder.h"
+#include "images/exr_channels.h"
+#include "testing/test_folder.h"
 #include "tests/end_to_end/run_command.h"
 #include "tests/farm/frame_difference.h"
 
@@ -34,7 +34,7 @@ class Ranks : public ::testing::Test {
   /// A folder for each rank with the take's documents and the archives of a block of its cameras.
   void split(int ranks) const {
     fs::remove_all(folder_.path() / "ranks");
-    const auto take = nlohmann::json::parse(text_of(folder_.path() / "take" / "take.json"));
+    const auto take = nlohmann::json::parse(read_text(folder_.path() / "take" / "take.json"));
     const int columns = ranks >= 4 ? 2 : 1;  // of ranks
     for (int rank = 0; rank < ranks; ++rank) {
       const fs::path to = folder_.path() / "ranks" / std::to_string(rank) / "take";
@@ -175,7 +175,7 @@ TEST_F(Ranks, LeaveOutCamerasThatNoneHasOrRefuse) {
   const CommandResult absent = render_by(4, "-o ranked/f.####.exr --missing-archives absent");
   ASSERT_EQ(absent.exit_code, 0) << absent.err;
   constexpr ExrChannel kCoverage[] = {{"lf.coverage"}};
-  const ExrPixels coverage =
+  const ExrChannelData coverage =
       read_exr_channels(folder_.path() / "ranked" / "f.0001.exr", kCoverage, "");
   EXPECT_LT(*std::ranges::min_element(coverage.values), 0.9F);
   const CommandResult header = here("exrheader ranked/f.0001.exr");
@@ -219,7 +219,7 @@ TEST_F(Ranks, RefuseWhatCannotBeRenderedTogether) {
 void damage_frames(const std::filesystem::path& take_of_rank_1) {
   for (const auto& entry : std::filesystem::directory_iterator(take_of_rank_1 / "archive")) {
     if (entry.path().extension() != ".mkv") continue;
-    std::string bytes = text_of(entry.path());
+    std::string bytes = read_text(entry.path());
     for (std::size_t i = bytes.size() / 2; i < bytes.size() * 6 / 10; ++i) bytes[i] = '\xFF';
     write_text(entry.path(), bytes);
   }

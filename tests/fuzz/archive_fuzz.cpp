@@ -3,7 +3,7 @@
 #include <cstdint>
 
 #include "archive_invariants.h"
-#include "schemas/error.h"
+#include "base/error.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto bytes = std::as_bytes(std::span(data, size));

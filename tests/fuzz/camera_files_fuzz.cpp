@@ -7,9 +7,9 @@
 #include <string>
 #include <string_view>
 
+#include "base/error.h"
 #include "compose/camera/chan_file.h"
 #include "compose/camera/gltf_camera.h"
-#include "schemas/error.h"
 
 namespace {
 

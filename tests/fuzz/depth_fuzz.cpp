@@ -8,8 +8,8 @@
 #include <cstdlib>
 #include <vector>
 
+#include "base/error.h"
 #include "render/depth/depth_file.h"
-#include "schemas/error.h"
 
 namespace {
 
@@ -44,7 +44,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
   }
   // What was read can be written and read again.
-  for (raystage::InverseDepthMap& map : maps) raystage::quantise(map);
+  for (raystage::InverseDepthMap& map : maps) raystage::quantise_depths(map);
   std::vector<std::byte> written;
   raystage::encode_depth_maps(maps, kFingerprint, [&](std::span<const std::byte> block) {
     written.insert(written.end(), block.begin(), block.end());

@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <string_view>
 
-#include "rig/calibration/detections.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "calibrate/geometry/detections.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace raystage;

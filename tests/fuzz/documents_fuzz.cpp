@@ -8,8 +8,9 @@
 #include <string_view>
 #include <vector>
 
+#include "base/error.h"
+#include "base/time.h"
 #include "schemas/bench_document.h"
-#include "schemas/error.h"
 #include "schemas/farm_job_document.h"
 #include "schemas/farm_records.h"
 #include "schemas/import_manifest.h"
@@ -19,9 +20,8 @@
 #include "schemas/rig_document.h"
 #include "schemas/shot_document.h"
 #include "schemas/take_document.h"
-#include "schemas/time.h"
-#include "schemas/views.h"
-#include "store/sync/node_offsets.h"
+#include "schemas/views_document.h"
+#include "store/processing/sync/node_offsets.h"
 
 namespace {
 

@@ -4,17 +4,17 @@
 #include <cstdint>
 #include <cstdlib>
 
-#include "damaged_pair.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "damaged_archive.h"
 #include "store/fixity/salvage.h"
 
 namespace {
 
 using namespace raystage;
 
-void check_salvage(const FuzzPair& damaged) {
+void check_salvage(const FuzzArchive& damaged) {
   const Salvage saved = salvage(damaged.pair());
-  FuzzPair repaired;
+  FuzzArchive repaired;
   repaired.begin(2);
   std::int64_t frames = 0;
   for (const FrameRecord& record : saved.records) {
@@ -42,7 +42,7 @@ void check_salvage(const FuzzPair& damaged) {
 }  // namespace
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  const FuzzPair damaged = damaged_pair(std::as_bytes(std::span(data, size)));
+  const FuzzArchive damaged = make_damaged_archive(std::as_bytes(std::span(data, size)));
   try {
     for (const VerifyDepth depth :
          {VerifyDepth::kSizes, VerifyDepth::kJournal, VerifyDepth::kHashes}) {
@@ -52,7 +52,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     }
   } catch (const Error&) {
   }
-  FuzzPair copy = damaged;
+  FuzzArchive copy = damaged;
   try {
     check_salvage(copy);
   } catch (const Error&) {

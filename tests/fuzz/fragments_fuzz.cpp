@@ -7,8 +7,8 @@
 #include <cstdlib>
 #include <vector>
 
-#include "render/fragments/encoding.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "render/common/fragment_encoding.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   constexpr int kWidth = 40, kHeight = 24;

@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "archive_invariants.h"
-#include "schemas/error.h"
+#include "base/error.h"
+#include "base/little_endian.h"
 #include "store/journal.h"
-#include "store/little_endian.h"
 #include "store/matroska.h"
 
 namespace {

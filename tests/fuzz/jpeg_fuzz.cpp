@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/jpeg/decode.h"
 #include "store/jpeg/encode.h"
 #include "store/jpeg/layout.h"

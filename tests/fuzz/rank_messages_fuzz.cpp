@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <vector>
 
+#include "base/error.h"
 #include "farm/ranks/messages.h"
-#include "schemas/error.h"
 
 namespace {
 

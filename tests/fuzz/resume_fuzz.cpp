@@ -5,9 +5,9 @@
 #include <cstdlib>
 #include <fstream>
 
-#include "damaged_pair.h"
-#include "schemas/error.h"
-#include "schemas/test_folder.h"
+#include "base/error.h"
+#include "damaged_archive.h"
+#include "testing/test_folder.h"
 
 namespace {
 
@@ -24,7 +24,7 @@ void write(const std::filesystem::path& file, std::span<const std::byte> bytes) 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   static const TestFolder folder;
   const auto archive = folder.path() / "a.mkv", journal = folder.path() / "a.journal";
-  const FuzzPair damaged = damaged_pair(std::as_bytes(std::span(data, size)));
+  const FuzzArchive damaged = make_damaged_archive(std::as_bytes(std::span(data, size)));
   write(archive, damaged.archive);
   std::filesystem::remove(journal);
   if (damaged.has_journal) write(journal, damaged.journal);
@@ -36,7 +36,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       const ArchiveReader in(archive, journal);
       before.assign(in.frames().begin(), in.frames().end());
     }
-    ArchiveWriter out = ArchiveWriter::resume(archive, journal, FuzzPair::description());
+    ArchiveWriter out = ArchiveWriter::resume(archive, journal, FuzzArchive::description());
     time = out.last_time() + 1;
     if (time > matroska::kMaxTime) return 0;
     out.append(jpeg, time, {1, 2});

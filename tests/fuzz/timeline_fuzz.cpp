@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <vector>
 
-#include "schemas/error.h"
+#include "base/error.h"
 #include "store/timeline_file.h"
 
 namespace {

@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/atomic_file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/random.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdint>
+#include <cstdio>
+#include <system_error>
+#include <utility>
+
+#include "base/error.h"
+
+namespace raystage {
+namespace {
+
+constexpr const char* kCheckDisk = "Check the folder, its permissions and the room on the disk";
+
+/// An open file; closing early through close() reports what the destructor would swallow.
+class Descriptor {
+ public:
+  explicit Descriptor(int number) : number_(number) {}
+  ~Descriptor() {
+    if (number_ >= 0) ::close(number_);
+  }
+  Descriptor(const Descriptor&) = delete;
+  Descriptor& operator=(const Descriptor&) = delete;
+
+  bool open() const { return number_ >= 0; }
+  int number() const { return number_; }
+  bool close() { return ::close(std::exchange(number_, -1)) == 0; }
+
+ private:
+  int number_;
+};
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  if (gethostname(name.data(), name.size() - 1) != 0 || name[0] == '\0') return "host";
+  std::string host(name.data());
+  for (char& c : host) {
+    if (c == '/') c = '_';
+  }
+  return host;
+}
+
+/// From the kernel: hosts of one name and processes of one number may meet in a folder (containers
+/// have both), and so may processes that were forked.
+std::uint64_t random_bits(const std::filesystem::path& target) {
+  std::uint64_t bits = 0;
+  while (true) {
+    const ssize_t got = getrandom(&bits, sizeof bits, 0);
+    if (got == static_cast<ssize_t>(sizeof bits)) return bits;
+    if (got < 0 && errno != EINTR) {
+      throw Error::from_errno("no random numbers for a temporary name", target.string(),
+                              "Check that the kernel offers getrandom()");
+    }
+  }
+}
+
+std::filesystem::path temporary_beside(const std::filesystem::path& target) {
+  const std::string extension = target.extension().string();
+  const std::string suffix =
+      fmt::format(".{}.{}.{:016x}.tmp", host_name(), getpid(), random_bits(target));
+  constexpr std::size_t kLongestName = 255;  // of the usual file systems, bytes
+  std::string name = fmt::format(".{}", target.filename().string());
+  const std::size_t rest = suffix.size() + extension.size();
+  if (name.size() + rest > kLongestName && rest < kLongestName) name.resize(kLongestName - rest);
+  return target.parent_path() / (name + suffix + extension);
+}
+
+/// A new, empty file beside `target`: its path.
+std::filesystem::path reserved_beside(const std::filesystem::path& target) {
+  constexpr int kMostTries = 16;  // a second is as unlikely as a collision of 64 random bits
+  for (int tries = 1;; ++tries) {
+    std::filesystem::path path = temporary_beside(target);
+    const Descriptor file(
+        ::open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
+    if (file.open()) return path;
+    if (errno != EEXIST || tries == kMostTries) {
+      throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
+    }
+  }
+}
+
+void write_all(int descriptor, std::span<const std::byte> bytes,
+               const std::filesystem::path& target) {
+  while (!bytes.empty()) {
+    const ssize_t written = ::write(descriptor, bytes.data(), bytes.size());
+    if (written < 0 && errno == EINTR) continue;
+    if (written < 0) throw Error::from_errno("cannot write the file", target.string(), kCheckDisk);
+    bytes = bytes.subspan(static_cast<std::size_t>(written));
+  }
+}
+
+}  // namespace
+
+TemporaryFile::TemporaryFile(std::filesystem::path target, Creation creation)
+    : target_(std::move(target)),
+      path_(creation == Creation::kByConstructor ? reserved_beside(target_)
+                                                 : temporary_beside(target_)) {}
+
+TemporaryFile::~TemporaryFile() {
+  if (committed_) return;
+  std::error_code ignored;
+  std::filesystem::remove(path_, ignored);
+}
+
+void TemporaryFile::commit() {
+  {
+    Descriptor file(::open(path_.c_str(), O_RDONLY | O_CLOEXEC));
+    if (!file.open()) {
+      throw Error::from_errno("cannot write the file", target_.string(), kCheckDisk);
+    }
+    if (fsync(file.number()) != 0 || !file.close()) {
+      throw Error::from_errno("cannot flush the file to disk", target_.string(), kCheckDisk);
+    }
+  }
+  if (std::rename(path_.c_str(), target_.c_str()) != 0) {
+    throw Error::from_errno("cannot put the file in its place", target_.string(), kCheckDisk);
+  }
+  committed_ = true;
+  // The rename itself survives a power cut only once the folder is flushed; not every file system
+  // can do that, and the file is whole either way.
+  const std::filesystem::path parent = target_.parent_path();
+  const Descriptor folder(
+      ::open(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (folder.open()) fsync(folder.number());
+}
+
+namespace {
+
+/// A device or a pipe would become a file.
+void check_is_no_other_kind(const std::filesystem::path& target) {
+  std::error_code unknown;
+  const auto there = std::filesystem::status(target, unknown);
+  if (std::filesystem::exists(there) && !std::filesystem::is_regular_file(there)) {
+    throw Error::failed("what is there is no file", target.string(), "Name a file to be written");
+  }
+}
+
+}  // namespace
+
+void check_writable(const std::filesystem::path& target) {
+  check_is_no_other_kind(target);
+  const TemporaryFile temporary(target);
+}
+
+void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes) {
+  check_is_no_other_kind(target);
+  TemporaryFile temporary(target);
+  {
+    Descriptor file(::open(temporary.path().c_str(), O_WRONLY | O_NOFOLLOW | O_CLOEXEC));
+    if (!file.open()) {
+      throw Error::from_errno("cannot create the file", target.string(), kCheckDisk);
+    }
+    write_all(file.number(), bytes, target);
+    if (!file.close()) {
+      throw Error::from_errno("cannot write the file", target.string(), kCheckDisk);
+    }
+  }
+  temporary.commit();
+}
+
+void write_file_atomically(const std::filesystem::path& target, std::string_view text) {
+  write_file_atomically(target, std::as_bytes(std::span(text.data(), text.size())));
+}
+
+std::string read_file(const std::filesystem::path& file) {
+  const auto refuse = [&](std::string_view reason) {
+    return Error::bad_input("the file cannot be read: " + std::string(reason), file.string(),
+                            "Check the path and its permissions");
+  };
+  const auto reason = [] { return std::generic_category().message(errno); };
+  const Descriptor descriptor(::open(file.c_str(), O_RDONLY | O_CLOEXEC));
+  if (!descriptor.open()) throw refuse(reason());
+  struct stat status {};
+  if (fstat(descriptor.number(), &status) != 0) throw refuse(reason());
+  if (S_ISDIR(status.st_mode)) throw refuse("it is a folder");
+
+  // The size is a hint only: pipes and /proc report 0. One byte more lets the last read see the
+  // end.
+  std::string text(static_cast<std::size_t>(status.st_size) + 1, '\0');
+  std::size_t filled = 0;
+  while (true) {
+    if (filled == text.size()) text.resize(text.size() * 2 + 4096);
+    const ssize_t got = ::read(descriptor.number(), text.data() + filled, text.size() - filled);
+    if (got < 0 && errno == EINTR) continue;
+    if (got < 0) throw refuse(reason());
+    if (got == 0) break;
+    filled += static_cast<std::size_t>(got);
+  }
+  text.resize(filled);
+  return text;
+}
+
+void create_folder(const std::filesystem::path& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (!error && !std::filesystem::is_directory(folder, error) && !error) {
+    error = std::make_error_code(std::errc::not_a_directory);
+  }
+  if (error) {
+    throw Error::failed("cannot create the folder: " + error.message(), folder.string(),
+                        kCheckDisk);
+  }
+}
+
+}  // namespace raystage

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <exception>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace raystage {
+
+/// Exit code of a process (docs/render-process.md).
+enum class ExitCode : int { kSuccess = 0, kFailed = 1, kBadInput = 2, kSomeFramesFailed = 3 };
+
+/// The exception for everything that a user can correct: what failed, in which file (and where in
+/// it), and what to do. Broken invariants are assertions, not Errors.
+class Error : public std::exception {
+ public:
+  /// Arguments, documents or data are unusable: exit code 2.
+  static Error bad_input(std::string what_happened, std::string where, std::string what_to_do);
+  /// The run failed with good input (disk full, permission, lost file): exit code 1.
+  static Error failed(std::string what_happened, std::string where, std::string what_to_do);
+  /// As failed(); appends the text of the current errno to `what_happened`.
+  static Error from_errno(std::string_view what_happened, std::string where,
+                          std::string what_to_do);
+
+  /// Returns a copy that names the settings which the advice is about, by names such as
+  /// "focal_depth", so that a user interface can say how they are set.
+  Error concerning(std::vector<std::string> settings) const;
+
+  /// Returns "where: what happened. What to do." on one line.
+  const char* what() const noexcept override { return message_.c_str(); }
+  const std::string& what_happened() const { return what_happened_; }
+  /// Returns a path, with "#/json/pointer" or "@byte offset" if known. May be empty.
+  const std::string& where() const { return where_; }
+  const std::string& what_to_do() const { return what_to_do_; }
+  const std::vector<std::string>& settings() const { return settings_; }
+  ExitCode exit_code() const { return exit_code_; }
+
+ private:
+  Error(ExitCode exit_code, std::string what_happened, std::string where, std::string what_to_do);
+
+  ExitCode exit_code_;
+  std::string what_happened_, where_, what_to_do_, message_;
+  std::vector<std::string> settings_;
+};
+
+}  // namespace raystage

@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/posix_file.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <climits>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+
+namespace raystage {
+namespace {
+
+// writev takes what it only reads as void*.
+iovec part(std::span<const std::byte> bytes) {
+  return {const_cast<std::byte*>(bytes.data()), bytes.size()};
+}
+
+}  // namespace
+
+OutputFile::OutputFile(std::filesystem::path path, Open mode) : path_(std::move(path)) {
+  constexpr mode_t kMode = 0666;  // less the user's umask
+  const int create = mode == Open::kNew ? O_CREAT | O_EXCL : 0;
+  descriptor_ = open(path_.c_str(), O_WRONLY | O_CLOEXEC | create, kMode);
+  if (descriptor_ < 0) {
+    throw mode == Open::kNew
+        ? Error::from_errno("the file cannot be created", path_.string(),
+                            "Choose a new name in a folder that can be written to")
+        : Error::from_errno("the file cannot be opened for writing", path_.string(),
+                            "Check that it exists and may be written to");
+  }
+  // The lock goes with the process, however that ends.
+  if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    close(descriptor_);
+    throw Error::failed("another program is writing to the file", path_.string(),
+                        "Wait until the recording has ended");
+  }
+}
+
+OutputFile::~OutputFile() {
+  if (descriptor_ >= 0) close(descriptor_);
+}
+
+bool OutputFile::write_at(std::uint64_t offset, std::span<const std::byte> bytes) {
+  return write_parts_at(offset, std::span(&bytes, 1));
+}
+
+bool OutputFile::write_parts_at(std::uint64_t offset,
+                                std::span<const std::span<const std::byte>> parts) {
+  std::vector<iovec> left;
+  for (const auto& bytes : parts) {
+    if (!bytes.empty()) left.push_back(part(bytes));
+  }
+  for (std::size_t first = 0; first < left.size();) {
+    const auto count = static_cast<int>(std::min<std::size_t>(left.size() - first, IOV_MAX));
+    const ssize_t written = pwritev(descriptor_, &left[first], count, static_cast<off_t>(offset));
+    if (written < 0 && errno == EINTR) continue;
+    if (written <= 0) {
+      if (written == 0) errno = ENOSPC;
+      return false;
+    }
+    offset += static_cast<std::uint64_t>(written);
+    auto done = static_cast<std::size_t>(written);
+    for (; first < left.size() && done >= left[first].iov_len; ++first) {
+      done -= left[first].iov_len;
+    }
+    if (done > 0) {
+      left[first].iov_base = static_cast<std::byte*>(left[first].iov_base) + done;
+      left[first].iov_len -= done;
+    }
+  }
+  return true;
+}
+
+bool OutputFile::truncate(std::uint64_t size) {
+  return ftruncate(descriptor_, static_cast<off_t>(size)) == 0;
+}
+
+bool OutputFile::sync() const { return fdatasync(descriptor_) == 0; }
+
+void OutputFile::uncache() const { posix_fadvise(descriptor_, 0, 0, POSIX_FADV_DONTNEED); }
+
+void OutputFile::discard() {
+  close(std::exchange(descriptor_, -1));
+  unlink(path_.c_str());
+}
+
+MappedFile::MappedFile(const std::filesystem::path& path) {
+  const auto refuse = [&](int reason) {
+    return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
+                            path.string(), "Check that it exists and may be read");
+  };
+  const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (descriptor < 0) throw refuse(errno);
+  struct stat status {};
+  int reason = 0;
+  void* address = nullptr;
+  std::size_t size = 0;
+  if (fstat(descriptor, &status) != 0) {
+    reason = errno;
+  } else if (!S_ISREG(status.st_mode)) {
+    reason = EINVAL;
+  } else if (status.st_size > 0) {
+    size = static_cast<std::size_t>(status.st_size);
+    address = mmap(nullptr, size, PROT_READ, MAP_SHARED, descriptor, 0);
+    if (address == MAP_FAILED) reason = errno;
+  }
+  close(descriptor);
+  if (reason != 0) throw refuse(reason);
+  bytes_ = {static_cast<const std::byte*>(address), size};
+}
+
+MappedFile::~MappedFile() {
+  if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
+}
+
+void MappedFile::expect(Access access) const {
+  if (bytes_.empty()) return;
+  madvise(const_cast<std::byte*>(bytes_.data()), bytes_.size(),
+          access == Access::kSequential ? MADV_SEQUENTIAL : MADV_RANDOM);
+}
+
+namespace {
+
+/// madvise() of the pages that hold a part.
+int advise(std::span<const std::byte> part, int advice) {
+  static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
+  const auto first = reinterpret_cast<std::uintptr_t>(part.data()) / page * page;
+  const auto last = reinterpret_cast<std::uintptr_t>(part.data() + part.size());
+  return madvise(reinterpret_cast<void*>(first), last - first, advice);
+}
+
+}  // namespace
+
+void MappedFile::read_ahead(std::span<const std::byte> part) const {
+  if (!part.empty()) advise(part, MADV_WILLNEED);
+}
+
+bool MappedFile::can_read(std::span<const std::byte> part) const {
+  if (part.empty()) return true;
+  // Older kernels do not know the request: then the part is believed to be readable.
+  return advise(part, MADV_POPULATE_READ) == 0 ||
+         (errno != EFAULT && errno != EIO && errno != EHWPOISON);
+}
+
+void sync_folder(const std::filesystem::path& folder) {
+  const int descriptor =
+      open(folder.empty() ? "." : folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  if (descriptor < 0) return;
+  fsync(descriptor);
+  close(descriptor);
+}
+
+void sync_files_below(const std::filesystem::path& folder) {
+  const auto for_each_file = [&](auto&& act) {
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder)) {
+      if (!entry.is_regular_file() && !entry.is_directory()) continue;
+      const int descriptor = open(entry.path().c_str(), O_RDONLY | O_CLOEXEC);
+      const bool done = descriptor >= 0 && act(descriptor, entry.is_directory());
+      const int reason = errno;
+      if (descriptor >= 0) close(descriptor);
+      errno = reason;
+      if (!done) {
+        throw Error::from_errno("the data cannot be brought to the disk", entry.path().string(),
+                                "Check the disk");
+      }
+    }
+  };
+  for_each_file([](int descriptor, bool is_folder) {
+    // A hint: file systems that cannot do it do the work in the second round.
+    if (!is_folder) sync_file_range(descriptor, 0, 0, SYNC_FILE_RANGE_WRITE);
+    return true;
+  });
+  for_each_file([](int descriptor, bool is_folder) {
+    return fsync(descriptor) == 0 || (is_folder && errno == EINVAL);
+  });
+}
+
+}  // namespace raystage

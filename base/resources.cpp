@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "base/resources.h"
+
+#include <sched.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <thread>
+
+namespace raystage {
+namespace {
+
+/// Calls `visit` with the folder of this process' control group and of each group above it: a limit
+/// anywhere on the way counts.
+void for_each_control_group(const std::function<void(const std::filesystem::path&)>& visit) {
+  const std::filesystem::path root = "/sys/fs/cgroup";
+  std::ifstream groups("/proc/self/cgroup");
+  std::string line;
+  while (std::getline(groups, line)) {
+    if (!line.starts_with("0::/")) continue;
+    std::filesystem::path group = line.substr(4);
+    while (!group.empty()) {
+      visit(root / group);
+      group = group.parent_path();
+    }
+    break;
+  }
+  visit(root);
+}
+
+}  // namespace
+
+int available_threads() {
+  int threads = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  if (sched_getaffinity(0, sizeof(set), &set) == 0) threads = std::max(1, CPU_COUNT(&set));
+  for_each_control_group([&](const std::filesystem::path& folder) {
+    std::ifstream file(folder / "cpu.max");
+    double quota = 0, period = 0;  // "max 100000" does not read as a number
+    if (file >> quota >> period && quota > 0 && period > 0) {
+      threads = std::min(threads, std::max(1, static_cast<int>(std::ceil(quota / period))));
+    }
+  });
+  return threads;
+}
+
+std::size_t available_memory() {
+  const long pages = sysconf(_SC_PHYS_PAGES), page_size = sysconf(_SC_PAGESIZE);
+  std::size_t bytes = std::size_t{4} << 30;
+  if (pages > 0 && page_size > 0) {
+    bytes = static_cast<std::size_t>(pages) * static_cast<std::size_t>(page_size);
+  }
+  for_each_control_group([&](const std::filesystem::path& folder) {
+    std::ifstream file(folder / "memory.max");
+    std::size_t limit = 0;
+    if (file >> limit && limit > 0) bytes = std::min(bytes, limit);
+  });
+  return bytes;
+}
+
+std::size_t free_memory() {
+  std::size_t bytes = available_memory();
+  const auto read_number = [](const std::filesystem::path& path, std::string_view before) {
+    std::ifstream file(path);
+    std::string word;
+    std::size_t number = 0;
+    while (!before.empty() && file >> word && word != before) {
+    }
+    return file >> number ? std::optional(number) : std::nullopt;
+  };
+  constexpr std::size_t kKib = 1024;
+  if (const auto free = read_number("/proc/meminfo", "MemAvailable:"); free) {
+    bytes = std::min(bytes, *free * kKib);
+  }
+  for_each_control_group([&](const std::filesystem::path& folder) {
+    const auto limit = read_number(folder / "memory.max", "");
+    const auto used = read_number(folder / "memory.current", "");
+    if (!limit || !used) return;
+    const std::size_t cache = read_number(folder / "memory.stat", "inactive_file").value_or(0);
+    const std::size_t held = *used - std::min(*used, cache);
+    bytes = std::min(bytes, *limit - std::min(*limit, held));
+  });
+  return bytes;
+}
+
+std::size_t peak_memory() {
+  struct rusage usage {};
+  if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
+  return static_cast<std::size_t>(usage.ru_maxrss) * 1024;  // Linux counts in KiB
+}
+
+double cpu_seconds() {
+  struct rusage usage {};
+  if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  return seconds(usage.ru_utime) + seconds(usage.ru_stime);
+}
+
+bool reset_peak_memory() {
+  std::ofstream file("/proc/self/clear_refs");
+  file << "5" << std::flush;  // proc(5): resets the peak resident set size
+  return file.good();
+}
+
+}  // namespace raystage

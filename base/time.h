@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace raystage {
+
+/// A time or a duration in nanoseconds. Archives count from the take's epoch; an epoch counts from
+/// 1970-01-01T00:00:00Z (UTC, leap seconds not counted), which int64 carries until the year 2262.
+using Nanoseconds = std::int64_t;
+
+inline constexpr Nanoseconds kNanosecondsPerSecond = 1'000'000'000;
+inline constexpr double kNsPerMs = 1e6, kNsPerS = 1e9;
+
+/// Reads "2026-01-01T00:00:00Z", with up to nine decimals of a second. Throws Error (bad input)
+/// when the text is no such time or lies outside the range of int64 nanoseconds.
+Nanoseconds parse_utc(std::string_view text);
+
+/// Writes the shortest text that parse_utc reads back to the same nanosecond.
+std::string format_utc(Nanoseconds since_1970);
+
+}  // namespace raystage

@@ -1,0 +1,165 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/mcc.hpp>
+#include <optional>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "calibrate/color/color_chart.h"
+#include "store/processing/frames/corrected_picture.h"
+
+namespace raystage {
+namespace {
+
+/// Places of the picture in a chart's own units: a patch is 1 wide, the first one's corner at (0,
+/// 0).
+using ChartFromPixel = cv::Matx33d;
+
+constexpr double kPatch = 2.5, kBetween = 0.25;  // of a ColorChecker
+constexpr double kPitch = (kPatch + kBetween) / kPatch;
+
+std::optional<ChartFromPixel> found_in(const CorrectedPicture& picture) {
+  cv::Mat codes, bgr;
+  const cv::Mat levels(picture.size.height, picture.size.width, CV_16UC4,
+                       const_cast<std::uint16_t*>(picture.rgba.data()));
+  levels.convertTo(codes, CV_8UC4, 1 / 257.0);
+  cv::cvtColor(codes, bgr, cv::COLOR_RGBA2BGR);
+  const auto detector = cv::mcc::CCheckerDetector::create();
+  try {
+    if (!detector->process(bgr, cv::mcc::MCC24, 1)) return std::nullopt;
+  } catch (const cv::Exception&) {
+    return std::nullopt;  // it does not look at its candidates closely enough
+  }
+  const std::vector<cv::Point2f> box = detector->getBestColorChecker()->getBox();
+  if (box.size() != 4) return std::nullopt;
+  // The box is around the outermost patches and as much as is between two of them.
+  const float left = static_cast<float>(-kBetween / kPatch);
+  const auto right = static_cast<float>(kChartColumns * kPitch);
+  const auto bottom = static_cast<float>(kChartRows * kPitch);
+  const std::vector<cv::Point2f> chart{
+      {left, left}, {right, left}, {right, bottom}, {left, bottom}};
+  return ChartFromPixel(cv::getPerspectiveTransform(box, chart));
+}
+
+struct Sums {
+  std::array<Rgb, kChartPatches> light{};
+  std::array<double, kChartPatches> x{}, y{}, count{}, unexposed{};
+};
+
+/// The middle of every patch, half as wide and high.
+Sums sums_over(const CorrectedPicture& picture, const ChartFromPixel& chart_from_pixel,
+               const std::array<std::uint16_t, 3>& black,
+               const std::array<std::uint16_t, 3>& full) {
+  Sums sums;
+  for (int y = 0; y < picture.size.height; ++y) {
+    for (int x = 0; x < picture.size.width; ++x) {
+      const cv::Vec3d at = chart_from_pixel * cv::Vec3d(x, y, 1);  // OpenCV's pixels
+      const double u = at[0] / at[2] / kPitch, v = at[1] / at[2] / kPitch;
+      const double column = std::floor(u), row = std::floor(v);
+      if (!(column >= 0 && row >= 0 && column < kChartColumns && row < kChartRows)) continue;
+      const auto is_inside = [](double part) {
+        return part * kPitch > 0.25 && part * kPitch < 0.75;
+      };
+      if (!is_inside(u - column) || !is_inside(v - row)) continue;
+      const auto patch = static_cast<std::size_t>(row * kChartColumns + column);
+      const std::uint16_t* const rgb =
+          &picture.rgba[4 * (static_cast<std::size_t>(y) *
+                                 static_cast<std::size_t>(picture.size.width) +
+                             static_cast<std::size_t>(x))];
+      bool is_exposed = true;
+      for (std::size_t c = 0; c < 3; ++c) {
+        sums.light[patch][c] += rgb[c] / 65535.0;
+        is_exposed = is_exposed && rgb[c] >= black[c] && rgb[c] < full[c];
+      }
+      sums.unexposed[patch] += is_exposed ? 0 : 1;
+      sums.x[patch] += x + 0.5;
+      sums.y[patch] += y + 0.5;
+      sums.count[patch] += 1;
+    }
+  }
+  return sums;
+}
+
+/// Whether what was found has a chart's colours at all: correlation with them.
+bool looks_like_a_chart(const std::array<Rgb, kChartPatches>& light) {
+  constexpr double kLeast = 0.8;
+  const PatchColors known = color_checker_reference();
+  double x = 0, y = 0, xx = 0, yy = 0, xy = 0;
+  constexpr double kCount = 3.0 * kChartPatches;
+  for (std::size_t p = 0; p < kChartPatches; ++p) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double a = std::sqrt(std::max(0.0, known[p][c])),
+                   b = std::sqrt(std::max(0.0, light[p][c]));
+      x += a / kCount;
+      y += b / kCount;
+      xx += a * a / kCount;
+      yy += b * b / kCount;
+      xy += a * b / kCount;
+    }
+  }
+  const double spread = (xx - x * x) * (yy - y * y);
+  return spread > 0 && (xy - x * y) / std::sqrt(spread) > kLeast;
+}
+
+}  // namespace
+
+ChartMeasurement measure_chart(const Take& take, int camera, const PhotometricResponse& of,
+                               int most_frames) {
+  const PhotometricResponse response = as_shown(of);
+  const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
+  const PictureSize size{model.width(), model.height()};
+  const auto frames = static_cast<int>(take.archive(camera).frames().size());
+  const CodeScale linear{BlendSpace::kLinear, 1};
+  const auto black = level_of_code(take, response, linear, 1);  // above those that are cut off
+  const auto full = level_of_code(take, response, linear, kBrightestCode);
+  constexpr double kLeastPixels = 4, kMostUnexposed = 0.02;
+  ChartMeasurement measurement;
+  const int looked_at = std::min(frames, most_frames);
+  for (int k = 0; k < looked_at; ++k) {
+    const int frame = (2 * k + 1) * frames / (2 * looked_at);
+    const auto found = found_in(corrected_picture(take, camera, frame, size, response, {}));
+    if (!found) continue;
+    const CorrectedPicture picture = corrected_picture(take, camera, frame, size, response, linear);
+    const Sums sums = sums_over(picture, *found, black, full);
+    if (std::ranges::min(sums.count) < kLeastPixels) continue;
+    std::array<Rgb, kChartPatches> light = sums.light;
+    for (std::size_t p = 0; p < light.size(); ++p) {
+      for (double& channel : light[p]) channel /= sums.count[p];
+    }
+    if (!looks_like_a_chart(light)) continue;
+    measurement.size = picture.size;
+    ++measurement.frames;
+    for (std::size_t p = 0; p < light.size(); ++p) {
+      ChartMeasurement::Patch& patch = measurement.patches[p];
+      for (std::size_t c = 0; c < 3; ++c) patch.measured[c] += light[p][c];
+      patch.x += sums.x[p] / sums.count[p];
+      patch.y += sums.y[p] / sums.count[p];
+      patch.is_exposed = patch.is_exposed && sums.unexposed[p] <= kMostUnexposed * sums.count[p];
+    }
+  }
+  for (ChartMeasurement::Patch& patch : measurement.patches) {
+    const double count = std::max(1, measurement.frames);
+    for (double& channel : patch.measured) channel /= count;
+    patch.x /= count;
+    patch.y /= count;
+  }
+  return measurement;
+}
+
+std::vector<ChartMeasurement> measure_charts(const Take& take,
+                                             const std::vector<PhotometricResponse>& responses,
+                                             const std::stop_token& stop) {
+  std::vector<ChartMeasurement> measurements(responses.size());
+  parallel_for(std::size_t{0}, measurements.size(), [&](std::size_t camera) {
+    if (stop.stop_requested()) {
+      throw Error::failed("the search for the chart was stopped", take.folder().string(),
+                          "Start it again");
+    }
+    measurements[camera] = measure_chart(take, static_cast<int>(camera), responses[camera]);
+  });
+  return measurements;
+}
+
+}  // namespace raystage

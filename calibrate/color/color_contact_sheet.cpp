@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color/color_contact_sheet.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "base/error.h"
+#include "store/processing/frames/corrected_picture.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kTileWidth = 160, kGap = 2, kSheetGap = 12;  // pixels
+constexpr int kPaper = 38;
+
+struct Place {
+  int row = 0, column = 0;
+};
+
+std::vector<Place> places_of(const RigDocument& rig) {
+  std::vector<Place> places;
+  const bool is_grid = std::ranges::all_of(rig.cameras, [](const RigDocument::Camera& camera) {
+    return camera.geometry.row && camera.geometry.column;
+  });
+  const int columns =
+      static_cast<int>(std::ceil(std::sqrt(static_cast<double>(rig.cameras.size()))));
+  for (const RigDocument::Camera& camera : rig.cameras) {
+    const int index = static_cast<int>(places.size());
+    places.push_back(is_grid ? Place{*camera.geometry.row, *camera.geometry.column}
+                             : Place{index / columns, index % columns});
+  }
+  return places;
+}
+
+/// The camera's picture as it is recorded, and as it is corrected.
+struct Pair {
+  cv::Mat before, after;
+};
+
+Pair pictures_of(const Take& take, int camera, PictureSize size,
+                 const PhotometricResponse& response, const cv::Size& tile) {
+  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+  const int frames = static_cast<int>(take.archive(camera).frames().size());
+  if (frames == 0) {
+    throw Error::bad_input("camera \"" + id + "\" has no frames", take.folder().string(),
+                           "Name a take in which every camera recorded");
+  }
+  const auto shown_by = [&](const PhotometricResponse& by) {
+    CorrectedPicture picture = corrected_picture(take, camera, frames / 2, size, by, {});
+    const cv::Mat whole(picture.size.height, picture.size.width, CV_16UC4, picture.rgba.data());
+    cv::Mat codes, small;
+    whole.convertTo(codes, CV_8UC4, 1 / 257.0);
+    cv::cvtColor(codes, codes, cv::COLOR_RGBA2RGB);
+    cv::resize(codes, small, tile, 0, 0, cv::INTER_AREA);
+    return small;
+  };
+  return {shown_by({}), shown_by(response)};
+}
+
+}  // namespace
+
+RgbImage make_color_contact_sheet(const Take& take, const RigDocument& rig) {
+  const std::vector<Place> places = places_of(rig);
+  const int rows = std::ranges::max(places, {}, &Place::row).row + 1;
+  const int columns = std::ranges::max(places, {}, &Place::column).column + 1;
+  const CameraGeometry& first = rig.cameras.front().geometry;
+  const cv::Size tile(std::min(kTileWidth, first.width),
+                      std::max(1, std::min(kTileWidth, first.width) * first.height / first.width));
+  const int half = columns * (tile.width + kGap);
+  cv::Mat sheet(rows * (tile.height + kGap) + kGap, 2 * half + kSheetGap + 2 * kGap, CV_8UC3,
+                cv::Scalar::all(kPaper));
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    const CameraGeometry& geometry = rig.cameras[i].geometry;
+    const int camera = take.camera_index(geometry.id);
+    if (camera < 0) {
+      throw Error::bad_input("the take has no camera \"" + geometry.id + "\" of the rig",
+                             take.folder().string(), "Name a take of the same cameras");
+    }
+    const Pair pictures = pictures_of(take, camera, {geometry.width, geometry.height},
+                                      rig.cameras[i].photometric, tile);
+    const int x = kGap + places[i].column * (tile.width + kGap);
+    const int y = kGap + places[i].row * (tile.height + kGap);
+    pictures.before.copyTo(sheet(cv::Rect(cv::Point(x, y), tile)));
+    pictures.after.copyTo(sheet(cv::Rect(cv::Point(x + half + kSheetGap, y), tile)));
+  }
+  RgbImage image{sheet.cols, sheet.rows, {}};
+  image.pixels.assign(sheet.data, sheet.data + sheet.total() * 3);
+  return image;
+}
+
+}  // namespace raystage

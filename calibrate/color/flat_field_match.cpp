@@ -1,0 +1,280 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color/flat_field_match.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "calibrate/color/color_difference.h"
+#include "calibrate/color/gain_map.h"
+#include "calibrate/color/vignetting.h"
+#include "calibrate/geometry/calibration_verdict.h"
+
+namespace raystage {
+namespace {
+
+/// The target's light, by what a camera shows of it in the middle of its picture.
+Rgb target_light(const PhotometricResponse& response, const FlatFieldMeasurement& measurement) {
+  const Rgb left = mean_centre_transmission(response, measurement.size);
+  Rgb light{};
+  for (std::size_t c = 0; c < 3; ++c) {
+    light[c] = (response.brightness[c] + response.contrast[c] * measurement.mean[c]) / left[c];
+  }
+  return light;
+}
+
+/// Shown by the reference = brightness + contrast * measured, of one channel.
+struct Line {
+  double brightness = 0, contrast = 1;
+};
+
+Line fitted(const std::vector<double>& measured, const std::vector<double>& reference) {
+  const auto count = static_cast<double>(measured.size());
+  double x = 0, y = 0, xx = 0, xy = 0;
+  for (std::size_t i = 0; i < measured.size(); ++i) {
+    x += measured[i];
+    y += reference[i];
+    xx += measured[i] * measured[i];
+    xy += measured[i] * reference[i];
+  }
+  const double spread = xx - x * x / count;
+  constexpr double kApart = 1e-4;  // of light, squared: two targets that differ
+  if (spread < kApart) return {0, xx > 0 ? xy / xx : 1};
+  const double contrast = (xy - x * y / count) / spread;
+  return {(y - contrast * x) / count, contrast};
+}
+
+ColorSpread spread_of(const std::vector<FlatFieldMeasurements>& targets,
+                      const std::vector<PhotometricResponse>& responses, std::size_t reference) {
+  ColorSpread spread;
+  double sum = 0;
+  int count = 0;
+  for (const FlatFieldMeasurements& target : targets) {
+    std::vector<Rgb> lights;
+    Rgb mean{};
+    const Lab expected = lab_from_linear(target_light(responses[reference], target[reference]));
+    for (std::size_t c = 0; c < target.size(); ++c) {
+      const Rgb& measured = lights.emplace_back(target_light(responses[c], target[c]));
+      for (std::size_t k = 0; k < 3; ++k)
+        mean[k] += measured[k] / static_cast<double>(target.size());
+      if (c == reference) continue;
+      const double difference = color_difference(expected, lab_from_linear(measured));
+      sum += difference;
+      ++count;
+      spread.max_difference = std::max(spread.max_difference, difference);
+    }
+    constexpr double kBright = 0.02;  // of a black target's means the spread by them says nothing
+    for (std::size_t k = 0; k < 3; ++k) {
+      if (mean[k] < kBright) continue;
+      spread.deviation[k] = std::max(spread.deviation[k], relative_deviation(lights, k));
+    }
+  }
+  spread.mean_difference = count > 0 ? sum / count : 0;
+  return spread;
+}
+
+void judge(FlatFieldMatch& colors, const std::vector<FlatFieldMeasurements>& targets,
+           const std::vector<std::string>& cameras) {
+  constexpr double kClipped = 0.02, kUneven = 0.15, kPatterned = 0.35, kBright = 0.02;
+  std::vector<std::string> clipped, uneven, patterned, dark;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    bool is_clipped = false, is_uneven = false;
+    for (const FlatFieldMeasurements& target : targets) {
+      is_clipped = is_clipped || target[c].clipped > kClipped;
+      const double mean = target[c].mean[1];
+      const bool is_evened = colors.responses[c].vignetting || colors.responses[c].gain_map;
+      is_uneven =
+          is_uneven || (!is_evened && mean > kBright && target[c].deviation[1] > kUneven * mean);
+    }
+    const FlatFieldMeasurement& brightest =
+        std::ranges::max_element(targets, {}, [&](const auto& target) {
+          return target[c].mean[1];
+        })->at(c);
+    const bool is_bright = brightest.mean[1] > kBright;
+    const bool is_patterned = is_bright && brightest.deviation[1] > kPatterned * brightest.mean[1];
+    if (!is_bright) dark.push_back(cameras[c]);
+    if (is_patterned) patterned.push_back(cameras[c]);
+    if (is_clipped) clipped.push_back(cameras[c]);
+    if (is_uneven) uneven.push_back(cameras[c]);
+  }
+  if (!clipped.empty()) {
+    colors.reasons.push_back("A target is overexposed in " + abbreviate_list(clipped) +
+                             ": expose less, so that white stays below full scale.");
+  }
+  if (!dark.empty()) {
+    colors.reasons.push_back("No target is bright in " + abbreviate_list(dark) +
+                             ": light the white one, and expose for it.");
+  }
+  if (!patterned.empty()) {
+    colors.reasons.push_back("What fills the middle of the picture is no flat target in " +
+                             abbreviate_list(patterned) +
+                             ": name takes of white, grey and lens caps.");
+  }
+  constexpr double kDisagree = 0.05, kMore = 0.01;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double after = colors.after.deviation[k];
+    if (after <= std::min(kDisagree, colors.before.deviation[k] + kMore)) continue;
+    colors.reasons.push_back(fmt::format(
+        "The means of the cameras still differ by {:.1f} %: contrast and brightness do not explain "
+        "all differences. Non-linear cameras need a response curve from several exposures.",
+        100 * after));
+    break;
+  }
+  if (!uneven.empty()) {
+    colors.warnings.push_back("A target is not everywhere as bright in " + abbreviate_list(uneven) +
+                              ": let it fill the middle of every picture, without shadows, or "
+                              "fit the vignetting if the lens is the cause.");
+  }
+  constexpr double kUnevenCells = 0.02;  // that a gain map is not there to even out
+  const bool is_lens_alone = !colors.responses.front().gain_map;
+  if (is_lens_alone && colors.worst_vignetting > kUnevenCells) {
+    colors.reasons.emplace_back(
+        "No vignetting of a lens explains the brightness of the target: let it fill every picture, "
+        "evenly lit, or do not fit the vignetting.");
+  }
+  if (targets.size() < 2) {
+    colors.warnings.emplace_back(
+        "One target tells the contrast alone: with lens caps or a grey target the brightness, "
+        "too.");
+  }
+}
+
+constexpr double kDarker = 0.002;  // of full scale: no noise
+constexpr double kCutOff = 0.02;   // share of pixels at code 0 that makes a mean say too much
+
+/// What light the reference camera makes of the codes that it shows, per channel.
+struct Scale {
+  Rgb black{};  ///< measured without light
+  Rgb factor{1, 1, 1};
+};
+
+/// Contrast and brightness of a camera whose vignetting is in `response`.
+void match_camera(const std::vector<FlatFieldMeasurements>& targets, std::size_t camera,
+                  std::size_t reference, const Scale& scale, const std::string& name,
+                  PhotometricResponse& response) {
+  const Rgb left = mean_centre_transmission(response, targets.front()[camera].size);
+  for (std::size_t k = 0; k < 3; ++k) {
+    std::vector<double> measured, expected;
+    for (const FlatFieldMeasurements& target : targets) {
+      if (std::max(target[camera].black[k], target[reference].black[k]) > kCutOff) continue;
+      measured.push_back(target[camera].mean[k]);
+      expected.push_back((target[reference].mean[k] - scale.black[k]) * scale.factor[k] * left[k]);
+    }
+    const Line line = measured.empty() ? Line{0, 0} : fitted(measured, expected);
+    constexpr double kLeast = 0.01, kMost = 100;
+    if (!(line.contrast > kLeast && line.contrast < kMost)) {
+      throw Error::bad_input("camera \"" + name + "\" or the reference camera shows no light", "",
+                             "Record a white target with every camera, lit and in focus");
+    }
+    response.contrast[k] = line.contrast;
+    response.brightness[k] = line.brightness;
+  }
+}
+
+/// The pixels that stand out of the dark, and whether it is dark.
+void take_over_darkness(const FlatFieldMeasurements& dark, std::size_t reference,
+                        const std::vector<std::string>& cameras, FlatFieldMatch& colors) {
+  std::vector<std::string> lit;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const bool is_lit = std::ranges::max(dark[c].mean) > FlatFieldMeasurement::kDark ||
+                        dark[c].hot_pixels.size() > PhotometricResponse::kMaxHotPixels;
+    if (is_lit) {
+      lit.push_back(cameras[c]);
+    } else {
+      colors.responses[c].hot_pixels = dark[c].hot_pixels;
+    }
+  }
+  if (!lit.empty()) {
+    colors.reasons.push_back("The dark is not dark in " + abbreviate_list(lit) +
+                             ": cap the lenses.");
+  }
+  if (std::ranges::max(dark[reference].black) > kCutOff) {
+    colors.warnings.emplace_back(
+        "The reference camera's black is cut off at code 0, so that light may count from too low: "
+        "choose another reference camera.");
+  }
+}
+
+std::vector<std::string> findings_of(const FlatFieldMatch& colors) {
+  std::vector<std::string> findings;
+  if (colors.responses.front().vignetting) {
+    findings.push_back(fmt::format(
+        "Vignetting what is left of it makes a target uneven by {:.2f} % at most (one sigma)",
+        100 * colors.worst_vignetting));
+  }
+  std::size_t dark = 0;
+  for (const PhotometricResponse& response : colors.responses) dark += response.hot_pixels.size();
+  if (dark > 0) {
+    findings.push_back(fmt::format(
+        "Dark       {} pixels show light in the dark, those included that JPEG lets show "
+        "their neighbours': {:.1f} of a camera",
+        dark, static_cast<double>(dark) / static_cast<double>(colors.responses.size())));
+  }
+  return findings;
+}
+
+}  // namespace
+
+FlatFieldMatch match_flat_fields(const std::vector<FlatFieldMeasurements>& targets,
+                                 const std::vector<std::string>& cameras,
+                                 const FlatFieldMatchSettings& settings) {
+  const auto reference = static_cast<std::size_t>(settings.reference);
+  const auto light_of = [&](const FlatFieldMeasurements& target) {
+    return target[reference].mean[1];
+  };
+  const FlatFieldMeasurements& brightest = *std::ranges::max_element(targets, {}, light_of);
+  const FlatFieldMeasurements& darkest = targets.back();  // where settings.dark
+  FlatFieldMatch colors;
+  colors.what = "targets";
+  colors.responses = settings.curves;
+  colors.responses.resize(cameras.size());
+  Rgb black{}, balance{1, 1, 1};
+  for (std::size_t k = 0; settings.dark && k < 3; ++k) {
+    if (darkest[reference].black[k] <= kCutOff) black[k] = darkest[reference].mean[k];
+  }
+  if (settings.neutral) {
+    const Rgb& white = brightest[reference].mean;
+    for (std::size_t k = 0; k < 3; ++k) {
+      balance[k] = (white[1] - black[1]) / (white[k] - black[k]);
+    }
+  }
+  // What a lens leaves depends on a camera's black, and contrast on what the lens leaves.
+  const int rounds = settings.vignetting || settings.flat_field ? 3 : 1;
+  for (int round = 0; round < rounds; ++round) {
+    Scale scale{black, balance};
+    const Rgb left =
+        mean_centre_transmission(colors.responses[reference], targets.front()[reference].size);
+    for (std::size_t k = 0; k < 3; ++k) scale.factor[k] /= left[k];
+    for (std::size_t c = 0; c < cameras.size(); ++c) {
+      match_camera(targets, c, reference, scale, cameras[c], colors.responses[c]);
+    }
+    colors.worst_vignetting = 0;
+    for (std::size_t c = 0; settings.vignetting && c < cameras.size(); ++c) {
+      const FlatFieldMeasurement& measurement = brightest[c];
+      const VignettingFit found =
+          fit_vignetting(measurement.cells, measurement.size, colors.responses[c]);
+      colors.responses[c].vignetting = found.lens;
+      colors.worst_vignetting = std::max(colors.worst_vignetting, found.residual);
+    }
+    for (std::size_t c = 0; settings.flat_field && c < cameras.size(); ++c) {
+      colors.responses[c].gain_map.reset();
+      colors.responses[c].gain_map =
+          fit_gain_map(brightest[c].cells, brightest[c].size, colors.responses[c], cameras[c]);
+    }
+  }
+  if (settings.dark) take_over_darkness(darkest, reference, cameras, colors);
+  if (settings.dark &&
+      light_of(*std::ranges::min_element(targets, {}, light_of)) < light_of(darkest) - kDarker) {
+    colors.reasons.emplace_back(
+        "A target is darker than the dark: were all lenses capped, the reference camera's too?");
+  }
+  colors.before = spread_of(targets, std::vector<PhotometricResponse>(cameras.size()), reference);
+  colors.after = spread_of(targets, colors.responses, reference);
+  judge(colors, targets, cameras);
+  colors.findings = findings_of(colors);
+  return colors;
+}
+
+}  // namespace raystage

@@ -1,0 +1,225 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color/scene_color.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "calibrate/color/color_difference.h"
+#include "calibrate/color/scene_fit.h"
+#include "calibrate/geometry/calibration_verdict.h"
+
+namespace raystage {
+namespace {
+
+using Observation = SceneFit::Observation;
+using CameraParameters = SceneFit::CameraParameters;
+
+/// Leaves observations out that do not fit, and points that are left with one observation.
+void leave_out_odd(SceneFit& fit) {
+  constexpr double kSigmas = 4, kSigmaOfMedian = 1.4826, kLeast = 1;
+  std::vector<double> off;
+  for (const Observation& observation : fit.observations())
+    off.push_back(fit.normalised_residual(observation));
+  if (off.empty()) return;
+  std::vector<double> sorted = off;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double most = kSigmas * std::max(kLeast, kSigmaOfMedian * *middle);
+  std::vector<int> left(fit.points(), 0);
+  for (std::size_t i = 0; i < off.size(); ++i) {
+    fit.observations()[i].counts = off[i] <= most;
+    left[fit.observations()[i].point] += fit.observations()[i].counts ? 1 : 0;
+  }
+  for (Observation& observation : fit.observations())
+    observation.counts = observation.counts && left[observation.point] > 1;
+}
+
+/// What the cameras say of places, each beside what the others do in the mean.
+struct Comparison {
+  ColorSpread spread;
+  std::vector<ColorFit> fits;  ///< differences alone
+};
+
+Comparison compared(const SceneFit& fit, const std::vector<CameraParameters>& cameras) {
+  Comparison result;
+  result.fits.resize(cameras.size());
+  std::vector<Rgb> sums(fit.points(), Rgb{}), measured(cameras.size(), Rgb{}), agreed(measured);
+  std::vector<int> counts(fit.points(), 0), of_camera(cameras.size(), 0);
+  for (const Observation& observation : fit.observations()) {
+    if (!observation.counts) continue;
+    const Rgb light = fit.estimated_light(observation, cameras[observation.camera]);
+    for (std::size_t k = 0; k < 3; ++k) sums[observation.point][k] += light[k];
+    ++counts[observation.point];
+  }
+  int count = 0;
+  for (const Observation& observation : fit.observations()) {
+    if (!observation.counts || counts[observation.point] < 2) continue;
+    const Rgb light = fit.estimated_light(observation, cameras[observation.camera]);
+    Rgb others{};
+    for (std::size_t k = 0; k < 3; ++k) {
+      others[k] = (sums[observation.point][k] - light[k]) / (counts[observation.point] - 1);
+      measured[observation.camera][k] += light[k];
+      agreed[observation.camera][k] += others[k];
+    }
+    const double off = color_difference(lab_from_linear(others), lab_from_linear(light));
+    ColorFit& of = result.fits[observation.camera];
+    of.mean_difference += off;
+    of.max_difference = std::max(of.max_difference, off);
+    ++of_camera[observation.camera];
+    result.spread.mean_difference += off;
+    result.spread.max_difference = std::max(result.spread.max_difference, off);
+    ++count;
+  }
+  result.spread.mean_difference /= std::max(1, count);
+  std::vector<Rgb> ratios;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    result.fits[c].mean_difference /= std::max(1, of_camera[c]);
+    if (!(std::ranges::min(agreed[c]) > 0)) continue;
+    ratios.push_back({measured[c][0] / agreed[c][0], measured[c][1] / agreed[c][1],
+                      measured[c][2] / agreed[c][2]});
+  }
+  for (std::size_t k = 0; k < 3; ++k) {
+    result.spread.deviation[k] = relative_deviation(ratios, k);
+  }
+  return result;
+}
+
+/// The most by which two solutions differ about what a camera shows, by its light.
+double difference_of(const CameraParameters& one, const CameraParameters& other) {
+  double most = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (const double light : {0.1, 0.5}) {
+      const double measured = (light - one[3 + c]) * one[c];
+      most = std::max(most, std::abs(other[3 + c] + measured / other[c] - light) / light);
+    }
+  }
+  return most;
+}
+
+/// Cameras that hang together with the reference camera by points that both see.
+std::vector<bool> joined_to(std::size_t reference, const SceneFit& fit) {
+  std::vector<std::vector<std::size_t>> seen_by(fit.points());
+  for (const Observation& observation : fit.observations()) {
+    if (observation.counts) seen_by[observation.point].push_back(observation.camera);
+  }
+  std::vector<bool> joined(fit.cameras().size(), false);
+  joined[reference] = true;
+  for (bool grows = true; grows;) {
+    grows = false;
+    for (const auto& cameras : seen_by) {
+      const bool any = std::ranges::any_of(cameras, [&](std::size_t c) { return joined[c]; });
+      for (const std::size_t c : cameras) {
+        grows = grows || (any && !joined[c]);
+        joined[c] = joined[c] || any;
+      }
+    }
+  }
+  return joined;
+}
+
+void judge(SceneColorMatch& colors, const Rig& rig, const std::vector<bool>& joined) {
+  constexpr int kFew = 40;
+  constexpr double kOdd = 0.35;
+  constexpr double kDisagree = 2;  // CIEDE2000; an eye can tell 1
+  std::vector<std::string> few, apart, odd, disagree, uncertain;
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const ColorFit& fit = colors.fits[c];
+    const std::string& id = rig.cameras[c].id;
+    if (fit.inliers < kFew) few.push_back(id);
+    if (!joined[c]) apart.push_back(id);
+    if (fit.inliers < (1 - kOdd) * fit.observations) odd.push_back(id);
+    if (fit.mean_difference > kDisagree) disagree.push_back(id);
+    if (fit.uncertainty > SceneColorMatch::kMaxUncertainty) uncertain.push_back(id);
+  }
+  if (!few.empty()) {
+    colors.reasons.push_back(fmt::format(
+        "Fewer than {} places are seen together with other cameras by {}: give the depths between "
+        "which the scene lies, a rig that fits, and a take with patterned surfaces.",
+        kFew, abbreviate_list(few)));
+  }
+  if (!apart.empty()) {
+    colors.reasons.push_back("Nothing joins the reference camera to " + abbreviate_list(apart) +
+                             ": choose another reference camera, or record a white target.");
+  }
+  if (!odd.empty()) {
+    colors.reasons.push_back(fmt::format(
+        "More than {:.0f} % of what is seen does not fit in {}: does the rig fit the take, and do "
+        "its depths?",
+        100 * kOdd, abbreviate_list(odd)));
+  }
+  if (!disagree.empty()) {
+    colors.reasons.push_back("The others do not agree about the same places even so with " +
+                             abbreviate_list(disagree) +
+                             ": does the rig fit the take, and do its depths?");
+  }
+  if (!uncertain.empty()) {
+    colors.reasons.push_back(fmt::format(
+        "The light is uncertain by more than {:.0f} % in {}: take a scene with light and dark "
+        "surfaces, or record a white target.",
+        100 * SceneColorMatch::kMaxUncertainty, abbreviate_list(uncertain)));
+  }
+}
+
+}  // namespace
+
+SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig& rig,
+                                   int reference, const std::stop_token& stop) {
+  SceneFit fit(points, rig, static_cast<std::size_t>(reference));
+  const auto all = [](std::size_t) { return true; };
+  constexpr double kCoarse = 10, kFine = 2;
+  for (const double scale : {kCoarse, kFine, kFine}) {
+    fit.solve(scale, all, stop);
+    leave_out_odd(fit);
+  }
+  fit.solve(kFine, all, stop);
+  const Comparison before = compared(fit, fit.start()), after = compared(fit, fit.cameras());
+  SceneColorMatch colors;
+  colors.what = "scene";
+  colors.before = before.spread;
+  colors.after = after.spread;
+  colors.fits = after.fits;
+  const std::vector<double> uncertainty = fit.uncertainty(kFine);
+  for (std::size_t c = 0; c < uncertainty.size(); ++c) {
+    colors.fits[c].uncertainty = uncertainty[c];
+  }
+  // What errs alike in neighbouring places (shading, reflections) is no noise: halves tell.
+  for (const std::size_t half : {0, 1}) {
+    SceneFit part = fit;
+    constexpr std::size_t kTogether = 32;  // neighbours
+    part.solve(
+        kFine, [&](std::size_t point) { return point / kTogether % 2 == half; }, stop);
+    for (std::size_t c = 0; c < uncertainty.size(); ++c) {
+      colors.fits[c].uncertainty =
+          std::max(colors.fits[c].uncertainty, difference_of(fit.cameras()[c], part.cameras()[c]));
+    }
+  }
+  double inliers = 0;
+  for (const Observation& observation : fit.observations()) {
+    ++colors.fits[observation.camera].observations;
+    colors.fits[observation.camera].inliers += observation.counts ? 1 : 0;
+    inliers += observation.counts ? 1 : 0;
+  }
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    PhotometricResponse& response = colors.responses.emplace_back(rig.cameras[c].photometric);
+    for (std::size_t k = 0; k < 3; ++k) {
+      response.contrast[k] = 1 / fit.cameras()[c][k];
+      response.brightness[k] = fit.cameras()[c][3 + k];
+    }
+  }
+  const double observations = std::max(1.0, static_cast<double>(fit.observations().size()));
+  const auto most = std::ranges::max_element(colors.fits, {}, &ColorFit::uncertainty);
+  colors.findings.push_back(fmt::format(
+      "Scene      {} places seen by {:.1f} cameras in the mean; {:.1f} % of the sights did not fit",
+      points.size(), observations / std::max(1.0, static_cast<double>(points.size())),
+      100 * (1 - inliers / observations)));
+  colors.findings.push_back(
+      fmt::format("Sureness   the light is uncertain by {:.2f} % at most (two sigma, {})",
+                  100 * most->uncertainty,
+                  rig.cameras[static_cast<std::size_t>(most - colors.fits.begin())].id));
+  judge(colors, rig, joined_to(static_cast<std::size_t>(reference), fit));
+  return colors;
+}
+
+}  // namespace raystage

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color/scene_patches.h"
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "base/resources.h"
+#include "calibrate/color/patch_search.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+std::vector<int> nearest_cameras(const Rig& rig, const FrameSelection& frames, int to, int count) {
+  std::vector<int> cameras;
+  for (int c = 0; c < static_cast<int>(rig.cameras.size()); ++c) {
+    if (c != to && frames.frame[static_cast<std::size_t>(c)] >= 0) cameras.push_back(c);
+  }
+  const auto distance = [&](int c) {
+    return (rig.cameras[static_cast<std::size_t>(c)].pose.position -
+            rig.cameras[static_cast<std::size_t>(to)].pose.position)
+        .norm();
+  };
+  std::ranges::stable_sort(cameras, {}, distance);
+  if (cameras.size() > static_cast<std::size_t>(count)) {
+    cameras.resize(static_cast<std::size_t>(count));
+  }
+  return cameras;
+}
+
+/// As many as memory has room for: each holds a camera's picture and its neighbours'.
+std::size_t searches_at_once(const Rig& rig, const PatchSearchSettings& settings) {
+  constexpr std::size_t kBytesPerPixel = 24;  // ready to be compared, and while it is decoded
+  std::size_t most_pixels = 1;
+  for (const Rig::Camera& camera : rig.cameras) {
+    most_pixels = std::max(most_pixels, static_cast<std::size_t>(camera.model.width()) *
+                                            static_cast<std::size_t>(camera.model.height()));
+  }
+  const std::size_t bytes =
+      kBytesPerPixel * most_pixels * static_cast<std::size_t>(settings.neighbours + 1);
+  const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  return std::clamp<std::size_t>(free_memory() / 2 / bytes, 1, std::max<std::size_t>(1, threads));
+}
+
+std::vector<FrameSelection> instants_of(const Take& take, int count) {
+  const auto known = read_timeline_if_any(take);
+  const Timeline timeline = known ? *known : build_timeline(take, 0, 0);
+  std::vector<FrameSelection> instants;
+  const auto ticks = static_cast<int>(timeline.ticks.size());
+  const int used = std::min(count, ticks);
+  for (int i = 0; i < used; ++i) {
+    const auto tick = static_cast<std::size_t>((2 * i + 1) * ticks / (2 * used));
+    instants.push_back(timeline.ticks[tick]);
+  }
+  return instants;
+}
+
+}  // namespace
+
+std::vector<ScenePatch> find_scene_patches(const Take& take, const Rig& rig,
+                                           const PatchSearchSettings& settings,
+                                           const std::function<void(double)>& progress,
+                                           const std::stop_token& stop) {
+  const std::vector<FrameSelection> instants = instants_of(take, settings.instants);
+  const LevelTable levels = make_level_table(BlendSpace::kLinear);
+  const std::size_t cameras = rig.cameras.size();
+  std::vector<std::vector<ScenePatch>> found(instants.size() * cameras);
+  std::atomic<std::size_t> done = 0;
+  const auto never = [] { return false; };
+  parallel_for_in_order(
+      found.size(), searches_at_once(rig, settings), never, [&](std::size_t task) {
+        if (stop.stop_requested()) {
+          throw Error::failed("the search for surfaces was stopped", take.folder().string(),
+                              "Start it again");
+        }
+        const FrameSelection& instant = instants[task / cameras];
+        const auto base = static_cast<int>(task % cameras);
+        const auto shown = [&](int camera) {
+          return load_patch_search_image(take, rig, camera,
+                                         instant.frame[static_cast<std::size_t>(camera)], levels);
+        };
+        if (instant.frame[static_cast<std::size_t>(base)] >= 0) {
+          std::vector<PatchSearchImage> others;
+          for (const int camera : nearest_cameras(rig, instant, base, settings.neighbours)) {
+            others.push_back(shown(camera));
+          }
+          const PatchSearchImage mine = shown(base);
+          const PatchSearch search(rig, settings, mine, others);
+          const CameraModel& model = rig.cameras[static_cast<std::size_t>(base)].model;
+          for (int j = 0; j < settings.rows; ++j) {
+            for (int i = 0; i < settings.columns; ++i) {
+              auto point =
+                  search.find({std::floor((i + 0.5) * model.width() / settings.columns) + 0.5,
+                               std::floor((j + 0.5) * model.height() / settings.rows) + 0.5});
+              if (point) found[task].push_back(std::move(*point));
+            }
+          }
+        }
+        progress(static_cast<double>(++done) / static_cast<double>(found.size()));
+      });
+  std::vector<ScenePatch> all, points;
+  for (auto& some : found) std::ranges::move(some, std::back_inserter(all));
+  const auto most = static_cast<std::size_t>(settings.max_points);
+  if (all.size() <= most) return all;
+  for (std::size_t i = 0; i < most; ++i) points.push_back(std::move(all[i * all.size() / most]));
+  return points;
+}
+
+}  // namespace raystage

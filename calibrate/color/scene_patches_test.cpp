@@ -1,0 +1,123 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color/scene_patches.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "base/error.h"
+#include "simulate/simulate.h"
+#include "testing/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+/// Six cameras before a scene; all of them show the same colours.
+Take simulated(const std::string& scene, const TestFolder& folder) {
+  SimulationSettings settings;
+  settings.scene = scene;
+  settings.rows = 2;
+  settings.columns = 3;
+  settings.seconds = 0.3;
+  settings.fps = 10;
+  settings.startup_loss_s = 0;
+  settings.drop_probability = 0;
+  settings.noise = 0.002;
+  settings.jpeg.quality = 95;
+  settings.truth_views = 0;
+  simulate(settings, folder.path() / scene, "test");
+  return Take(folder.path() / scene);
+}
+
+std::vector<ScenePatch> found_in(const Take& take, const PatchSearchSettings& settings) {
+  return find_scene_patches(take, take.rig(), settings, [](double) {}, {});
+}
+
+/// Metres in front of the array where the rays of the first two observations come nearest to each
+/// other.
+double depth_of(const ScenePatch& point, const Rig& rig) {
+  Eigen::Matrix<double, 3, 2> directions;
+  Vector3d places[2];
+  for (std::size_t i = 0; i < 2; ++i) {
+    const ScenePatch::Observation& observation = point.observations[i];
+    const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(observation.camera)];
+    directions.col(static_cast<Eigen::Index>(i)) =
+        camera.pose.world_from_camera_rotation *
+        *camera.model.unproject({observation.x, observation.y});
+    places[i] = camera.pose.position;
+  }
+  directions.col(1) *= -1;
+  const Vector2d along = directions.colPivHouseholderQr().solve(places[1] - places[0]);
+  const Vector3d x = places[0] + along[0] * directions.col(0);
+  return rig.mean_viewing_direction().dot(x - rig.centre());
+}
+
+TEST(SurfacePoints, AreTheSamePlacesInAllCameras) {
+  const TestFolder folder;
+  const Take take = simulated("stage", folder);
+  PatchSearchSettings settings;
+  settings.instants = 1;
+  settings.depths = *take.document().depth_range;
+  const std::vector<ScenePatch> points = found_in(take, settings);
+  ASSERT_GT(points.size(), 500U);
+  int observations = 0, wrong = 0, out_of_depth = 0;
+  for (const ScenePatch& point : points) {
+    ASSERT_GE(point.observations.size(), 2U);
+    const double depth = depth_of(point, take.rig());
+    out_of_depth += depth < settings.depths.near * 0.9 || depth > settings.depths.far * 1.2 ? 1 : 0;
+    for (const ScenePatch::Observation& observation : point.observations) {
+      bool is_alike = true;
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double expected = point.observations[0].measured[c];
+        is_alike =
+            is_alike && std::abs(observation.measured[c] - expected) < 0.003 + 0.04 * expected;
+      }
+      wrong += is_alike ? 0 : 1;
+      ++observations;
+    }
+  }
+  EXPECT_LE(out_of_depth, static_cast<int>(points.size()) / 50);
+  EXPECT_LE(wrong, observations / 10);
+
+  settings.max_points = 100;
+  EXPECT_EQ(found_in(take, settings).size(), 100U);
+}
+
+TEST(SurfacePoints, OnAFocalPlaneLieThere) {
+  const TestFolder folder;
+  const Take take = simulated("chart", folder);
+  PatchSearchSettings settings;
+  settings.instants = 1;
+  settings.depths = {3.9, 4.1};  // the chart; balls before it
+  const std::vector<ScenePatch> points = found_in(take, settings);
+  ASSERT_GT(points.size(), 100U);
+  for (const ScenePatch& point : points) EXPECT_NEAR(depth_of(point, take.rig()), 4, 0.8);
+  // One depth is as good as a narrow range, and infinity no end of it.
+  settings.depths = {4, 4};
+  EXPECT_GT(found_in(take, settings).size(), points.size() / 2);
+  settings.depths = {2, std::numeric_limits<double>::infinity()};
+  EXPECT_GT(found_in(take, settings).size(), points.size() / 2);
+  settings.depths = {0.4, 0.5};
+  EXPECT_LT(found_in(take, settings).size(), points.size() / 10);
+}
+
+TEST(SurfacePoints, AreNotFoundWhereNothingHasAPattern) {
+  const TestFolder folder;
+  const Take take = simulated("grey", folder);
+  PatchSearchSettings settings;
+  settings.depths = {1, 10};
+  EXPECT_TRUE(found_in(take, settings).empty());
+  // Another rig than the frames': said before anything is looked at.
+  Rig rig = take.rig();
+  rig.cameras[2].model = CameraModel({"c", 100, 80, {90, 90, 50, 40, {}}, {}, {}, {}});
+  EXPECT_THROW(find_scene_patches(take, rig, settings, [](double) {}, {}), Error);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/color/vignetting.h"
+
+#include <ceres/ceres.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <vector>
+
+namespace raystage {
+namespace {
+
+/// Light of a cell beside what the lens leaves of the target's, by it.
+struct CellError {
+  double x, y, light;  // halves of the diagonal, from the picture's middle
+
+  template <typename T>
+  bool operator()(const T* level, const T* centre, const T* a, T* error) const {
+    const T across = x - centre[0], down = y - centre[1];
+    const T r2 = across * across + down * down;
+    const T gain = 1.0 + r2 * (a[0] + r2 * (a[1] + r2 * a[2]));
+    error[0] = light * gain / level[0] - 1.0;
+    return true;
+  }
+};
+
+}  // namespace
+
+VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, PictureSize size,
+                             const PhotometricResponse& response) {
+  const double half_diagonal = std::hypot(size.width, size.height) / 2;
+  double level = 0;
+  std::array<double, 2> centre{0, 0};
+  std::array<double, 3> a{0, 0, 0};
+  ceres::Problem problem;
+  std::vector<ceres::ResidualBlockId> blocks;
+  for (const FlatFieldCell& cell : cells) {
+    double light = 0;
+    for (std::size_t c = 0; c < 3; ++c) {
+      light += (response.brightness[c] + response.contrast[c] * cell.mean[c]) / 3;
+    }
+    level = std::max(level, light);
+    constexpr double kAnOddCell = 0.01;
+    blocks.push_back(problem.AddResidualBlock(
+        new ceres::AutoDiffCostFunction<CellError, 1, 1, 2, 3>(
+            new CellError{(cell.x - size.width / 2.0) / half_diagonal,
+                          (cell.y - size.height / 2.0) / half_diagonal, light}),
+        new ceres::CauchyLoss(kAnOddCell), &level, centre.data(), a.data()));
+  }
+  constexpr double kFarOff = 0.3;  // of half a diagonal: where nothing is lost, any centre would do
+  for (int i = 0; i < 2; ++i) {
+    problem.SetParameterLowerBound(centre.data(), i, -kFarOff);
+    problem.SetParameterUpperBound(centre.data(), i, kFarOff);
+  }
+  ceres::Solver::Options options;
+  options.num_threads = 1;  // the same result everywhere; cameras run beside each other
+  options.logging_type = ceres::SILENT;
+  options.linear_solver_type = ceres::DENSE_QR;
+  options.max_num_iterations = 200;
+  ceres::Solver::Summary summary;
+  ceres::Solve(options, &problem, &summary);
+
+  VignettingFit found;
+  found.lens = {size.width / 2.0 + centre[0] * half_diagonal,
+                size.height / 2.0 + centre[1] * half_diagonal, a};
+  std::vector<double> errors;
+  ceres::Problem::EvaluateOptions without_loss;
+  without_loss.apply_loss_function = false;
+  without_loss.residual_blocks = blocks;
+  double cost = 0;
+  problem.Evaluate(without_loss, &cost, &errors, nullptr, nullptr);
+  double squares = 0;
+  for (const double error : errors) squares += error * error;
+  found.residual =
+      std::sqrt(squares / static_cast<double>(std::max<std::size_t>(1, errors.size())));
+  return found;
+}
+
+Rgb mean_centre_transmission(const PhotometricResponse& response, PictureSize size) {
+  Rgb left{};
+  constexpr int kSteps = 32;
+  for (int j = 0; j < kSteps; ++j) {
+    for (int i = 0; i < kSteps; ++i) {
+      const Rgb gain = gain_at(response, size, size.width * (0.25 + 0.5 * (i + 0.5) / kSteps),
+                               size.height * (0.25 + 0.5 * (j + 0.5) / kSteps));
+      for (std::size_t c = 0; c < 3; ++c) left[c] += 1 / gain[c] / (kSteps * kSteps);
+    }
+  }
+  return left;
+}
+
+}  // namespace raystage

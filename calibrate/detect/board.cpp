@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/detect/board.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <opencv2/aruco/charuco.hpp>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+
+#include "base/error.h"
+
+namespace raystage {
+namespace {
+
+struct Dictionary {
+  std::string_view name;
+  cv::aruco::PREDEFINED_DICTIONARY_NAME opencv;
+};
+
+constexpr std::array kDictionaries{Dictionary{"4x4_50", cv::aruco::DICT_4X4_50},
+                                   Dictionary{"4x4_100", cv::aruco::DICT_4X4_100},
+                                   Dictionary{"4x4_250", cv::aruco::DICT_4X4_250},
+                                   Dictionary{"4x4_1000", cv::aruco::DICT_4X4_1000},
+                                   Dictionary{"5x5_50", cv::aruco::DICT_5X5_50},
+                                   Dictionary{"5x5_100", cv::aruco::DICT_5X5_100},
+                                   Dictionary{"5x5_250", cv::aruco::DICT_5X5_250},
+                                   Dictionary{"5x5_1000", cv::aruco::DICT_5X5_1000},
+                                   Dictionary{"6x6_50", cv::aruco::DICT_6X6_50},
+                                   Dictionary{"6x6_250", cv::aruco::DICT_6X6_250},
+                                   Dictionary{"6x6_1000", cv::aruco::DICT_6X6_1000},
+                                   Dictionary{"7x7_50", cv::aruco::DICT_7X7_50},
+                                   Dictionary{"7x7_250", cv::aruco::DICT_7X7_250},
+                                   Dictionary{"aruco_original", cv::aruco::DICT_ARUCO_ORIGINAL},
+                                   Dictionary{"april_16h5", cv::aruco::DICT_APRILTAG_16h5},
+                                   Dictionary{"april_25h9", cv::aruco::DICT_APRILTAG_25h9},
+                                   Dictionary{"april_36h11", cv::aruco::DICT_APRILTAG_36h11}};
+
+const Dictionary* dictionary_named(std::string_view name) {
+  const auto found = std::ranges::find(kDictionaries, name, &Dictionary::name);
+  return found == kDictionaries.end() ? nullptr : &*found;
+}
+
+cv::Mat grey_of(const RgbImage& picture, bool inverted) {
+  // OpenCV reads only.
+  const cv::Mat rgb(picture.height, picture.width, CV_8UC3,
+                    const_cast<std::uint8_t*>(picture.pixels.data()));  // NOLINT
+  cv::Mat grey;
+  cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
+  if (inverted) cv::bitwise_not(grey, grey);
+  return grey;
+}
+
+/// OpenCV's pixel centres are at whole numbers.
+BoardCornerDetection corner_at(int index, const cv::Point2f& place) {
+  return {index, {place.x + 0.5, place.y + 0.5}};
+}
+
+/// Half the side of the window in which a corner is refined, pixels: no other corner in sight.
+int refining_window(const std::vector<cv::Point2f>& places, int across) {
+  double least = 1e9;
+  for (std::size_t i = 1; i < places.size(); ++i) {
+    if (static_cast<int>(i) % across == 0) continue;
+    least = std::min(least, cv::norm(places[i] - places[i - 1]));
+  }
+  for (auto i = static_cast<std::size_t>(across); i < places.size(); ++i) {
+    least = std::min(least, cv::norm(places[i] - places[i - static_cast<std::size_t>(across)]));
+  }
+  constexpr int kMost = 9;
+  return std::clamp(static_cast<int>(least / 2) - 1, 2, kMost);
+}
+
+std::vector<BoardCornerDetection> checkerboard_in(const cv::Mat& grey, const Board& board) {
+  std::vector<cv::Point2f> places;
+  const cv::Size inner(board.columns - 1, board.rows - 1);
+  if (!cv::findChessboardCorners(
+          grey, inner, places,
+          cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK)) {
+    return {};
+  }
+  const int window = refining_window(places, inner.width);
+  cv::cornerSubPix(grey, places, {window, window}, {-1, -1},
+                   {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 50, 1e-3});
+  std::vector<BoardCornerDetection> corners;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    corners.push_back(corner_at(static_cast<int>(i), places[i]));
+  }
+  return corners;
+}
+
+std::vector<BoardCornerDetection> charuco_in(const cv::Mat& grey, const Board& board) {
+  const auto dictionary =
+      cv::aruco::getPredefinedDictionary(dictionary_named(board.dictionary)->opencv);
+  const auto charuco =
+      cv::aruco::CharucoBoard::create(board.columns, board.rows, static_cast<float>(board.square),
+                                      static_cast<float>(board.square * board.marker), dictionary);
+  const auto parameters = cv::aruco::DetectorParameters::create();
+  parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;  // as OpenCV asks for it
+  std::vector<std::vector<cv::Point2f>> markers;
+  std::vector<int> ids;
+  cv::aruco::detectMarkers(grey, dictionary, markers, ids, parameters);
+  if (ids.empty()) return {};
+  std::vector<cv::Point2f> places;
+  std::vector<int> indices;
+  cv::aruco::interpolateCornersCharuco(markers, ids, grey, charuco, places, indices);
+  if (places.empty()) return {};
+  // OpenCV leaves them half a pixel beside. A window must not reach the markers around.
+  double side = 1e9;
+  for (const auto& marker : markers) {
+    side = std::min(side, cv::norm(marker[1] - marker[0]) / board.marker);
+  }
+  const int window = std::clamp(static_cast<int>(side * (1 - board.marker) / 2), 2, 9);
+  cv::cornerSubPix(grey, places, {window, window}, {-1, -1},
+                   {cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 50, 1e-3});
+  std::vector<BoardCornerDetection> corners;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    corners.push_back(corner_at(indices[i], places[i]));
+  }
+  return corners;
+}
+
+}  // namespace
+
+Eigen::Vector2d Board::corner(int index) const {
+  const int across = columns - 1;
+  const int column = index % across, row = index / across;
+  return {square * column, square * row};
+}
+
+std::vector<Eigen::Vector2d> Board::all_corners() const {
+  std::vector<Eigen::Vector2d> all;
+  for (int i = 0; i < corners(); ++i) all.push_back(corner(i));
+  return all;
+}
+
+std::vector<std::string> marker_dictionary_names() {
+  std::vector<std::string> names;
+  for (const Dictionary& dictionary : kDictionaries) names.emplace_back(dictionary.name);
+  return names;
+}
+
+void check_board(const Board& board, bool unique_corners) {
+  if (board.columns < 3 || board.rows < 3 || board.columns > 100 || board.rows > 100) {
+    throw Error::bad_input(
+        fmt::format("found {}x{} squares, allowed: 3x3 to 100x100", board.columns, board.rows),
+        "board", "Count all squares, across and down")
+        .concerning({"board"});
+  }
+  if (!(board.square > 0)) {
+    throw Error::bad_input("the squares have no size", "side of a square",
+                           "Measure it, in millimetres")
+        .concerning({"square_mm"});
+  }
+  if (!board.dictionary.empty()) {
+    if (dictionary_named(board.dictionary) == nullptr) {
+      throw Error::bad_input("there is no dictionary \"" + board.dictionary + "\"",
+                             "ChArUco dictionary", "Name the one that the board was printed with")
+          .concerning({"charuco"});
+    }
+    if (!(board.marker > 0 && board.marker < 1)) {
+      throw Error::bad_input("a marker must be smaller than its square", "side of a marker",
+                             "Give its side by the square's, above 0 and below 1")
+          .concerning({"marker"});
+    }
+  } else if (unique_corners && (board.columns + board.rows) % 2 == 0) {
+    throw Error::bad_input(
+        "a checkerboard with an even number of columns plus rows looks the same upside down",
+        "board",
+        "Use a board with one row more or less, or a ChArUco board, so that all cameras agree on "
+        "its corners")
+        .concerning({"board"});
+  }
+}
+
+BoardDetector::BoardDetector(Board board) : board_(std::move(board)) {}
+
+std::vector<BoardCornerDetection> BoardDetector::find(const RgbImage& picture) const {
+  const cv::Mat grey = grey_of(picture, board_.inverted);
+  return board_.dictionary.empty() ? checkerboard_in(grey, board_) : charuco_in(grey, board_);
+}
+
+}  // namespace raystage

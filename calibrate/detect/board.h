@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "store/jpeg/rgb_image.h"
+
+namespace raystage {
+
+/// A flat board with squares, printed for calibration.
+struct Board {
+  int columns = 0, rows = 0;  ///< squares, all of them
+  double square = 0;          ///< side of a square, metres
+  /// ChArUco: squares with markers of this dictionary ("4x4_50", "april_36h11" ...); empty: a plain
+  /// checkerboard, which must be seen whole.
+  std::string dictionary;
+  double marker = 0.75;   ///< ChArUco: side of a marker, of a square's
+  bool inverted = false;  ///< black and white exchanged
+
+  int corners() const { return (columns - 1) * (rows - 1); }
+  /// Inner corner, row by row: place on the board, metres; x right, y down.
+  Eigen::Vector2d corner(int index) const;
+  std::vector<Eigen::Vector2d> all_corners() const;
+};
+
+/// Names of dictionaries that Board knows.
+std::vector<std::string> marker_dictionary_names();
+
+/// Throws Error (bad input) for a board that nobody can find: fewer than 3x3 squares, a marker that
+/// is no part of its square, an unknown dictionary; a checkerboard that looks the same when turned
+/// by half a circle (an even number of squares in columns plus rows), as its corners are then
+/// ambiguous between cameras and `unique_corners` asks for more.
+void check_board(const Board& board, bool unique_corners);
+
+/// Where a picture shows a board's corners.
+struct BoardCornerDetection {
+  int index = 0;          ///< see Board::corner()
+  Eigen::Vector2d pixel;  ///< centres at +0.5, y down
+};
+
+/// Finds boards in pictures.
+class BoardDetector {
+ public:
+  explicit BoardDetector(Board board);
+  const Board& board() const { return board_; }
+  /// Empty where it is not found, or of a checkerboard only part.
+  std::vector<BoardCornerDetection> find(const RgbImage& picture) const;
+
+ private:
+  Board board_;
+};
+
+}  // namespace raystage

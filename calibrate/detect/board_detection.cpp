@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/detect/board_detection.h"
+
+#include <algorithm>
+#include <atomic>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "store/jpeg/decode.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+void check_stop(const std::stop_token& stop, const Take& take) {
+  if (!stop.stop_requested()) return;
+  throw Error::failed("the search for the board was stopped", take.folder().string(),
+                      "Start it again");
+}
+
+std::vector<BoardCornerDetection> corners_in(const Take& take, int camera, int frame,
+                                             const BoardDetector& finder) {
+  JpegDecoder decoder;
+  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+  return finder.find(decoder.decode(take.archive(camera).jpeg(frame), id));
+}
+
+/// Indices of at most `most` of `count` things, spread.
+std::vector<int> spread(int count, int most) {
+  std::vector<int> chosen;
+  const int kept = std::min(count, most);
+  for (int k = 0; k < kept; ++k) {
+    chosen.push_back(static_cast<int>((2LL * k + 1) * count / (2LL * kept)));
+  }
+  return chosen;
+}
+
+}  // namespace
+
+std::vector<BoardView> detect_board_views(const Take& take, int camera, const BoardDetector& finder,
+                                          int most, const std::function<void(double)>& progress,
+                                          const std::stop_token& stop) {
+  const auto count = static_cast<int>(take.archive(camera).frames().size());
+  const std::vector<int> frames = spread(count, most);
+  std::vector<BoardView> views(frames.size());
+  std::atomic<std::size_t> done = 0;
+  parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
+    check_stop(stop, take);
+    views[i].frame = frames[i];
+    for (const BoardCornerDetection& corner : corners_in(take, camera, frames[i], finder)) {
+      views[i].object_points.push_back(finder.board().corner(corner.index));
+      views[i].pixels.push_back(corner.pixel);
+    }
+    progress(static_cast<double>(++done) / static_cast<double>(frames.size()));
+  });
+  std::erase_if(views, [](const BoardView& view) { return view.pixels.empty(); });
+  return views;
+}
+
+PointTracks track_board_corners(const Take& take,
+                                const std::vector<std::vector<Nanoseconds>>& times,
+                                const BoardDetector& finder,
+                                const std::function<void(double)>& progress,
+                                const std::stop_token& stop) {
+  const auto corners = static_cast<std::size_t>(finder.board().corners());
+  std::vector<std::pair<std::size_t, std::size_t>> frames;  // camera, frame
+  PointTracks tracks(times.size(), std::vector<PointTrack>(corners));
+  for (std::size_t c = 0; c < times.size(); ++c) {
+    std::vector<std::pair<Nanoseconds, std::size_t>> in_order;
+    for (std::size_t i = 0; i < times[c].size(); ++i) {
+      if (times[c][i] != kNoTime) in_order.emplace_back(times[c][i], i);
+    }
+    std::ranges::stable_sort(in_order);
+    for (const auto& [time, frame] : in_order) {
+      frames.emplace_back(c, frame);
+      for (PointTrack& track : tracks[c]) track.frame_detections.push_back({time, {}});
+    }
+  }
+  std::vector<std::size_t> sight_of(frames.size(), 0);
+  for (std::size_t k = 1; k < frames.size(); ++k) {
+    sight_of[k] = frames[k].first == frames[k - 1].first ? sight_of[k - 1] + 1 : 0;
+  }
+  std::atomic<std::size_t> done = 0;
+  parallel_for(std::size_t{0}, frames.size(), [&](std::size_t k) {
+    check_stop(stop, take);
+    const auto [camera, frame] = frames[k];
+    for (const BoardCornerDetection& corner :
+         corners_in(take, static_cast<int>(camera), static_cast<int>(frame), finder)) {
+      LightSpot& spot =
+          tracks[camera][static_cast<std::size_t>(corner.index)].frame_detections[sight_of[k]].spot;
+      spot.result = LightDetectionStatus::kFound;
+      spot.centre = corner.pixel;
+    }
+    progress(static_cast<double>(++done) / static_cast<double>(frames.size()));
+  });
+  return tracks;
+}
+
+}  // namespace raystage

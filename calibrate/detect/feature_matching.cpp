@@ -1,0 +1,184 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/detect/feature_matching.h"
+
+#include <algorithm>
+#include <atomic>
+#include <map>
+#include <numeric>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <opencv2/features2d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <set>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "calibrate/detect/point_tracks.h"
+#include "store/jpeg/decode.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+struct Picture {
+  std::vector<cv::KeyPoint> places;
+  cv::Mat descriptors;
+};
+
+Picture features_of(const Take& take, int camera, int frame, int most) {
+  JpegDecoder decoder;
+  const std::string& id = take.document().cameras[static_cast<std::size_t>(camera)].id;
+  RgbImage image = decoder.decode(take.archive(camera).jpeg(frame), id);
+  const cv::Mat rgb(image.height, image.width, CV_8UC3, image.pixels.data());
+  cv::Mat grey;
+  cv::cvtColor(rgb, grey, cv::COLOR_RGB2GRAY);
+  Picture picture;
+  cv::SIFT::create(most)->detectAndCompute(grey, {}, picture.places, picture.descriptors);
+  return picture;
+}
+
+/// Of each feature of the first its match in the second, -1 where none stands out.
+std::vector<int> nearest_matches(const Picture& from, const Picture& to, double max_ratio) {
+  std::vector<int> matches(from.places.size(), -1);
+  if (from.places.empty() || to.places.size() < 2) return matches;
+  std::vector<std::vector<cv::DMatch>> nearest;
+  cv::BFMatcher(cv::NORM_L2).knnMatch(from.descriptors, to.descriptors, nearest, 2);
+  for (const auto& two : nearest) {
+    if (two.size() == 2 && two[0].distance < max_ratio * two[1].distance) {
+      matches[static_cast<std::size_t>(two[0].queryIdx)] = two[0].trainIdx;
+    }
+  }
+  return matches;
+}
+
+using Matches = std::vector<std::pair<int, int>>;
+
+/// Matches that agree both ways and with one epipolar geometry.
+Matches matches_between(const Picture& a, const Picture& b,
+                        const FeatureMatchingSettings& settings) {
+  const std::vector<int> there = nearest_matches(a, b, settings.max_ratio);
+  const std::vector<int> back = nearest_matches(b, a, settings.max_ratio);
+  Matches matches;
+  std::vector<cv::Point2f> from, to;
+  for (std::size_t i = 0; i < there.size(); ++i) {
+    if (there[i] < 0 || back[static_cast<std::size_t>(there[i])] != static_cast<int>(i)) continue;
+    matches.emplace_back(static_cast<int>(i), there[i]);
+    from.push_back(a.places[i].pt);
+    to.push_back(b.places[static_cast<std::size_t>(there[i])].pt);
+  }
+  constexpr std::size_t kLeast = 20;  // fewer agree with any geometry
+  if (matches.size() < kLeast) return {};
+  cv::setRNGSeed(1);
+  std::vector<unsigned char> agrees;
+  cv::findFundamentalMat(from, to, cv::FM_RANSAC, settings.max_epipolar_error_px, 0.999, 5000,
+                         agrees);
+  Matches kept;
+  for (std::size_t i = 0; i < agrees.size(); ++i) {
+    if (agrees[i] != 0) kept.push_back(matches[i]);
+  }
+  if (kept.size() < kLeast) kept.clear();
+  return kept;
+}
+
+/// Features of all pictures, joined where they match.
+class Joined {
+ public:
+  explicit Joined(std::size_t count) : parent_(count) {
+    std::iota(parent_.begin(), parent_.end(), std::size_t{0});
+  }
+  std::size_t root(std::size_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  void join(std::size_t a, std::size_t b) { parent_[root(a)] = root(b); }
+
+ private:
+  std::vector<std::size_t> parent_;
+};
+
+using Point = std::vector<std::pair<int, int>>;  // camera, feature
+
+/// Points that are at one place in each picture, those that most cameras see first.
+std::vector<Point> points_of(Joined& joined, const std::vector<Picture>& pictures,
+                             const FeatureMatchingSettings& settings, int cameras) {
+  std::map<std::size_t, Point> by_root;
+  std::size_t index = 0;
+  for (std::size_t c = 0; c < pictures.size(); ++c) {
+    for (std::size_t i = 0; i < pictures[c].places.size(); ++i, ++index) {
+      by_root[joined.root(index)].emplace_back(static_cast<int>(c), static_cast<int>(i));
+    }
+  }
+  const auto least = static_cast<std::size_t>(std::min(settings.min_cameras, cameras));
+  std::vector<Point> points;
+  for (const auto& [root, point] : by_root) {
+    std::set<int> seen_by;
+    for (const auto& [camera, feature] : point) seen_by.insert(camera);
+    if (point.size() >= least && seen_by.size() == point.size()) points.push_back(point);
+  }
+  std::ranges::stable_sort(points, std::greater<>(), [](const Point& p) { return p.size(); });
+  if (points.size() > static_cast<std::size_t>(settings.max_points)) {
+    points.resize(static_cast<std::size_t>(settings.max_points));
+  }
+  return points;
+}
+
+}  // namespace
+
+Detections match_features(const Take& take, Nanoseconds time, Nanoseconds tolerance,
+                          const FeatureMatchingSettings& settings,
+                          const std::function<void(double)>& progress,
+                          const std::stop_token& stop) {
+  const FrameSelection frames = select_frames(take, time, tolerance);
+  if (frames.present() < 2) {
+    throw Error::bad_input("fewer than two cameras have a frame at that time",
+                           take.folder().string(), "Choose a time within the take")
+        .concerning({"at"});
+  }
+  const auto count = static_cast<std::size_t>(take.camera_count());
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t a = 0; a < count; ++a) {
+    for (std::size_t b = a + 1; b < count; ++b) pairs.emplace_back(a, b);
+  }
+  std::atomic<std::size_t> done = 0;
+  const auto step = [&] {
+    if (stop.stop_requested()) {
+      throw Error::failed("the search for features was stopped", take.folder().string(),
+                          "Start it again");
+    }
+    progress(static_cast<double>(++done) / static_cast<double>(count + pairs.size()));
+  };
+  std::vector<Picture> pictures(count);
+  parallel_for(std::size_t{0}, count, [&](std::size_t c) {
+    step();
+    if (frames.frame[c] < 0) return;
+    pictures[c] = features_of(take, static_cast<int>(c), frames.frame[c], settings.max_features);
+  });
+  std::vector<Matches> matches(pairs.size());
+  parallel_for(std::size_t{0}, pairs.size(), [&](std::size_t k) {
+    step();
+    matches[k] = matches_between(pictures[pairs[k].first], pictures[pairs[k].second], settings);
+  });
+  std::vector<std::size_t> first(count + 1, 0);  // number of each picture's first feature
+  for (std::size_t c = 0; c < count; ++c) first[c + 1] = first[c] + pictures[c].places.size();
+  Joined joined(first[count]);
+  for (std::size_t k = 0; k < pairs.size(); ++k) {
+    for (const auto& [a, b] : matches[k]) {
+      joined.join(first[pairs[k].first] + static_cast<std::size_t>(a),
+                  first[pairs[k].second] + static_cast<std::size_t>(b));
+    }
+  }
+  Detections detections{detection_cameras(take), {}};
+  int number = 0;
+  for (const Point& point : points_of(joined, pictures, settings, frames.present())) {
+    for (const auto& [camera, feature] : point) {
+      const cv::Point2f& place =
+          pictures[static_cast<std::size_t>(camera)].places[static_cast<std::size_t>(feature)].pt;
+      // OpenCV's pixel centres are at whole numbers.
+      detections.detections.push_back({camera, number, {place.x + 0.5, place.y + 0.5}});
+    }
+    ++number;
+  }
+  return detections;
+}
+
+}  // namespace raystage

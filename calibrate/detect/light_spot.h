@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+#include <vector>
+
+#include "store/jpeg/rgb_image.h"
+
+namespace raystage {
+
+/// What became of the search for a light in one picture.
+enum class LightDetectionStatus : std::uint8_t {
+  kFound,
+  kDark,       ///< nothing bright enough
+  kAmbiguous,  ///< a second one all but as bright: a reflection, or another light
+  kTooLarge,   ///< blown out, out of focus, or a lamp that lights the room
+  kSaturated,  ///< clipped so widely that its middle is that of the clipping
+  kAtBorder,   ///< cut off by the picture's border
+  kUnsteady    ///< much dimmer than this camera saw it otherwise: blinking, or half hidden
+};
+inline constexpr std::size_t kLightDetectionStatusCount = 7;
+std::string_view name_of(LightDetectionStatus result);
+
+struct LightDetectionSettings {
+  double min_light = 0.05;            ///< linear light above the background, full scale 1
+  double ambiguity_ratio = 0.4;       ///< of the brightest's light: from there on it is ambiguous
+  double max_area = 0.004;            ///< of the picture
+  double max_saturated_share = 0.75;  ///< share of its pixels at full scale, where these are many
+};
+
+/// A light in a picture.
+struct LightSpot {
+  LightDetectionStatus result = LightDetectionStatus::kDark;
+  Eigen::Vector2d centre = Eigen::Vector2d::Zero();  ///< pixels, centres at +0.5
+  double light = 0;  ///< sum over its pixels, linear, full scale 1, above the background
+  int area = 0;      ///< pixels
+};
+
+/// What a camera sees when the light is elsewhere, linear, full scale 1: by pixel the median of
+/// several pictures, in which the light is at different places.
+class LightBackground {
+ public:
+  /// Pictures of the same size, at least one. `linear_from_code`: linear, full scale 1, rising.
+  LightBackground(std::span<const RgbImage> pictures,
+                  const std::array<float, 256>& linear_from_code);
+
+  int width() const { return width_; }
+  int height() const { return height_; }
+  std::span<const float> light() const { return light_; }
+  /// Luminance of a pixel's codes R, G, B (Rec.709's weights), linear, full scale 1.
+  float luminance(const std::uint8_t* rgb) const {
+    return 0.2126F * linear_from_code_[rgb[0]] + 0.7152F * linear_from_code_[rgb[1]] +
+           0.0722F * linear_from_code_[rgb[2]];
+  }
+
+ private:
+  int width_ = 0, height_ = 0;
+  std::array<float, 256> linear_from_code_;
+  std::vector<float> light_;
+};
+
+/// Finds the light in a picture of the background's size: of the groups of touching pixels that are
+/// a quarter as bright as the brightest at least, the one with most light. Its centre is the mean
+/// of its pixels' places, and those around it, by their light.
+LightSpot detect_light(const RgbImage& picture, const LightBackground& background,
+                       const LightDetectionSettings& settings);
+
+}  // namespace raystage

@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/detect/point_tracks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "calibrate/geometry/calibration_verdict.h"
+#include "store/code_light.h"
+#include "store/jpeg/decode.h"
+#include "store/processing/sync/resync.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+/// A few pictures from all over the recording.
+LightBackground background_of(const Take& take, const ArchiveReader& archive,
+                              JpegDecoder& decoder) {
+  constexpr std::size_t kPictures = 15;
+  const std::size_t frames = archive.frames().size();
+  const std::size_t count = std::min(frames, kPictures);
+  std::vector<RgbImage> pictures;
+  for (std::size_t k = 0; k < count; ++k) {
+    const auto frame = static_cast<int>((2 * k + 1) * frames / (2 * count));
+    pictures.push_back(decoder.decode(archive.jpeg(frame), "frame"));
+  }
+  std::array<float, 256> linear_from_code{};
+  for (std::size_t code = 0; code < linear_from_code.size(); ++code) {
+    linear_from_code[code] =
+        static_cast<float>(linear_of_code(take.document(), static_cast<double>(code)));
+  }
+  return {pictures, linear_from_code};
+}
+
+void mark_unsteady(PointTrack& track) {
+  std::vector<double> light;
+  for (const PointTrack::FrameDetection& detection : track.frame_detections) {
+    if (detection.spot.result == LightDetectionStatus::kFound)
+      light.push_back(detection.spot.light);
+  }
+  if (light.empty()) return;
+  const auto middle = light.begin() + static_cast<std::ptrdiff_t>(light.size() / 2);
+  std::ranges::nth_element(light, middle);
+  constexpr double kSteady = 0.1;  // of the median: one three times as far is as dim
+  for (PointTrack::FrameDetection& detection : track.frame_detections) {
+    if (detection.spot.result == LightDetectionStatus::kFound &&
+        detection.spot.light < kSteady * *middle) {
+      detection.spot.result = LightDetectionStatus::kUnsteady;
+    }
+  }
+}
+
+PointTrack track_of(const Take& take, int camera, const std::vector<Nanoseconds>& times,
+                    const LightDetectionSettings& settings, const std::function<void()>& frame_done,
+                    const std::stop_token& stop) {
+  const ArchiveReader& archive = take.archive(camera);
+  PointTrack track;
+  if (archive.frames().empty()) return track;
+  JpegDecoder decoder;
+  const LightBackground background = background_of(take, archive, decoder);
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    if (stop.stop_requested()) {
+      throw Error::failed("the search for the light was stopped", take.folder().string(),
+                          "Start it again");
+    }
+    frame_done();
+    if (times[i] == kNoTime) continue;
+    const RgbImage picture =
+        decoder.decode(archive.jpeg(static_cast<int>(i)),
+                       take.document().cameras[static_cast<std::size_t>(camera)].id);
+    track.frame_detections.push_back({times[i], detect_light(picture, background, settings)});
+  }
+  std::ranges::stable_sort(track.frame_detections, {}, &PointTrack::FrameDetection::time);
+  mark_unsteady(track);
+  for (const PointTrack::FrameDetection& detection : track.frame_detections) {
+    ++track.frame_counts[static_cast<std::size_t>(detection.spot.result)];
+  }
+  return track;
+}
+
+}  // namespace
+
+std::vector<std::vector<Nanoseconds>> synchronised_frame_times(const Take& take) {
+  const std::optional<Timeline> timeline = read_timeline_if_any(take);
+  if (!timeline) {
+    ResyncSettings settings;
+    settings.nominal_fps = take.document().nominal_fps;
+    settings.exact_stamps = !marks_arrivals(take.document());
+    return resynchronise(stamps_of(take), settings, take.folder().string()).times;
+  }
+  std::vector<std::vector<Nanoseconds>> times(static_cast<std::size_t>(take.camera_count()));
+  for (std::size_t c = 0; c < times.size(); ++c) {
+    times[c].assign(take.archive(static_cast<int>(c)).frames().size(), kNoTime);
+    for (const FrameSelection& tick : timeline->ticks) {
+      if (tick.frame[c] < 0) continue;
+      times[c][static_cast<std::size_t>(tick.frame[c])] = tick.time_ns + tick.difference[c];
+    }
+  }
+  return times;
+}
+
+PointTracks track_light(const Take& take, const std::vector<std::vector<Nanoseconds>>& times,
+                        const LightDetectionSettings& settings,
+                        const std::function<void(double)>& progress, const std::stop_token& stop) {
+  PointTracks tracks(times.size());
+  std::size_t all = 0;
+  for (const auto& of_camera : times) all += of_camera.size();
+  std::atomic<std::size_t> done = 0;
+  const auto frame_done = [&] {
+    const std::size_t now = ++done;
+    if (now % 16 == 0 || now == all) progress(static_cast<double>(now) / static_cast<double>(all));
+  };
+  parallel_for(std::size_t{0}, times.size(), [&](std::size_t c) {
+    tracks[c].push_back(track_of(take, static_cast<int>(c), times[c], settings, frame_done, stop));
+  });
+  return tracks;
+}
+
+std::string format_track_summary(const PointTracks& tracks,
+                                 const std::vector<DetectionsDocument::Camera>& cameras) {
+  std::array<int, kLightDetectionStatusCount> sum{};
+  int all = 0;
+  std::vector<std::string> few;
+  for (std::size_t c = 0; c < tracks.size(); ++c) {
+    for (std::size_t k = 0; k < kLightDetectionStatusCount; ++k)
+      sum[k] += tracks[c].front().frame_counts[k];
+    const auto frames = static_cast<int>(tracks[c].front().frame_detections.size());
+    all += frames;
+    if (tracks[c].front().frame_counts[0] < frames / 4) {
+      few.push_back(
+          fmt::format("{} ({} of {})", cameras[c].id, tracks[c].front().frame_counts[0], frames));
+    }
+  }
+  std::string text = fmt::format("Light      in {} of {} frames", sum[0], all);
+  for (std::size_t k = 1; k < kLightDetectionStatusCount; ++k) {
+    if (sum[k] == 0) continue;
+    text += fmt::format("{} {} {}", text.find(';') == std::string::npos ? ";" : ",", sum[k],
+                        name_of(static_cast<LightDetectionStatus>(k)));
+  }
+  text += "\n";
+  if (!few.empty()) text += "Light      seldom seen by " + abbreviate_list(few) + "\n";
+  return text;
+}
+
+std::vector<DetectionsDocument::Camera> detection_cameras(const Take& take) {
+  std::vector<DetectionsDocument::Camera> cameras;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    cameras.push_back({camera.id, camera.model.width(), camera.model.height()});
+  }
+  return cameras;
+}
+
+Nanoseconds median_frame_period(const std::vector<std::vector<Nanoseconds>>& times) {
+  std::vector<Nanoseconds> intervals;
+  for (const auto& of_camera : times) {
+    Nanoseconds before = kNoTime;
+    for (const Nanoseconds time : of_camera) {
+      if (time != kNoTime && before != kNoTime && time > before) intervals.push_back(time - before);
+      before = time;
+    }
+  }
+  if (intervals.empty()) return 0;
+  const auto middle = intervals.begin() + static_cast<std::ptrdiff_t>(intervals.size() / 2);
+  std::ranges::nth_element(intervals, middle);
+  return *middle;
+}
+
+}  // namespace raystage

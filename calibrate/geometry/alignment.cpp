@@ -1,0 +1,63 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/alignment.h"
+
+#include <Eigen/SVD>
+
+namespace raystage {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+namespace {
+
+Vector3d mean_of(std::span<const Pose> poses) {
+  Vector3d sum = Vector3d::Zero();
+  for (const Pose& pose : poses) sum += pose.position;
+  return sum / static_cast<double>(poses.size());
+}
+
+}  // namespace
+
+SimilarityTransform estimate_similarity(std::span<const Pose> from, std::span<const Pose> to) {
+  const Vector3d middle_from = mean_of(from), middle_to = mean_of(to);
+  Matrix3d covariance = Matrix3d::Zero();
+  double spread_from = 0, spread_to = 0;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    const Vector3d a = from[i].position - middle_from, b = to[i].position - middle_to;
+    covariance += b * a.transpose();
+    spread_from += a.squaredNorm();
+    spread_to += b.squaredNorm();
+  }
+  // A direction weighs as much as a centre as far out as the cameras are in the mean: it settles
+  // what centres on a line, or all but on one, leave open.
+  const double weight = std::sqrt(spread_from * spread_to) / static_cast<double>(from.size());
+  Matrix3d with_directions = covariance;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    with_directions +=
+        weight * to[i].world_from_camera_rotation * from[i].world_from_camera_rotation.transpose();
+  }
+  const Eigen::JacobiSVD<Matrix3d> svd(with_directions, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Matrix3d mirror = Matrix3d::Identity();
+  mirror(2, 2) = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
+  SimilarityTransform result;
+  result.rotation = svd.matrixU() * mirror * svd.matrixV().transpose();
+  if (spread_from > 0)
+    result.scale = (result.rotation.transpose() * covariance).trace() / spread_from;
+  result.translation = middle_to - result.scale * (result.rotation * middle_from);
+  return result;
+}
+
+void apply(const SimilarityTransform& similarity, ArrayModel& model) {
+  for (ArrayModel::Camera& camera : model.cameras) {
+    if (camera.pose) camera.pose = similarity(*camera.pose);
+  }
+  for (ArrayModel::RigidBody& body : model.bodies) {
+    if (body.pose) body.pose = similarity(*body.pose);
+    for (Eigen::Vector3d& point : body.points_in_body) point *= similarity.scale;
+  }
+  for (auto& point : model.points) {
+    if (point) point = similarity(*point);
+  }
+}
+
+}  // namespace raystage

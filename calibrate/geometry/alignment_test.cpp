@@ -1,0 +1,74 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/alignment.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <random>
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+
+Eigen::Matrix3d some_turn(std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  return Eigen::Quaterniond(normal(random), normal(random), normal(random), normal(random))
+      .normalized()
+      .toRotationMatrix();
+}
+
+void expect_brought_back(const std::vector<Pose>& poses, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  SimilarityTransform moved;
+  moved.rotation = some_turn(random);
+  moved.scale = std::exp(3 * normal(random));
+  moved.translation = 100 * Vector3d(normal(random), normal(random), normal(random));
+  std::vector<Pose> elsewhere;
+  for (const Pose& pose : poses) elsewhere.push_back(moved(pose));
+  const SimilarityTransform back = estimate_similarity(elsewhere, poses);
+  EXPECT_NEAR(back.scale * moved.scale, 1, 1e-9);
+  for (std::size_t i = 0; i < poses.size(); ++i) {
+    const Pose again = back(elsewhere[i]);
+    EXPECT_LT((again.position - poses[i].position).norm(), 1e-8);
+    EXPECT_LT((again.world_from_camera_rotation - poses[i].world_from_camera_rotation).norm(),
+              1e-8);
+  }
+}
+
+TEST(Alignment, BringsAnyArrayBack) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int i = 0; i < 50; ++i) {
+    std::vector<Pose> poses;
+    for (int camera = 0; camera < 6; ++camera) {
+      poses.push_back({some_turn(random), {normal(random), normal(random), normal(random)}});
+    }
+    expect_brought_back(poses, random);
+    // In a plane, on a line, two alone: directions say how they are turned.
+    for (Pose& pose : poses) pose.position.z() = 0;
+    expect_brought_back(poses, random);
+    for (Pose& pose : poses) pose.position.y() = 0;
+    expect_brought_back(poses, random);
+    poses.resize(2);
+    expect_brought_back(poses, random);
+  }
+}
+
+TEST(Alignment, MovesAllThatIsFound) {
+  ArrayModel model;
+  model.cameras.resize(2);
+  model.cameras[0].pose = Pose{Eigen::Matrix3d::Identity(), {1, 2, 3}};
+  model.points = {Vector3d(0, 0, -1), std::nullopt};
+  SimilarityTransform twice;
+  twice.scale = 2;
+  twice.translation = {1, 0, 0};
+  apply(twice, model);
+  EXPECT_EQ(model.cameras[0].pose->position, Vector3d(3, 4, 6));
+  EXPECT_FALSE(model.cameras[1].pose);
+  EXPECT_EQ(*model.points[0], Vector3d(1, 0, -2));
+  EXPECT_FALSE(model.points[1]);
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/array_model.h"
+
+#include <cmath>
+#include <limits>
+#include <map>
+
+namespace raystage {
+
+ArrayModel make_initial_model(const Detections& detections, double horizontal_fov) {
+  ArrayModel model;
+  for (const auto& camera : detections.cameras) {
+    const double focal = camera.width / 2.0 / std::tan(horizontal_fov / 2);
+    model.cameras.push_back({camera.id,
+                             camera.width,
+                             camera.height,
+                             {focal, focal, camera.width / 2.0, camera.height / 2.0, {}},
+                             std::nullopt});
+  }
+  std::map<int, int> point_of_frame;
+  for (const Detections::Detection& d : detections.detections) {
+    const auto [place, is_new] =
+        point_of_frame.emplace(d.point, static_cast<int>(model.points.size()));
+    if (is_new) {
+      model.points.emplace_back();
+      model.point_ids.push_back(d.point);
+    }
+    model.observations.push_back({d.camera, place->second, d.pixel});
+  }
+  return model;
+}
+
+void update_body_points(ArrayModel& model) {
+  for (const ArrayModel::RigidBody& body : model.bodies) {
+    for (std::size_t i = 0; i < body.points.size(); ++i) {
+      auto& point = model.points[static_cast<std::size_t>(body.points[i])];
+      point.reset();
+      if (body.pose) point = body.pose->world_from_camera(body.points_in_body[i]);
+    }
+  }
+}
+
+std::vector<CameraModel> make_camera_models(const ArrayModel& model) {
+  std::vector<CameraModel> lenses;
+  for (const ArrayModel::Camera& camera : model.cameras) {
+    lenses.emplace_back(
+        CameraGeometry{camera.id, camera.width, camera.height, camera.intrinsics, {}, {}, {}});
+  }
+  return lenses;
+}
+
+std::optional<Eigen::Vector2d> reprojection_residual(const ArrayModel& model,
+                                                     const std::vector<CameraModel>& lenses,
+                                                     const ArrayModel::Observation& observation) {
+  const auto camera = static_cast<std::size_t>(observation.camera);
+  const auto& pose = model.cameras[camera].pose;
+  const auto& point = model.points[static_cast<std::size_t>(observation.point)];
+  if (!pose || !point) return std::nullopt;
+  const auto seen = lenses[camera].project(pose->camera_from_world(*point));
+  if (!seen) return std::nullopt;
+  return observation.pixel - *seen;
+}
+
+std::vector<double> reprojection_errors(const ArrayModel& model) {
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  std::vector<double> errors;
+  for (const ArrayModel::Observation& observation : model.observations) {
+    if (!model.counts(observation)) continue;
+    const auto residual = reprojection_residual(model, lenses, observation);
+    if (residual) errors.push_back(residual->norm());
+  }
+  return errors;
+}
+
+double rms_reprojection_error(const ArrayModel& model) {
+  const std::vector<double> errors = reprojection_errors(model);
+  if (errors.empty()) return std::numeric_limits<double>::quiet_NaN();
+  double sum = 0;
+  for (const double error : errors) sum += error * error;
+  return std::sqrt(sum / static_cast<double>(errors.size()));
+}
+
+}  // namespace raystage

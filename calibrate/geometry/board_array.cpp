@@ -1,0 +1,214 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/board_array.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <map>
+#include <numbers>
+
+#include "base/error.h"
+#include "calibrate/geometry/alignment.h"
+#include "calibrate/geometry/bundle_adjustment.h"
+#include "calibrate/geometry/solve_steps.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::size_t kMinSharedCorners = 6;
+constexpr double kFirstThreshold = 12;  // pixels
+
+/// Boards in camera, by instant.
+using Sightings = std::map<int, Pose>;
+
+/// a_from_c of a_from_b and b_from_c.
+Pose chained(const Pose& a_from_b, const Pose& b_from_c) {
+  return {a_from_b.world_from_camera_rotation * b_from_c.world_from_camera_rotation,
+          a_from_b.world_from_camera(b_from_c.position)};
+}
+
+/// Lenses that nobody gave, by the boards alone.
+void guess_lenses(ArrayModel& model, const std::vector<std::vector<BoardView>>& views,
+                  bool for_each) {
+  std::vector<BoardView> all;
+  for (const auto& of_camera : views) all.insert(all.end(), of_camera.begin(), of_camera.end());
+  const ArrayModel::Camera& first = model.cameras.front();
+  const Intrinsics shared =
+      calibrate_lens({"all of them", first.width, first.height, all}, {}).lens;
+  for (std::size_t c = 0; c < model.cameras.size(); ++c) {
+    ArrayModel::Camera& camera = model.cameras[c];
+    camera.intrinsics = shared;
+    constexpr std::size_t kLeastViews = 6;
+    if (!for_each || views[c].size() < kLeastViews) continue;
+    const Intrinsics own =
+        calibrate_lens({camera.id, camera.width, camera.height, views[c]}, {}).lens;
+    if (own.fx > shared.fx / 4 && own.fx < shared.fx * 4) camera.intrinsics = own;
+  }
+}
+
+/// The board's bodies, one per instant, and the points on them.
+void add_bodies(ArrayModel& model, const BoardObjectPoints& corners) {
+  const auto count = static_cast<int>(corners.size());
+  std::map<int, std::size_t> body_of;
+  for (std::size_t i = 0; i < model.points.size(); ++i) {
+    const int number = model.point_ids[i];
+    const auto [at, is_new] = body_of.emplace(number / count, model.bodies.size());
+    if (is_new) model.bodies.emplace_back();
+    ArrayModel::RigidBody& body = model.bodies[at->second];
+    const Eigen::Vector2d& corner = corners[static_cast<std::size_t>(number % count)];
+    body.points.push_back(static_cast<int>(i));
+    body.points_in_body.emplace_back(corner.x(), -corner.y(), 0);
+  }
+}
+
+int instant_of(const ArrayModel& model, const ArrayModel::RigidBody& body,
+               const BoardObjectPoints& corners) {
+  return model.point_ids[static_cast<std::size_t>(body.points.front())] /
+         static_cast<int>(corners.size());
+}
+
+/// How far off a camera's corners are with boards where another camera sees them: the median over
+/// the boards that both see, pixels.
+double median_error(const std::vector<BoardView>& views, const CameraModel& lens,
+                    const Pose& camera_from_other, const Sightings& other) {
+  std::vector<double> errors;
+  for (const BoardView& view : views) {
+    const auto board = other.find(view.frame);
+    if (board == other.end()) continue;
+    const Pose in_camera = chained(camera_from_other, board->second);
+    double sum = 0;
+    for (std::size_t i = 0; i < view.pixels.size(); ++i) {
+      const auto seen = lens.project(
+          in_camera.world_from_camera({view.object_points[i].x(), -view.object_points[i].y(), 0}));
+      sum += seen ? (*seen - view.pixels[i]).norm() : 1e3;
+    }
+    errors.push_back(sum / static_cast<double>(view.pixels.size()));
+  }
+  if (errors.empty()) return 1e9;
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::ranges::nth_element(errors, middle);
+  return *middle;
+}
+
+struct Link {
+  double error = 1e9;
+  std::size_t from = 0, to = 0;
+  Pose from_camera;  // from_from_to
+};
+
+/// The best way from a placed camera to another: by that board of those they share with which the
+/// others agree best.
+Link best_link(std::size_t from, std::size_t to, const std::vector<Sightings>& sightings,
+               const std::vector<BoardView>& views, const CameraModel& lens) {
+  Link best;
+  for (const auto& [instant, in_from] : sightings[from]) {
+    const auto in_to = sightings[to].find(instant);
+    if (in_to == sightings[to].end()) continue;
+    const Pose from_from_to = chained(in_from, inverse(in_to->second));
+    const double error = median_error(views, lens, inverse(from_from_to), sightings[from]);
+    if (error < best.error) best = {error, from, to, from_from_to};
+  }
+  return best;
+}
+
+void place_by_boards(ArrayModel& model, const std::vector<std::vector<BoardView>>& views,
+                     const std::vector<Sightings>& sightings) {
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const auto most = std::ranges::max_element(sightings, {}, &Sightings::size);
+  const auto any = std::ranges::find_if(
+      model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); });
+  if (any == model.cameras.end()) {
+    model.cameras[static_cast<std::size_t>(most - sightings.begin())].pose = Pose{};
+  }
+  for (;;) {
+    Link best;
+    for (std::size_t from = 0; from < sightings.size(); ++from) {
+      for (std::size_t to = 0; to < sightings.size(); ++to) {
+        if (!model.cameras[from].pose || model.cameras[to].pose) continue;
+        const Link link = best_link(from, to, sightings, views[to], lenses[to]);
+        if (link.error < best.error) best = link;
+      }
+    }
+    if (best.error >= 1e9) break;
+    model.cameras[best.to].pose = chained(*model.cameras[best.from].pose, best.from_camera);
+  }
+}
+
+/// Each board where the camera that sees most of its corners sees it.
+void place_boards(ArrayModel& model, const BoardObjectPoints& corners,
+                  const std::vector<std::vector<BoardView>>& views,
+                  const std::vector<Sightings>& sightings) {
+  for (ArrayModel::RigidBody& body : model.bodies) {
+    const int instant = instant_of(model, body, corners);
+    std::size_t most = 0;
+    for (std::size_t c = 0; c < views.size(); ++c) {
+      const auto seen = sightings[c].find(instant);
+      if (seen == sightings[c].end() || !model.cameras[c].pose) continue;
+      const auto view = std::ranges::find(views[c], instant, &BoardView::frame);
+      if (view->pixels.size() <= most) continue;
+      most = view->pixels.size();
+      body.pose = chained(*model.cameras[c].pose, seen->second);
+    }
+  }
+  update_body_points(model);
+}
+
+}  // namespace
+
+std::vector<BoardView> collect_board_views(const Detections& detections, int camera,
+                                           const BoardObjectPoints& corners) {
+  const auto count = static_cast<int>(corners.size());
+  std::map<int, BoardView> views;
+  for (const Detections::Detection& d : detections.detections) {
+    if (d.camera != camera) continue;
+    BoardView& view = views[d.point / count];
+    view.frame = d.point / count;
+    view.object_points.push_back(corners[static_cast<std::size_t>(d.point % count)]);
+    view.pixels.push_back(d.pixel);
+  }
+  std::vector<BoardView> result;
+  for (auto& [instant, view] : views) {
+    if (view.pixels.size() >= kMinSharedCorners) result.push_back(std::move(view));
+  }
+  return result;
+}
+
+ArrayModel solve_boards(const Detections& detections, const BoardObjectPoints& corners,
+                        const SolveSettings& settings, SolveReport& report) {
+  const auto start = std::chrono::steady_clock::now();
+  constexpr double kAnyFov = 1;
+  ArrayModel model = make_initial_model(detections, kAnyFov);
+  add_bodies(model, corners);
+  std::vector<std::vector<BoardView>> views;
+  for (std::size_t c = 0; c < model.cameras.size(); ++c) {
+    views.push_back(collect_board_views(detections, static_cast<int>(c), corners));
+  }
+  if (settings.lenses.empty()) {
+    guess_lenses(model, views, settings.lens_per_camera);
+  } else {
+    for (std::size_t c = 0; c < views.size(); ++c) {
+      model.cameras[c].intrinsics = settings.lenses[c];
+    }
+  }
+  for (std::size_t c = 0; c < settings.poses.size(); ++c) model.cameras[c].pose = settings.poses[c];
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  std::vector<Sightings> sightings(views.size());
+  for (std::size_t c = 0; c < views.size(); ++c) {
+    for (const BoardView& view : views[c]) {
+      const auto camera_from_board = estimate_board_pose(view, lenses[c]);
+      if (camera_from_board) sightings[c].emplace(view.frame, *camera_from_board);
+    }
+  }
+  place_by_boards(model, views, sightings);
+  place_boards(model, corners, views, sightings);
+  if (count_registered_cameras(model) < 2) {
+    throw Error::bad_input("no two cameras see the board at the same time", "",
+                           "Show the board where several cameras see it at once");
+  }
+  classify_outliers(model, 4 * kFirstThreshold);
+  run_bundle_adjustment_steps(model, settings, report);
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return model;
+}
+
+}  // namespace raystage

@@ -1,0 +1,238 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/calibration.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+#include <tuple>
+
+#include "base/error.h"
+#include "calibrate/geometry/alignment.h"
+
+namespace raystage {
+namespace {
+
+const RigDocument::Camera* camera_of(const RigDocument& rig, const std::string& id) {
+  const auto found = std::ranges::find_if(
+      rig.cameras, [&](const RigDocument::Camera& camera) { return camera.geometry.id == id; });
+  return found == rig.cameras.end() ? nullptr : &*found;
+}
+
+/// Lenses and poses of the rig to begin with, by the detections' cameras.
+std::vector<std::optional<Pose>> begin_with(const Detections& detections,
+                                            const CalibrationSettings& settings,
+                                            SolveSettings& solve) {
+  const RigDocument& start = *settings.start;
+  std::vector<std::optional<Pose>> poses;
+  for (const auto& camera : detections.cameras) {
+    const RigDocument::Camera* known = camera_of(start, camera.id);
+    if (known == nullptr) {
+      throw Error::bad_input("the rig to begin with has no camera \"" + camera.id + "\"", "",
+                             "Begin with the rig of the same cameras");
+    }
+    if (known->geometry.width != camera.width || known->geometry.height != camera.height) {
+      throw Error::bad_input(
+          "the rig to begin with has pictures of another size for camera \"" + camera.id + "\"", "",
+          "Begin with a rig for the same frame size");
+    }
+    solve.lenses.push_back(known->geometry.intrinsics);
+    poses.emplace_back(pose_from_matrix(known->geometry.world_from_camera));
+    const bool held =
+        settings.fixes_all_poses ||
+        std::ranges::find(settings.fixed_cameras, camera.id) != settings.fixed_cameras.end();
+    solve.fixed_cameras.push_back(held);
+  }
+  if (is_calibrated(start)) {
+    solve.poses = poses;
+  } else {
+    solve.lenses.clear();  // guesses only
+  }
+  return poses;
+}
+
+void check_held(const Detections& detections, const CalibrationSettings& settings) {
+  for (const std::string& id : settings.fixed_cameras) {
+    if (std::ranges::find(detections.cameras, id, &DetectionsDocument::Camera::id) ==
+        detections.cameras.end()) {
+      throw Error::bad_input("there is no camera \"" + id + "\" to hold", "held cameras",
+                             "Name cameras of the rig, or \"lens\" or \"poses\"")
+          .concerning({"hold"});
+    }
+  }
+  const bool holds = !settings.fixed_cameras.empty() || settings.fixes_all_poses;
+  if (holds && !(settings.start && is_calibrated(*settings.start))) {
+    throw Error::bad_input("poses are to be held, and no calibrated rig says what they are",
+                           "held cameras", "Give a rig to start from")
+        .concerning({"start"});
+  }
+}
+
+/// With one camera held, the world may still have grown about it.
+void shrink_about(ArrayModel& model, const std::vector<std::optional<Pose>>& known,
+                  const Eigen::Vector3d& held) {
+  double found = 0, expected = 0;
+  for (std::size_t i = 0; i < known.size(); ++i) {
+    if (!model.cameras[i].pose || !known[i]) continue;
+    found += (model.cameras[i].pose->position - held).norm();
+    expected += (known[i]->position - held).norm();
+  }
+  SimilarityTransform similarity;
+  if (found > 0) similarity.scale = expected / found;
+  similarity.translation = (1 - similarity.scale) * held;
+  const auto keep = model.cameras;
+  apply(similarity, model);
+  for (std::size_t i = 0; i < keep.size(); ++i) {
+    if (keep[i].pose && keep[i].pose->position == held) model.cameras[i].pose = keep[i].pose;
+  }
+}
+
+/// The world's place, turn and scale. Held cameras have settled them already.
+void settle_world(Calibration& calibration, const CalibrationSettings& settings,
+                  const std::vector<std::optional<Pose>>& known, std::size_t held) {
+  if (held >= 2) {
+    calibration.scale_source = "held cameras";
+    calibration.scale_is_known = true;
+    return;
+  }
+  const bool is_start = settings.start && is_calibrated(*settings.start);
+  if (!settings.board.empty()) {  // metres already
+    if (!is_start || !align_to_poses(calibration.model, known, false)) {
+      align_to_array(calibration.model);
+    }
+    calibration.scale_source = "board";
+    calibration.scale_is_known = true;
+    return;
+  }
+  if (held == 1) {
+    const auto at = std::ranges::find(calibration.model.cameras, settings.fixed_cameras.front(),
+                                      &ArrayModel::Camera::id) -
+                    calibration.model.cameras.begin();
+    shrink_about(calibration.model, known, known[static_cast<std::size_t>(at)]->position);
+    calibration.scale_source = "start";
+    calibration.scale_is_known = true;
+    return;
+  }
+  if (is_start && align_to_poses(calibration.model, known)) {
+    calibration.scale_source = "start";
+    calibration.scale_is_known = true;
+  } else {
+    align_to_array(calibration.model);
+  }
+  if (scale_world(calibration.model, settings.scale)) {
+    calibration.scale_source = settings.scale.distance ? "distance" : "spacing";
+    calibration.scale_is_known = true;
+  }
+}
+
+}  // namespace
+
+int merge_static_points(Detections& detections, double max_distance_px) {
+  using Detection = Detections::Detection;
+  std::vector<std::vector<Detection>> points, kept;
+  for (const Detection& d : detections.detections) {
+    if (points.empty() || points.back().front().point != d.point) points.emplace_back();
+    points.back().push_back(d);
+  }
+  using Cell = std::tuple<int, long, long>;  // camera, and where in its picture
+  std::map<Cell, std::vector<std::size_t>> by_cell;
+  const auto cell_of = [&](const Detection& d, int dx, int dy) {
+    return Cell{d.camera, std::lround(d.pixel.x() / max_distance_px) + dx,
+                std::lround(d.pixel.y() / max_distance_px) + dy};
+  };
+  const auto is_same = [&](const std::vector<Detection>& a, const std::vector<Detection>& b) {
+    int common = 0;
+    for (const Detection& one : a) {
+      for (const Detection& other : b) {
+        if (one.camera != other.camera) continue;
+        if (!((one.pixel - other.pixel).norm() <= max_distance_px)) return false;
+        ++common;
+      }
+    }
+    return common >= 2;
+  };
+  const auto is_repeated = [&](const std::vector<Detection>& point) {
+    for (const Detection& d : point) {
+      for (int dx = -1; dx <= 1; ++dx) {
+        for (int dy = -1; dy <= 1; ++dy) {
+          const auto there = by_cell.find(cell_of(d, dx, dy));
+          if (there == by_cell.end()) continue;
+          for (const std::size_t k : there->second) {
+            if (is_same(point, kept[k])) return true;
+          }
+        }
+      }
+    }
+    return false;
+  };
+  for (std::vector<Detection>& point : points) {
+    if (is_repeated(point)) continue;
+    for (const Detection& d : point) by_cell[cell_of(d, 0, 0)].push_back(kept.size());
+    kept.push_back(std::move(point));
+  }
+  const auto merged = static_cast<int>(points.size() - kept.size());
+  detections.detections.clear();
+  for (const std::vector<Detection>& point : kept) {
+    detections.detections.insert(detections.detections.end(), point.begin(), point.end());
+  }
+  return merged;
+}
+
+Calibration calibrate(const Detections& all, const CalibrationSettings& settings) {
+  check_held(all, settings);
+  Calibration calibration;
+  Detections detections = all;
+  const bool has_board = !settings.board.empty();
+  if (!has_board) calibration.merged_points = merge_static_points(detections);
+  SolveSettings solve = settings.solve;
+  std::vector<std::optional<Pose>> known;
+  if (settings.start) known = begin_with(detections, settings, solve);
+  const auto differs = [&](const Intrinsics& lens) { return !(lens == solve.lenses.front()); };
+  solve.lens_per_camera = solve.lens_per_camera || std::ranges::any_of(solve.lenses, differs);
+  calibration.model = has_board ? solve_boards(detections, settings.board, solve, calibration.solve)
+                                : solve_array(detections, solve, calibration.solve);
+  const auto held = static_cast<std::size_t>(std::ranges::count(solve.fixed_cameras, true));
+  settle_world(calibration, settings, known, held);
+  calibration.grid = find_grid_positions(calibration.model);
+  calibration.uncertainty =
+      estimate_uncertainty(calibration.model, calibration.solve.last, settings.limits.tolerances);
+  calibration.verdict = judge_calibration(calibration.model, calibration.uncertainty,
+                                          calibration.scale_is_known, settings.limits);
+  if (solve.lens_is_known) {
+    calibration.verdict.warnings.emplace_back(
+        "Lenses are held: their errors affect all results and are not part of any deviation. If "
+        "the "
+        "cameras are rotated against each other, do not hold the lenses.");
+  }
+  return calibration;
+}
+
+RigDocument make_rig_document(const Calibration& calibration,
+                              const std::optional<RigDocument>& start, const std::string& name) {
+  RigDocument rig;
+  rig.name = name;
+  if (start) rig.topology = start->topology;
+  for (std::size_t i = 0; i < calibration.model.cameras.size(); ++i) {
+    const ArrayModel::Camera& camera = calibration.model.cameras[i];
+    if (!camera.pose) continue;
+    RigDocument::Camera out;
+    const RigDocument::Camera* known = start ? camera_of(*start, camera.id) : nullptr;
+    if (known != nullptr) out = *known;
+    out.geometry.id = camera.id;
+    out.geometry.width = camera.width;
+    out.geometry.height = camera.height;
+    out.geometry.intrinsics = camera.intrinsics;
+    out.geometry.world_from_camera = matrix_from_pose(*camera.pose);
+    if (calibration.grid && !out.geometry.row) {
+      out.geometry.row = (*calibration.grid)[i]->row;
+      out.geometry.column = (*calibration.grid)[i]->column;
+    }
+    rig.cameras.push_back(std::move(out));
+  }
+  if (rig.cameras.empty()) {
+    throw Error::bad_input("no camera was found", "", "Record the light again");
+  }
+  return rig;
+}
+
+}  // namespace raystage

@@ -1,0 +1,302 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/calibration_verdict.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "calibrate/geometry/planarity.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kJoined = 6;  // common points by which a camera can be placed
+constexpr int kCells = 4;   // of the picture, each way
+constexpr const char* kMendFit =
+    "Look for cameras that moved or refocused while recording, and for times that do not fit "
+    "(raystage sync); a lens model for each camera may fit better.";
+
+std::vector<std::string> names_of(const std::vector<int>& cameras, const ArrayModel& model) {
+  std::vector<std::string> names;
+  for (const int i : cameras) names.push_back(model.cameras[static_cast<std::size_t>(i)].id);
+  return names;
+}
+
+void say_once(std::vector<std::string>& list, std::string sentence) {
+  if (std::ranges::find(list, sentence) == list.end()) list.push_back(std::move(sentence));
+}
+
+void judge_cameras(CalibrationVerdict& verdict, const ArrayModel& model,
+                   const AcceptanceLimits& limits) {
+  const std::vector<CameraFit> fits = camera_fits(model);
+  std::vector<std::string> blind, not_found, with_few, ill_fitting, narrow;
+  for (std::size_t i = 0; i < fits.size(); ++i) {
+    const std::string& id = model.cameras[i].id;
+    if (fits[i].observations == 0) {
+      blind.push_back(id);
+    } else if (!model.cameras[i].pose) {
+      not_found.push_back(fmt::format("{} (saw {})", id, fits[i].observations));
+    } else if (fits[i].inliers < limits.min_points) {
+      with_few.push_back(fmt::format("{} ({})", id, fits[i].inliers));
+    } else if (!(fits[i].rms_px <= limits.max_rms_px)) {
+      ill_fitting.push_back(fmt::format("{} ({:.2f} px)", id, fits[i].rms_px));
+    } else if (fits[i].image_coverage < 0.5) {
+      narrow.push_back(fmt::format("{} ({:.0f} %)", id, 100 * fits[i].image_coverage));
+    }
+  }
+  if (!blind.empty()) {
+    verdict.reasons.push_back(fmt::format("Nothing was seen by {}.", abbreviate_list(blind)));
+    verdict.next_steps.push_back(
+        "Look at the pictures of the cameras that saw nothing: covered, out of focus, turned away, "
+        "or exposed too briefly for the light.");
+  }
+  if (!not_found.empty()) {
+    verdict.reasons.push_back(
+        fmt::format("No place was found for {}: too few points in common with the others.",
+                    abbreviate_list(not_found)));
+    verdict.next_steps.push_back(
+        "Move the light through what these cameras share with their neighbours.");
+  }
+  if (!with_few.empty()) {
+    verdict.reasons.push_back(fmt::format("Fewer than {} points count in {}.", limits.min_points,
+                                          abbreviate_list(with_few)));
+    verdict.next_steps.push_back("Record the light at more places in front of these cameras.");
+  }
+  if (!ill_fitting.empty()) {
+    verdict.reasons.push_back(fmt::format("Points do not fit to {:.2f} px in {}.",
+                                          limits.max_rms_px, abbreviate_list(ill_fitting)));
+    verdict.next_steps.emplace_back(kMendFit);
+  }
+  if (!narrow.empty()) {
+    verdict.warnings.push_back(fmt::format(
+        "Points fill less than half of the picture in {}: the lens is extrapolated beyond them.",
+        abbreviate_list(narrow)));
+    verdict.next_steps.push_back("Move the light into the corners of every camera's picture.");
+  }
+}
+
+void judge_groups(CalibrationVerdict& verdict, const ArrayModel& model) {
+  const Overlap overlap = compute_overlap(model);
+  std::vector<std::vector<int>> groups;
+  for (const auto& group : overlap.groups) {
+    if (group.size() > 1) groups.push_back(group);
+  }
+  if (groups.size() > 1) {
+    verdict.reasons.push_back(fmt::format(
+        "The cameras fall into {} groups that share no points: {} / {}.", groups.size(),
+        abbreviate_list(names_of(groups[0], model)), abbreviate_list(names_of(groups[1], model))));
+    verdict.next_steps.push_back("Move the light where cameras of both groups see it at once.");
+  }
+}
+
+void judge_fit(CalibrationVerdict& verdict, const ArrayModel& model,
+               const AcceptanceLimits& limits) {
+  const double rms = rms_reprojection_error(model);
+  if (!(rms <= limits.max_rms_px)) {
+    verdict.reasons.push_back(
+        fmt::format("Points are {:.2f} px (RMS) from where they should be; at most {:.2f} are "
+                    "vouched for.",
+                    rms, limits.max_rms_px));
+    say_once(verdict.next_steps, kMendFit);
+  }
+  std::vector<int> seen_by(model.points.size(), 0);
+  for (const ArrayModel::Observation& o : model.observations) {
+    if (model.cameras[static_cast<std::size_t>(o.camera)].pose) {
+      ++seen_by[static_cast<std::size_t>(o.point)];
+    }
+  }
+  int could_count = 0, count = 0;
+  for (const ArrayModel::Observation& o : model.observations) {
+    if (seen_by[static_cast<std::size_t>(o.point)] < 2) continue;
+    could_count += model.cameras[static_cast<std::size_t>(o.camera)].pose ? 1 : 0;
+    count += model.counts(o) ? 1 : 0;
+  }
+  const double share = 1 - static_cast<double>(count) / std::max(could_count, 1);
+  if (share > limits.max_outlier_ratio) {
+    verdict.reasons.push_back(
+        fmt::format("{:.0f} % of the detections do not fit; at most {:.0f} "
+                    "are vouched for.",
+                    100 * share, 100 * limits.max_outlier_ratio));
+    verdict.next_steps.push_back(
+        "Darken the room, cover what reflects the light, and see whether frames are matched "
+        "rightly in time (raystage sync).");
+  }
+}
+
+/// Two cameras explain points of one plane in two ways.
+void judge_flatness(CalibrationVerdict& verdict, const ArrayModel& model) {
+  constexpr double kAllButAll = 0.9;
+  if (!(planar_inlier_ratio(model) > kAllButAll)) return;
+  verdict.reasons.emplace_back(
+      "All points lie near one plane, or far away, and two cameras explain such points in two "
+      "ways.");
+  verdict.next_steps.emplace_back("Record the light at different depths, or with a third camera.");
+}
+
+void judge_direction(CalibrationVerdict& verdict, const Uncertainty::Direction& direction,
+                     const ArrayModel& model) {
+  const std::string times =
+      direction.deviation > 1000
+          ? "not told by the recording at all"
+          : fmt::format("uncertain by {:.1f} times what is tolerated", direction.deviation);
+  say_once(verdict.reasons, fmt::format("{} {}.", describe_direction(direction, model), times));
+  if (direction.focal_length + direction.principal_point + direction.distortion > 0.4) {
+    say_once(verdict.next_steps,
+             "Calibrate the lens with a board (raystage calibrate lens) and hold it: cameras with "
+             "nearly "
+             "parallel axes cannot distinguish a longer lens from a deeper scene. With other "
+             "arrays, more "
+             "of the light near, far and in the corners of the pictures helps, too.");
+  } else {
+    say_once(verdict.next_steps,
+             "Record more of the light, nearer to the array (one to ten times its width) and at "
+             "different depths.");
+  }
+}
+
+}  // namespace
+
+std::vector<CameraFit> camera_fits(const ArrayModel& model) {
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  std::vector<CameraFit> fits(model.cameras.size());
+  std::vector<std::array<bool, kCells * kCells>> image_coverage(fits.size());
+  for (const ArrayModel::Observation& o : model.observations) {
+    const auto i = static_cast<std::size_t>(o.camera);
+    ++fits[i].observations;
+    if (!model.counts(o)) continue;
+    const auto residual = reprojection_residual(model, lenses, o);
+    if (!residual) continue;
+    ++fits[i].inliers;
+    fits[i].rms_px += residual->squaredNorm();
+    const auto cell = [](double at, int size) {
+      return static_cast<std::size_t>(
+          std::clamp(static_cast<int>(kCells * at / size), 0, kCells - 1));
+    };
+    image_coverage[i][cell(o.pixel.y(), model.cameras[i].height) * kCells +
+                      cell(o.pixel.x(), model.cameras[i].width)] = true;
+  }
+  for (std::size_t i = 0; i < fits.size(); ++i) {
+    fits[i].rms_px = fits[i].inliers > 0 ? std::sqrt(fits[i].rms_px / fits[i].inliers)
+                                         : std::numeric_limits<double>::quiet_NaN();
+    fits[i].image_coverage =
+        static_cast<double>(std::ranges::count(image_coverage[i], true)) / image_coverage[i].size();
+  }
+  return fits;
+}
+
+Overlap compute_overlap(const ArrayModel& model) {
+  const std::size_t count = model.cameras.size();
+  Overlap overlap;
+  overlap.shared.assign(count, std::vector<int>(count, 0));
+  for (std::size_t begin = 0, end = 0; begin < model.observations.size(); begin = end) {
+    while (end < model.observations.size() &&
+           model.observations[end].point == model.observations[begin].point) {
+      ++end;
+    }
+    for (std::size_t a = begin; a < end; ++a) {
+      for (std::size_t b = begin; b < end; ++b) {
+        const auto one = static_cast<std::size_t>(model.observations[a].camera);
+        const auto other = static_cast<std::size_t>(model.observations[b].camera);
+        if (one != other) ++overlap.shared[one][other];
+      }
+    }
+  }
+  std::vector<bool> done(count, false);
+  for (std::size_t start = 0; start < count; ++start) {
+    if (done[start]) continue;
+    std::vector<int> group{static_cast<int>(start)};
+    done[start] = true;
+    for (std::size_t k = 0; k < group.size(); ++k) {
+      for (std::size_t other = 0; other < count; ++other) {
+        if (done[other] || overlap.shared[static_cast<std::size_t>(group[k])][other] < kJoined) {
+          continue;
+        }
+        done[other] = true;
+        group.push_back(static_cast<int>(other));
+      }
+    }
+    std::ranges::sort(group);
+    overlap.groups.push_back(std::move(group));
+  }
+  std::ranges::stable_sort(overlap.groups, std::greater<>(),
+                           [](const auto& g) { return g.size(); });
+  return overlap;
+}
+
+std::vector<std::pair<int, int>> Overlap::pairs_without_points() const {
+  std::vector<std::pair<int, int>> pairs;
+  for (std::size_t a = 0; a < shared.size(); ++a) {
+    for (std::size_t b = a + 1; b < shared.size(); ++b) {
+      if (shared[a][b] == 0) pairs.emplace_back(static_cast<int>(a), static_cast<int>(b));
+    }
+  }
+  return pairs;
+}
+
+std::string abbreviate_list(const std::vector<std::string>& names, std::size_t most) {
+  std::string text;
+  for (std::size_t i = 0; i < std::min(names.size(), most); ++i) {
+    text += (i == 0 ? "" : ", ") + names[i];
+  }
+  if (names.size() > most) text += fmt::format(" and {} more", names.size() - most);
+  return text;
+}
+
+std::string describe_direction(const Uncertainty::Direction& d, const ArrayModel& model) {
+  struct Part {
+    double share;
+    const char* name;
+  };
+  std::array<Part, 5> parts{
+      Part{d.focal_length, "the focal length (and with it the depth of everything)"},
+      Part{d.principal_point, "the principal point"}, Part{d.distortion, "the distortion"},
+      Part{d.positions, "where cameras stand"}, Part{d.rotations, "where cameras look"}};
+  std::ranges::sort(parts, std::greater<>(), &Part::share);
+  constexpr double kTakesPart = 0.2;
+  std::string text = parts[0].name;
+  for (std::size_t i = 1; i < parts.size() && parts[i].share > kTakesPart; ++i) {
+    text += std::string(" together with ") + parts[i].name;
+  }
+  if (!d.cameras.empty() && d.positions + d.rotations > kTakesPart) {
+    text += " (" + abbreviate_list(names_of(d.cameras, model)) + ")";
+  }
+  text[0] = text[0] == 't' ? 'T' : 'W';
+  return text + " is";
+}
+
+CalibrationVerdict judge_calibration(const ArrayModel& model,
+                                     const std::optional<Uncertainty>& uncertainty,
+                                     bool scale_is_known, const AcceptanceLimits& limits) {
+  CalibrationVerdict verdict;
+  judge_cameras(verdict, model, limits);
+  judge_groups(verdict, model);
+  judge_fit(verdict, model, limits);
+  judge_flatness(verdict, model);
+  constexpr double kAlike = 0.6, kSeen = 0.1;  // correlation; pixels
+  if (uncertainty && uncertainty->correlation > kAlike && uncertainty->noise_px > kSeen) {
+    verdict.warnings.push_back(fmt::format(
+        "What is left of {:.2f} px is not noise: points that follow each other err alike "
+        "(correlation {:.2f}).",
+        uncertainty->noise_px, uncertainty->correlation));
+    say_once(verdict.next_steps, kMendFit);
+  }
+  if (uncertainty) {
+    constexpr std::size_t kMostSaid = 4;
+    std::size_t said = 0;
+    for (const Uncertainty::Direction& direction : uncertainty->weakest) {
+      if (direction.deviation > 1 && said++ < kMostSaid) judge_direction(verdict, direction, model);
+    }
+  }
+  if (!scale_is_known) {
+    verdict.reasons.emplace_back("Nothing tells the scale: a light's path looks the same in any.");
+    verdict.next_steps.emplace_back(
+        "Give the distance between neighbouring cameras, or any measured distance between two.");
+  }
+  return verdict;
+}
+
+}  // namespace raystage

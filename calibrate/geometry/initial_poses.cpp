@@ -1,0 +1,217 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/initial_poses.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "calibrate/geometry/bundle_adjustment.h"
+#include "calibrate/geometry/opencv_pose.h"
+#include "rig/camera_model.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int kLeastCommon = 12;  // points that two cameras must share to begin with
+constexpr int kLeastKnown = 6;    // points found that a camera must see to be placed
+constexpr double kSure = 0.9999;
+
+/// Ours looks down -z with y up, OpenCV's along z with y down.
+cv::Mat opencv_from_ours() { return cv::Mat::diag(cv::Mat(cv::Vec3d(1, -1, -1))); }
+
+/// Ideal image points of what a camera sees (y down), by point.
+using Sight = std::map<int, cv::Point2d>;
+
+std::vector<Sight> sights_of(const ArrayModel& model) {
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  std::vector<Sight> sights(model.cameras.size());
+  for (const ArrayModel::Observation& observation : model.observations) {
+    const auto camera = static_cast<std::size_t>(observation.camera);
+    const auto ideal = lenses[camera].ideal_from_pixel(observation.pixel);
+    if (ideal) sights[camera][observation.point] = {ideal->x(), ideal->y()};
+  }
+  return sights;
+}
+
+/// A second camera as a first one sees it.
+struct Pair {
+  int first = -1, second = -1;
+  Pose second_pose;
+  double score = 0;
+};
+
+/// How well two cameras would begin: by the points that agree, and the angle between their rays.
+Pair judged_pair(const std::vector<Sight>& sights, int first, int second, double noise) {
+  const Sight &a = sights[static_cast<std::size_t>(first)],
+              &b = sights[static_cast<std::size_t>(second)];
+  std::vector<cv::Point2d> from, to;
+  for (const auto& [point, place] : a) {
+    const auto other = b.find(point);
+    if (other == b.end()) continue;
+    from.push_back(place);
+    to.push_back(other->second);
+  }
+  if (from.size() < kLeastCommon) return {};
+  cv::setRNGSeed(1);
+  cv::Mat inliers, rotation, translation;
+  const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
+  const cv::Mat essential = cv::findEssentialMat(from, to, unit, cv::RANSAC, kSure, noise, inliers);
+  if (essential.rows != 3) return {};
+  const int agree = cv::recoverPose(essential, from, to, unit, rotation, translation, inliers);
+  if (agree < kLeastCommon) return {};
+  Pair pair{first, second, pose_from_opencv_matrix(rotation * opencv_from_ours(), translation), 0};
+  std::vector<double> angles;
+  for (std::size_t i = 0; i < from.size(); ++i) {
+    if (inliers.at<unsigned char>(static_cast<int>(i)) == 0) continue;
+    const Vector3d ahead = Vector3d(from[i].x, -from[i].y, -1).normalized();
+    const Vector3d other =
+        (pair.second_pose.world_from_camera_rotation * Vector3d(to[i].x, -to[i].y, -1))
+            .normalized();
+    angles.push_back(std::atan2(ahead.cross(other).norm(), ahead.dot(other)));
+  }
+  std::ranges::nth_element(angles, angles.begin() + static_cast<std::ptrdiff_t>(angles.size() / 2));
+  constexpr double kWideEnough = 0.3;  // radians; more makes nothing surer
+  pair.score = agree * std::min(angles[angles.size() / 2], kWideEnough);
+  return pair;
+}
+
+Pair best_pair(const std::vector<Sight>& sights, double noise) {
+  // The camera that sees most, and all others.
+  const auto most = std::ranges::max_element(sights, {}, &Sight::size);
+  const int first = static_cast<int>(most - sights.begin());
+  Pair best;
+  for (int second = 0; second < static_cast<int>(sights.size()); ++second) {
+    if (second == first) continue;
+    const Pair pair = judged_pair(sights, first, second, noise);
+    if (pair.score > best.score) best = pair;
+  }
+  return best;
+}
+
+/// A camera placed by the points that are found.
+struct Placement {
+  Pose pose;
+  double focal_factor = 1;  // of the focal length that was guessed
+  std::size_t agree = 0;    // points
+};
+
+/// With ideal image points as a focal length `factor` times as long would have them.
+Placement placed_by(const std::vector<cv::Point3d>& points, const std::vector<cv::Point2d>& seen,
+                    double noise, double factor) {
+  std::vector<cv::Point2d> scaled = seen;
+  for (cv::Point2d& place : scaled) place *= 1 / factor;
+  cv::setRNGSeed(1);
+  const cv::Mat unit = cv::Mat::eye(3, 3, CV_64F);
+  cv::Mat turn, translation;
+  std::vector<int> inliers;
+  constexpr int kTries = 1000;
+  try {
+    if (!cv::solvePnPRansac(points, scaled, unit, {}, turn, translation, false, kTries,
+                            static_cast<float>(noise / factor), kSure, inliers,
+                            cv::SOLVEPNP_SQPNP)) {
+      return {};
+    }
+  } catch (const cv::Exception&) {  // points that are all but one
+    return {};
+  }
+  return {pose_from_opencv(turn, translation), factor, inliers.size()};
+}
+
+/// A camera's pose from the points that are found; none where too few agree.
+std::optional<Placement> placed(const ArrayModel& model, const Sight& sight, double noise,
+                                bool lens_differs) {
+  std::vector<cv::Point3d> points;
+  std::vector<cv::Point2d> seen;
+  for (const auto& [point, place] : sight) {
+    const auto& found = model.points[static_cast<std::size_t>(point)];
+    if (!found) continue;
+    points.emplace_back(found->x(), found->y(), found->z());
+    seen.push_back(place);
+  }
+  if (points.size() < kLeastKnown) return std::nullopt;
+  Placement best = placed_by(points, seen, noise, 1);
+  const std::size_t most = points.size() * 4 / 5;
+  for (const double factor : {0.8, 1.25, 0.64, 1.56, 0.5, 2.0}) {
+    if (!lens_differs || best.agree >= most) break;
+    const Placement other = placed_by(points, seen, noise, factor);
+    if (other.agree > best.agree) best = other;
+  }
+  if (best.agree < std::max<std::size_t>(kLeastKnown, points.size() / 3)) return std::nullopt;
+  return best;
+}
+
+/// Ideal image units of a pixel, of a middling camera.
+double ideal_per_pixel(const ArrayModel& model) { return 1 / model.cameras.front().intrinsics.fx; }
+
+void refine(ArrayModel& model, const InitialPosesSettings& settings) {
+  BundleAdjustmentSettings bundle;
+  bundle.max_iterations = 30;
+  bundle.loss_scale_px = settings.max_error_px / 4;
+  bundle.fixed_cameras = settings.fixed_cameras;
+  bundle.stop = settings.stop;
+  run_bundle_adjustment(model, bundle);
+  classify_outliers(model, settings.max_error_px);
+  triangulate_points(model, settings.max_error_px);
+}
+
+}  // namespace
+
+bool estimate_initial_poses(ArrayModel& model, const InitialPosesSettings& settings) {
+  const double noise = settings.max_error_px / 2 * ideal_per_pixel(model);
+  const Pair pair = best_pair(sights_of(model), noise);
+  if (pair.first < 0) return false;
+  model.cameras[static_cast<std::size_t>(pair.first)].pose = Pose{};
+  model.cameras[static_cast<std::size_t>(pair.second)].pose = pair.second_pose;
+  triangulate_points(model, settings.max_error_px);
+  refine(model, settings);
+  register_cameras(model, settings);
+  return true;
+}
+
+void register_cameras(ArrayModel& model, const InitialPosesSettings& settings) {
+  const std::vector<Sight> sights = sights_of(model);
+  const double noise = settings.max_error_px / 2 * ideal_per_pixel(model);
+  const auto known_of = [&](const Sight& sight) {
+    return std::ranges::count_if(sight, [&](const auto& seen) {
+      return model.points[static_cast<std::size_t>(seen.first)].has_value();
+    });
+  };
+  auto placed_cameras = static_cast<std::size_t>(std::ranges::count_if(
+      model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); }));
+  std::size_t refined_at = placed_cameras;
+  while (placed_cameras < model.cameras.size()) {
+    // Those that see most of what is known come first; some fail now and not later.
+    std::vector<std::pair<std::ptrdiff_t, std::size_t>> next;
+    for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+      if (!model.cameras[i].pose) next.emplace_back(known_of(sights[i]), i);
+    }
+    std::ranges::sort(next, std::greater<>());
+    bool found = false;
+    for (const auto& [known, camera] : next) {
+      if (known < kLeastKnown) break;
+      const auto placement = placed(model, sights[camera], noise, settings.estimates_focal_lengths);
+      if (!placement) continue;
+      model.cameras[camera].pose = placement->pose;
+      model.cameras[camera].intrinsics.fx *= placement->focal_factor;
+      model.cameras[camera].intrinsics.fy *= placement->focal_factor;
+      ++placed_cameras;
+      found = true;
+      break;
+    }
+    if (!found) break;
+    triangulate_points(model, settings.max_error_px);
+    if (placed_cameras >= refined_at + std::max<std::size_t>(1, refined_at / 2)) {
+      refine(model, settings);
+      refined_at = placed_cameras;
+    }
+  }
+  refine(model, settings);
+}
+
+}  // namespace raystage

@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: Apache-2.0
+// Inside rig/calibration only: CameraModel's projection, for numbers with derivatives.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <string_view>
+
+#include "schemas/geometry.h"
+
+namespace raystage {
+
+/// A lens as solvers move it: fx, fy, cx, cy, k1, k2, p1, p2, k3.
+constexpr int kLensParameterCount = 9;
+using LensParameters = std::array<double, kLensParameterCount>;
+constexpr std::array<std::string_view, kLensParameterCount> kLensParameterNames{
+    "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3"};
+
+inline LensParameters lens_parameters(const Intrinsics& k) {
+  const Distortion& d = k.distortion;
+  return {k.fx, k.fy, k.cx, k.cy, d.k1, d.k2, d.p1, d.p2, d.k3};
+}
+
+inline Intrinsics intrinsics_from_parameters(const LensParameters& v) {
+  return {v[0], v[1], v[2], v[3], {v[4], v[5], v[6], v[7], v[8]}};
+}
+
+/// Pixel of a point in front of the camera (z < 0). The fold of the lens model is not looked at.
+template <class T>
+Eigen::Matrix<T, 2, 1> project_to_pixel(const Eigen::Matrix<T, 3, 1>& in_camera, const T* lens,
+                                        bool square_pixels) {
+  const T x = in_camera.x() / -in_camera.z(), y = in_camera.y() / in_camera.z();
+  const T s = x * x + y * y;
+  const T factor = T(1) + s * (lens[4] + s * (lens[5] + s * lens[8]));
+  const T &p1 = lens[6], &p2 = lens[7];
+  const T u = x * factor + T(2) * p1 * x * y + p2 * (s + T(2) * x * x);
+  const T v = y * factor + p1 * (s + T(2) * y * y) + T(2) * p2 * x * y;
+  return {lens[0] * u + lens[2], lens[square_pixels ? 0 : 1] * v + lens[3]};
+}
+
+}  // namespace raystage

@@ -1,0 +1,140 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/solve.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "calibrate/geometry/bundle_adjustment.h"
+#include "calibrate/geometry/initial_poses.h"
+#include "calibrate/geometry/solve_steps.h"
+
+namespace raystage {
+namespace {
+
+constexpr double kFirstError = 12;  // pixels: as much may be wrong while lenses are guessed
+constexpr double kStrict = 3;       // pixels: what a bright spot's middle may be off by
+
+/// The more cameras, then the more observations that fit, the better.
+double score_of(const ArrayModel& model) {
+  constexpr double kGood = 2;  // pixels
+  double sum = count_registered_cameras(model) * 1e6;
+  for (const double error : reprojection_errors(model))
+    sum += 1 / (1 + error * error / (kGood * kGood));
+  return sum;
+}
+
+/// From nothing, or from the poses that are known; observations within `max_error_px` count.
+ArrayModel begun_once(const ArrayModel& empty, double max_error_px, const SolveSettings& settings) {
+  ArrayModel model = empty;
+  BundleAdjustmentSettings bundle;
+  bundle.fixed_cameras = settings.fixed_cameras;
+  bundle.stop = settings.stop;
+  bundle.loss_scale_px = 2;
+  InitialPosesSettings first{max_error_px, false, settings.fixed_cameras};
+  first.stop = settings.stop;
+  first.estimates_focal_lengths = settings.lens_per_camera && settings.lenses.empty();
+  const auto is_known = [](const std::optional<Pose>& pose) { return pose.has_value(); };
+  if (std::ranges::count_if(settings.poses, is_known) >= 2) {
+    for (std::size_t i = 0; i < settings.poses.size(); ++i) {
+      model.cameras[i].pose = settings.poses[i];
+    }
+    triangulate_points(model, max_error_px);
+    register_cameras(model, first);
+  } else if (!estimate_initial_poses(model, first)) {
+    return model;
+  }
+  if (!settings.lens_is_known && settings.lenses.empty())
+    bundle.lens = LensRefinement::kFocalLength;
+  bundle.shared_lens = !settings.lens_per_camera;
+  run_bundle_adjustment(model, bundle);
+  if (settings.lens_per_camera) register_cameras(model, first);
+  return model;
+}
+
+/// Much may be wrong while lenses are guessed; but what is forgiven can hide a wrong beginning, so
+/// that for each field of view a strict one is tried, too. All at once: which is best does not
+/// depend on their order.
+ArrayModel begun_with(const Detections& detections, const std::vector<double>& fovs,
+                      const SolveSettings& settings) {
+  std::vector<ArrayModel> begun(2 * fovs.size());
+  parallel_for(std::size_t{0}, begun.size(), [&](std::size_t i) {
+    ArrayModel model = make_initial_model(detections, fovs[i / 2]);
+    for (std::size_t k = 0; k < settings.lenses.size(); ++k) {
+      model.cameras[k].intrinsics = settings.lenses[k];
+    }
+    begun[i] = begun_once(model, i % 2 == 0 ? kFirstError : kStrict, settings);
+  });
+  return std::move(*std::ranges::max_element(begun, {}, score_of));
+}
+
+/// At most so many points, spread over all, seen by the cameras that see most.
+Detections thinned(const Detections& all, std::size_t max_points, std::size_t most_cameras) {
+  std::vector<int> points;
+  std::vector<std::pair<int, int>> sights;  // how many, of which camera
+  for (std::size_t i = 0; i < all.cameras.size(); ++i) sights.emplace_back(0, static_cast<int>(i));
+  for (const auto& d : all.detections) {
+    if (points.empty() || points.back() != d.point) points.push_back(d.point);
+    ++sights[static_cast<std::size_t>(d.camera)].first;
+  }
+  std::ranges::stable_sort(sights, std::greater<>(), [](const auto& sight) { return sight.first; });
+  std::vector<bool> looks(all.cameras.size(), false);
+  for (std::size_t i = 0; i < std::min(most_cameras, sights.size()); ++i) {
+    looks[static_cast<std::size_t>(sights[i].second)] = true;
+  }
+  const std::size_t step = (points.size() + max_points - 1) / max_points;
+  Detections thin{all.cameras, {}};
+  std::size_t index = 0;
+  for (const auto& d : all.detections) {
+    while (points[index] != d.point) ++index;
+    if (index % step == 0 && looks[static_cast<std::size_t>(d.camera)]) {
+      thin.detections.push_back(d);
+    }
+  }
+  return thin;
+}
+
+/// The given field of view, or that of several with which most cameras and points fit best.
+double likely_fov(const Detections& detections, const SolveSettings& settings) {
+  constexpr double kDegree = std::numbers::pi / 180;
+  if (settings.horizontal_fov) return *settings.horizontal_fov;
+  if (!settings.lenses.empty()) return 60 * kDegree;  // not looked at
+  constexpr std::size_t kMostPoints = 150, kMostCameras = 9;
+  const Detections thin = thinned(detections, kMostPoints, kMostCameras);
+  std::vector<double> tried;
+  for (const double degrees : {15, 25, 40, 55, 70, 90, 110}) tried.push_back(degrees * kDegree);
+  const ArrayModel best = begun_with(thin, tried, settings);
+  const auto found = std::ranges::find_if(
+      best.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); });
+  if (found == best.cameras.end()) return 60 * kDegree;
+  return 2 * std::atan(found->width / 2.0 / found->intrinsics.fx);
+}
+
+}  // namespace
+
+ArrayModel solve_array(const Detections& detections, const SolveSettings& settings,
+                       SolveReport& report) {
+  const auto start = std::chrono::steady_clock::now();
+  ArrayModel model = begun_with(detections, {likely_fov(detections, settings)}, settings);
+  const bool is_held =
+      std::ranges::find(settings.fixed_cameras, true) != settings.fixed_cameras.end();
+  if (!settings.poses.empty() && !is_held &&
+      2 * make_solve_step(model, "").observations < static_cast<int>(model.observations.size())) {
+    SolveSettings without_poses = settings;  // the array is no longer as it was
+    without_poses.poses.clear();
+    ArrayModel anew = begun_with(detections, {likely_fov(detections, settings)}, without_poses);
+    if (score_of(anew) > score_of(model)) model = std::move(anew);
+  }
+  if (count_registered_cameras(model) < 2) {
+    throw Error::bad_input("no two cameras see enough of the same points in places that differ", "",
+                           "Record the light where several cameras see it at once, near and far");
+  }
+  run_bundle_adjustment_steps(model, settings, report);
+  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return model;
+}
+
+}  // namespace raystage

@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/solve_steps.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "calibrate/geometry/bundle_adjustment.h"
+#include "calibrate/geometry/initial_poses.h"
+
+namespace raystage {
+namespace {
+
+constexpr double kMostThreshold = 12;  // pixels
+constexpr double kLeastThreshold = 3;
+
+/// Pixels beyond which an observation is none of the others' kind: six times the deviation that
+/// their median tells (lengths of errors in two directions).
+double outlier_threshold(const ArrayModel& model) {
+  std::vector<double> errors = reprojection_errors(model);
+  if (errors.empty()) return kMostThreshold;
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::ranges::nth_element(errors, middle);
+  const double deviation = *middle / std::sqrt(2 * std::numbers::ln2);
+  return std::clamp(6 * deviation, kLeastThreshold, kMostThreshold);
+}
+
+/// Until observations stay on their side. `least_px`: what the lens as it is then may err by is no
+/// reason to drop one.
+void settle(ArrayModel& model, const BundleAdjustmentSettings& settings, double least_px) {
+  constexpr int kMostRounds = 6;
+  for (int round = 0; round < kMostRounds; ++round) {
+    run_bundle_adjustment(model, settings);
+    const double threshold = std::max(outlier_threshold(model), least_px);
+    if (model.bodies.empty()) triangulate_points(model, threshold);
+    const int changed = classify_outliers(model, threshold);
+    if (changed <= static_cast<int>(model.observations.size() / 1000)) break;
+  }
+  run_bundle_adjustment(model, settings);
+}
+
+}  // namespace
+
+int count_registered_cameras(const ArrayModel& model) {
+  return static_cast<int>(std::ranges::count_if(
+      model.cameras, [](const ArrayModel::Camera& camera) { return camera.pose.has_value(); }));
+}
+
+SolveReport::Step make_solve_step(const ArrayModel& model, std::string what) {
+  SolveReport::Step step{std::move(what), rms_reprojection_error(model), 0, 0};
+  for (const ArrayModel::Observation& observation : model.observations) {
+    if (model.counts(observation)) ++step.observations;
+    if (observation.is_outlier) ++step.outliers;
+  }
+  return step;
+}
+
+void run_bundle_adjustment_steps(ArrayModel& model, const SolveSettings& settings,
+                                 SolveReport& report) {
+  BundleAdjustmentSettings bundle;
+  bundle.fixed_cameras = settings.fixed_cameras;
+  bundle.stop = settings.stop;
+  const auto release = [&](LensRefinement lens, bool shared, double least_px, const char* what) {
+    bundle.lens = lens;
+    bundle.shared_lens = shared;
+    settle(model, bundle, least_px);
+    report.steps.push_back(make_solve_step(model, what));
+    if (settings.on_step) settings.on_step(report.steps.back());
+  };
+  const bool frees = !settings.lens_is_known, each = settings.lens_per_camera;
+  release(LensRefinement::kNone, false, frees ? 8 : kLeastThreshold, "poses and points");
+  if (frees && settings.lenses.empty()) {
+    release(LensRefinement::kFocalLength, !each, 8,
+            each ? "a focal length for each camera" : "one focal length for all");
+  }
+  if (frees && !each) {
+    release(LensRefinement::kRadial, true, kLeastThreshold, "one lens for all");
+  }
+  if (frees && each) {
+    release(LensRefinement::kPinhole, false, 4, "a principal point for each camera");
+    release(LensRefinement::kRadial, false, 4, "a lens for each camera");
+  }
+  if (frees && settings.full_lens_model) {
+    release(LensRefinement::kFullModel, !each, 4, "all of the lens model");
+  }
+  if (frees && (each || settings.full_lens_model)) {
+    release(bundle.lens, bundle.shared_lens, kLeastThreshold, "without what is still odd");
+  }
+  report.last = bundle;
+}
+
+}  // namespace raystage

@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// Arrays whose truth is known, and real ones whose published error is.
+#include "calibrate/geometry/solve.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "testing/calibrate/test_synthetic_array.h"
+#include "testing/test_data.h"
+
+namespace raystage {
+namespace {
+
+TEST(SolvedArrays, TheThesisArrayIsFoundToAMillimetre) {
+  const SyntheticArray truth = make_synthetic_array({});
+  SolveReport report;
+  SolveSettings settings;
+  settings.horizontal_fov = 60 * kTestDegree;
+  const ArrayModel model = solve_array(truth.detections, settings, report);
+  const PoseErrors errors = pose_errors(model, truth.poses);
+  RecordProperty("seconds", fmt::format("{:.1f}", report.seconds));
+  EXPECT_EQ(errors.placed, 64);
+  EXPECT_LE(report.steps.back().rms_px, 0.3);
+  EXPECT_LE(errors.metres, 1e-3);
+  EXPECT_LE(errors.degrees, 0.05);
+  // Five in a hundred were made up, and a few good ones look it.
+  const double outliers = static_cast<double>(report.steps.back().outliers) /
+                          static_cast<double>(model.observations.size());
+  EXPECT_NEAR(outliers, 0.05, 0.02);
+}
+
+TEST(SolvedArrays, WhatSeesNothingHasNoPose) {
+  SyntheticArray truth = make_synthetic_array({.rows = 2, .columns = 3});
+  std::erase_if(truth.detections.detections, [](const auto& d) { return d.camera == 4; });
+  SolveReport report;
+  const ArrayModel model =
+      solve_array(truth.detections, {.horizontal_fov = 60 * kTestDegree}, report);
+  EXPECT_FALSE(model.cameras[4].pose);
+  EXPECT_EQ(pose_errors(model, truth.poses).placed, 5);
+  truth.detections.detections.clear();
+  EXPECT_THROW(solve_array(truth.detections, {}, report), Error);
+}
+
+TEST(SolvedArrays, AreGivenUpWhenAskedTo) {
+  const SyntheticArray truth = make_synthetic_array({.rows = 2, .columns = 3});
+  SolveReport report;
+  std::stop_source source;
+  SolveSettings settings{.horizontal_fov = 60 * kTestDegree};
+  settings.stop = source.get_token();
+  std::vector<std::string> steps;
+  settings.on_step = [&](const SolveStep& step) {
+    steps.push_back(step.what);
+    source.request_stop();
+  };
+  EXPECT_THROW(solve_array(truth.detections, settings, report), Error);
+  EXPECT_EQ(steps, std::vector<std::string>{"poses and points"});
+}
+
+/// A captured light, with a lens for each camera.
+ArrayModel solved_light(const std::filesystem::path& folder, SolveReport& report) {
+  const Detections detections =
+      read_detections(folder / "detections.csv", read_detections_document(folder / "cameras.json"));
+  SolveSettings settings;
+  settings.lens_per_camera = true;
+  return solve_array(detections, settings, report);
+}
+
+/// Svoboda's MultiCamSelfCal states 0.62 px in the mean.
+TEST(SolvedArrays, AMovingLightIsExplainedAsWellAsPublished) {
+  const auto folder = test_data() / "led_points" / "DATA20100906_134124";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured detections at " << folder;
+  SolveReport report;
+  const ArrayModel model = solved_light(folder, report);
+  std::string steps;
+  for (const SolveReport::Step& step : report.steps) {
+    steps += fmt::format("{}: {:.3f} px, {} of {} left out\n", step.what, step.rms_px,
+                         step.outliers, step.outliers + step.observations);
+  }
+  SCOPED_TRACE(steps);
+  const std::vector<double> errors = reprojection_errors(model);
+  double sum = 0;
+  for (const double error : errors) sum += error;
+  EXPECT_LE(sum / static_cast<double>(errors.size()), 0.62);
+  std::vector<std::size_t> seen(model.points.size(), 0), kept(model.points.size(), 0);
+  for (const ArrayModel::Observation& observation : model.observations) {
+    ++seen[static_cast<std::size_t>(observation.point)];
+    kept[static_cast<std::size_t>(observation.point)] += model.counts(observation) ? 1 : 0;
+  }
+  int by_all = 0, kept_by_all = 0;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    if (seen[i] < model.cameras.size()) continue;
+    ++by_all;
+    kept_by_all += kept[i] == seen[i] ? 1 : 0;
+  }
+  EXPECT_GT(by_all, 300);
+  EXPECT_GE(kept_by_all, 0.9 * by_all);
+}
+
+/// Three cameras with narrow lenses: two of them explain what they see with many.
+TEST(SolvedArrays, LensesThatNobodyGuessedAreFound) {
+  const auto folder = test_data() / "led_points" / "DATA20090709_111010";
+  if (!std::filesystem::exists(folder)) GTEST_SKIP() << "no captured detections at " << folder;
+  SolveReport report;
+  const ArrayModel model = solved_light(folder, report);
+  for (const ArrayModel::Camera& camera : model.cameras) EXPECT_TRUE(camera.pose) << camera.id;
+  EXPECT_LE(rms_reprojection_error(model), 0.3);
+  EXPECT_GE(report.steps.back().observations,
+            0.98 * static_cast<double>(model.observations.size()));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,83 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <Eigen/Dense>
+#include <cmath>
+#include <vector>
+
+#include "calibrate/geometry/initial_poses.h"
+#include "rig/camera_model.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+struct Ray {
+  Vector3d origin, direction;  // unit
+};
+
+/// Where the sum of squared distances from the rays is least; none where they are all but parallel.
+std::optional<Vector3d> nearest_point(const std::vector<Ray>& rays) {
+  constexpr double kLeastAngle = 1e-3;  // radians between two of them
+  bool differ = false;
+  Matrix3d sum = Matrix3d::Zero();
+  Vector3d right = Vector3d::Zero();
+  for (const Ray& ray : rays) {
+    differ = differ || ray.direction.cross(rays.front().direction).norm() > kLeastAngle;
+    const Matrix3d across = Matrix3d::Identity() - ray.direction * ray.direction.transpose();
+    sum += across;
+    right += across * ray.origin;
+  }
+  if (!differ) return std::nullopt;
+  return sum.ldlt().solve(right);
+}
+
+}  // namespace
+
+void triangulate_points(ArrayModel& model, double max_error_px) {
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  for (std::size_t begin = 0; begin < model.observations.size();) {
+    const int point = model.observations[begin].point;
+    std::size_t end = begin;
+    std::vector<Ray> rays;
+    std::vector<std::size_t> of_rays;
+    for (; end < model.observations.size() && model.observations[end].point == point; ++end) {
+      const auto camera = static_cast<std::size_t>(model.observations[end].camera);
+      const auto& pose = model.cameras[camera].pose;
+      const auto in_camera = lenses[camera].unproject(model.observations[end].pixel);
+      if (!pose || !in_camera) continue;
+      rays.push_back(
+          {pose->position, (pose->world_from_camera_rotation * *in_camera).normalized()});
+      of_rays.push_back(end);
+    }
+    begin = end;
+    auto& place = model.points[static_cast<std::size_t>(point)];
+    if (place || rays.size() < 2) continue;
+    // All rays; where some of them lead elsewhere, the pair with which most others agree.
+    std::vector<std::vector<Ray>> tries{rays};
+    for (std::size_t a = 0; a < rays.size() && rays.size() > 2; ++a) {
+      for (std::size_t b = a + 1; b < std::min(rays.size(), a + 4); ++b) {
+        tries.push_back({rays[a], rays[b]});
+      }
+    }
+    std::size_t best = 1;
+    for (const std::vector<Ray>& chosen : tries) {
+      const auto found = nearest_point(chosen);
+      if (!found) continue;
+      std::size_t agree = 0;
+      for (const std::size_t i : of_rays) {
+        const ArrayModel::Observation& observation = model.observations[i];
+        const auto camera = static_cast<std::size_t>(observation.camera);
+        const auto seen =
+            lenses[camera].project(model.cameras[camera].pose->camera_from_world(*found));
+        agree += seen && (*seen - observation.pixel).norm() <= max_error_px ? 1 : 0;
+      }
+      if (agree <= best) continue;
+      best = agree;
+      place = found;
+      if (agree == rays.size()) break;
+    }
+  }
+}
+
+}  // namespace raystage

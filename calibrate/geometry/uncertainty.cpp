@@ -1,0 +1,308 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/geometry/uncertainty.h"
+
+#include <ceres/jet.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "calibrate/geometry/parameter_layout.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Index;
+using Eigen::Matrix3d;
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kUnknown = 1e6;  // tolerances: the deviation of what nothing tells
+
+/// How a pixel moves with the point in the camera (3) and with the lens (9).
+using LensJacobian = Eigen::Matrix<double, 2, 3 + kLensParameterCount>;
+
+LensJacobian lens_jacobian(const Vector3d& in_camera, const Intrinsics& lens, bool square_pixels) {
+  using Jet = ceres::Jet<double, 3 + kLensParameterCount>;
+  Eigen::Matrix<Jet, 3, 1> point;
+  for (int i = 0; i < 3; ++i) point[i] = Jet(in_camera[i], i);
+  std::array<Jet, kLensParameterCount> values;
+  const LensParameters plain = lens_parameters(lens);
+  for (std::size_t i = 0; i < values.size(); ++i)
+    values[i] = Jet(plain[i], 3 + static_cast<int>(i));
+  const Eigen::Matrix<Jet, 2, 1> pixel = project_to_pixel<Jet>(point, values.data(), square_pixels);
+  LensJacobian jacobian;
+  jacobian.row(0) = pixel.x().v.transpose();
+  jacobian.row(1) = pixel.y().v.transpose();
+  return jacobian;
+}
+
+Matrix3d cross_matrix(const Vector3d& v) {
+  Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
+/// One observation's rows: which unknowns, and how it moves with them and with its point.
+struct Rows {
+  std::vector<Index> unknowns;
+  Eigen::Matrix<double, 2, Eigen::Dynamic> by_unknowns;
+  Eigen::Matrix<double, 2, 3> by_point;
+};
+
+Rows rows_of(const ArrayModel& model, const ArrayModel::Observation& o,
+             const ParameterLayout& layout) {
+  const auto i = static_cast<std::size_t>(o.camera);
+  const ArrayModel::Camera& camera = model.cameras[i];
+  const Vector3d in_camera =
+      camera.pose->camera_from_world(*model.points[static_cast<std::size_t>(o.point)]);
+  const LensJacobian jacobian = lens_jacobian(in_camera, camera.intrinsics, layout.square_pixels);
+  const Eigen::Matrix<double, 2, 3> by_place = jacobian.leftCols<3>();
+  const Matrix3d camera_from_world = camera.pose->world_from_camera_rotation.transpose();
+  Rows rows;
+  rows.by_point = by_place * camera_from_world;
+  const Index of_pose = layout.pose[i] == kFixed ? 0 : kPoseParameterCount;
+  const Index of_lens =
+      layout.lens[i] == kFixed ? 0 : static_cast<Index>(layout.free_lens_parameters.size());
+  rows.by_unknowns.resize(2, of_pose + of_lens);
+  if (of_pose != 0) {
+    rows.by_unknowns.leftCols<3>() = -by_place * cross_matrix(in_camera);
+    rows.by_unknowns.middleCols<3>(3) = -rows.by_point;
+    for (Index k = 0; k < of_pose; ++k) rows.unknowns.push_back(layout.pose[i] + k);
+  }
+  for (Index k = 0; k < of_lens; ++k) {
+    rows.by_unknowns.col(of_pose + k) =
+        jacobian.col(3 + layout.free_lens_parameters[static_cast<std::size_t>(k)]);
+    rows.unknowns.push_back(layout.lens[i] + k);
+  }
+  return rows;
+}
+
+/// Information about the unknowns after each point was left as free as its observations leave it
+/// (the reduced camera system), for noise of one pixel.
+struct Information {
+  MatrixXd matrix;
+  int observations = 0, eliminated = 0;  // how many rows' pairs; how many unknowns are gone
+  double squared_error = 0;
+};
+
+/// Of what rows have in common: a point, or all points of a body. `by_common`: how each row moves
+/// with it, under each other.
+void add_common(Information& sum, const std::vector<Rows>& rows, const MatrixXd& by_common) {
+  // It takes with it what its own motion explains: the space of its columns, whose basis is
+  // orthonormal however far away it is (its depth changes pixels by little, but changes them).
+  const Eigen::HouseholderQR<MatrixXd> qr(by_common);
+  const MatrixXd basis = qr.householderQ() * MatrixXd::Identity(by_common.rows(), by_common.cols());
+  std::vector<MatrixXd> across;  // unknowns x basis
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    across.emplace_back(rows[k].by_unknowns.transpose() *
+                        basis.middleRows<2>(2 * static_cast<Index>(k)));
+  }
+  for (std::size_t a = 0; a < rows.size(); ++a) {
+    for (std::size_t b = 0; b < rows.size(); ++b) {
+      MatrixXd block = -across[a] * across[b].transpose();
+      if (a == b) block += rows[a].by_unknowns.transpose() * rows[a].by_unknowns;
+      for (Index row = 0; row < block.rows(); ++row) {
+        for (Index column = 0; column < block.cols(); ++column) {
+          sum.matrix(rows[a].unknowns[static_cast<std::size_t>(row)],
+                     rows[b].unknowns[static_cast<std::size_t>(column)]) += block(row, column);
+        }
+      }
+    }
+  }
+}
+
+/// Observations that stand or fall together: of one point, or of all points of one body.
+std::vector<std::vector<const ArrayModel::Observation*>> groups_of(const ArrayModel& model) {
+  std::vector<std::size_t> group_of(model.points.size());
+  for (std::size_t i = 0; i < group_of.size(); ++i) group_of[i] = i;
+  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+    for (const int point : model.bodies[b].points) group_of[static_cast<std::size_t>(point)] = b;
+  }
+  std::vector<std::vector<const ArrayModel::Observation*>> groups(model.points.size());
+  for (const ArrayModel::Observation& o : model.observations) {
+    if (model.counts(o)) groups[group_of[static_cast<std::size_t>(o.point)]].push_back(&o);
+  }
+  return groups;
+}
+
+Information information_of(const ArrayModel& model, const ParameterLayout& layout) {
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  const bool has_bodies = !model.bodies.empty();
+  const Index freedom = has_bodies ? 6 : 3;
+  Information sum;
+  sum.matrix = MatrixXd::Zero(layout.size, layout.size);
+  const auto groups = groups_of(model);
+  for (std::size_t g = 0; g < groups.size(); ++g) {
+    std::vector<Rows> rows;
+    MatrixXd by_common(2 * static_cast<Index>(groups[g].size()), freedom);
+    for (const ArrayModel::Observation* o : groups[g]) {
+      const auto residual = reprojection_residual(model, lenses, *o);
+      if (!residual) continue;
+      rows.push_back(rows_of(model, *o, layout));
+      sum.squared_error += residual->squaredNorm();
+      const Index at = 2 * (static_cast<Index>(rows.size()) - 1);
+      by_common.block<2, 3>(at, 0) = rows.back().by_point;
+      if (freedom == 6) {
+        const Vector3d from_middle =
+            *model.points[static_cast<std::size_t>(o->point)] - model.bodies[g].pose->position;
+        by_common.block<2, 3>(at, 3) = -rows.back().by_point * cross_matrix(from_middle);
+      }
+    }
+    if (rows.empty()) continue;
+    by_common.conservativeResize(2 * static_cast<Index>(rows.size()), freedom);
+    sum.observations += static_cast<int>(rows.size());
+    sum.eliminated += static_cast<int>(freedom);
+    add_common(sum, rows, by_common);
+  }
+  return sum;
+}
+
+/// How poses move as the world drifts (3), turns (3) and grows (1): columns over all unknowns.
+MatrixXd world_motions(const ArrayModel& model, const ParameterLayout& layout) {
+  MatrixXd motions = MatrixXd::Zero(layout.size, 7);
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    const Index at = layout.pose[i];
+    if (at == kFixed) continue;
+    const Pose& pose = *model.cameras[i].pose;
+    motions.block<3, 3>(at + 3, 0) = Matrix3d::Identity();
+    motions.block<3, 3>(at, 3) = -pose.world_from_camera_rotation.transpose();
+    motions.block<3, 3>(at + 3, 3) = -cross_matrix(pose.position);
+    motions.block<3, 1>(at + 3, 6) = pose.position;
+  }
+  return motions;
+}
+
+/// The part of the world's motions that held cameras leave free: none with two of them; with one
+/// the world still grows about it.
+MatrixXd free_motions(const ArrayModel& model, const ParameterLayout& layout) {
+  MatrixXd motions = world_motions(model, layout);
+  std::vector<Vector3d> rest;
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    const bool is_in_use = layout.lens[i] != kFixed || layout.pose[i] != kFixed;
+    if (model.cameras[i].pose && layout.pose[i] == kFixed && is_in_use) {
+      rest.push_back(model.cameras[i].pose->position);
+    }
+  }
+  if (rest.empty()) return model.bodies.empty() ? motions : MatrixXd(motions.leftCols<6>());
+  if (rest.size() > 1 || !model.bodies.empty()) return MatrixXd::Zero(layout.size, 0);
+  const VectorXd growth = motions.col(6) - motions.leftCols<3>() * rest.front();
+  return growth;
+}
+
+/// Correlation of residuals that follow each other in a camera, those of points in the order of
+/// their numbers; at least 0.
+double residual_correlation(const ArrayModel& model) {
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  std::vector<std::optional<Eigen::Vector2d>> before(model.cameras.size());
+  double together = 0, alone = 0;
+  for (const ArrayModel::Observation& o : model.observations) {
+    if (!model.counts(o)) continue;
+    const auto residual = reprojection_residual(model, lenses, o);
+    if (!residual) continue;
+    auto& last = before[static_cast<std::size_t>(o.camera)];
+    if (last) {
+      together += residual->dot(*last);
+      alone += (residual->squaredNorm() + last->squaredNorm()) / 2;
+    }
+    last = residual;
+  }
+  constexpr double kMost = 0.95;
+  return alone > 0 ? std::clamp(together / alone, 0.0, kMost) : 0;
+}
+
+}  // namespace
+
+double median_neighbour_distance(const ArrayModel& model) {
+  std::vector<double> nearest;
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    double least = std::numeric_limits<double>::infinity();
+    for (std::size_t j = 0; j < model.cameras.size(); ++j) {
+      if (i == j || !model.cameras[i].pose || !model.cameras[j].pose) continue;
+      least = std::min(least,
+                       (model.cameras[i].pose->position - model.cameras[j].pose->position).norm());
+    }
+    if (std::isfinite(least)) nearest.push_back(least);
+  }
+  if (nearest.empty()) return 0;
+  const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
+  std::ranges::nth_element(nearest, middle);
+  return *middle;
+}
+
+std::optional<Uncertainty> estimate_uncertainty(const ArrayModel& model,
+                                                const BundleAdjustmentSettings& free,
+                                                const Tolerances& tolerances, double min_noise_px) {
+  const ParameterLayout layout = make_parameter_layout(model, free);
+  if (layout.size == 0) return std::nullopt;
+  const Information information = information_of(model, layout);
+  if (information.observations == 0) return std::nullopt;
+  const MatrixXd motions = free_motions(model, layout);
+  const double surplus = 2.0 * information.observations - information.eliminated -
+                         static_cast<double>(layout.size - motions.cols());
+  Uncertainty result;
+  result.noise_px =
+      std::max(std::sqrt(information.squared_error / std::max(surplus, 1.0)), min_noise_px);
+
+  // In tolerances, with the world's own motions made as sure as the surest.
+  const VectorXd one = parameter_tolerances(model, layout, tolerances);
+  MatrixXd scaled = one.asDiagonal() * information.matrix * one.asDiagonal();
+  scaled = (scaled + scaled.transpose()).eval() / 2;
+  MatrixXd world(layout.size, 0);
+  if (motions.cols() > 0) {
+    const MatrixXd in_tolerances = one.cwiseInverse().asDiagonal() * motions;
+    Eigen::JacobiSVD<MatrixXd> svd(in_tolerances, Eigen::ComputeThinU);
+    world = svd.matrixU().leftCols(svd.rank());
+  }
+  const double most = std::max(scaled.diagonal().maxCoeff(), 1e-300);
+  scaled += most * world * world.transpose();
+  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(scaled);
+  const double least = std::numeric_limits<double>::epsilon() * static_cast<double>(layout.size) *
+                       std::max(eigen.eigenvalues().maxCoeff(), 1e-300);
+  result.correlation = residual_correlation(model);
+  // As many independent ones would tell as much (first-order autoregression).
+  const double variance =
+      result.noise_px * result.noise_px * (1 + result.correlation) / (1 - result.correlation);
+  MatrixXd covariance = MatrixXd::Zero(layout.size, layout.size);
+  for (Index k = 0; k < layout.size; ++k) {
+    // What is lost in rounding is not known, however small the noise is against it.
+    const double value = eigen.eigenvalues()[k] > least
+                             ? eigen.eigenvalues()[k]
+                             : std::min(least, variance / (kUnknown * kUnknown));
+    const VectorXd direction = eigen.eigenvectors().col(k);
+    const double of_world = world.cols() > 0 ? (world.transpose() * direction).squaredNorm() : 0;
+    if (of_world > 0.5) continue;
+    covariance += (variance / value) * direction * direction.transpose();
+    // Of what changes most in it: a world of many cameras is not less sure than one of few.
+    const double deviation = 2 * std::sqrt(variance / value) * max_effect(direction, layout);
+    if (k == 0 || deviation > 1) {
+      result.weakest.push_back(summarise_direction(direction, deviation, layout));
+    }
+  }
+  const VectorXd deviations = covariance.diagonal().cwiseMax(0).cwiseSqrt().cwiseProduct(one);
+  for (std::size_t i = 0; i < model.cameras.size(); ++i) {
+    if (layout.pose[i] == kFixed && layout.lens[i] == kFixed) {
+      result.cameras.emplace_back();
+      continue;
+    }
+    Uncertainty::Camera camera;
+    if (layout.pose[i] != kFixed) {
+      camera.rotation_deg = deviations.segment<3>(layout.pose[i]) * 180 / std::numbers::pi;
+      camera.position = deviations.segment<3>(layout.pose[i] + 3);
+    }
+    for (std::size_t k = 0; layout.lens[i] != kFixed && k < layout.free_lens_parameters.size();
+         ++k) {
+      camera.lens[static_cast<std::size_t>(layout.free_lens_parameters[k])] =
+          deviations[layout.lens[i] + static_cast<Index>(k)];
+    }
+    if (layout.lens[i] != kFixed && layout.square_pixels) camera.lens[1] = camera.lens[0];
+    result.cameras.emplace_back(camera);
+  }
+  std::ranges::stable_sort(result.weakest, std::greater<>(), &Uncertainty::Direction::deviation);
+  return result;
+}
+
+}  // namespace raystage

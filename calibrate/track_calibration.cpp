@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "calibrate/track_calibration.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector2d;
+
+constexpr int kMostRounds = 6;
+
+/// One camera's evidence: where the light was against where it should have been.
+struct Lag {
+  double seconds = 0;  // by which the times are ahead, as this point tells
+  double weight = 0;   // pixels per second, squared
+};
+
+double weighted_median(std::vector<Lag> lags) {
+  std::ranges::sort(lags, {}, &Lag::seconds);
+  double half = 0;
+  for (const Lag& lag : lags) half += lag.weight / 2;
+  for (const Lag& lag : lags) {
+    half -= lag.weight;
+    if (half <= 0) return lag.seconds;
+  }
+  return 0;
+}
+
+std::vector<std::vector<Lag>> lags_of(const ArrayModel& model, const InterpolatedTracks& points,
+                                      const PointTracks& tracks) {
+  constexpr double kMostOff = 30;     // pixels: beyond it is another light
+  constexpr double kLeastSpeed = 10;  // pixels per second
+  const std::vector<CameraModel> lenses = make_camera_models(model);
+  std::vector<std::vector<Lag>> lags(tracks.size());
+  for (const ArrayModel::Observation& o : model.observations) {
+    const auto off = reprojection_residual(model, lenses, o);
+    if (!off || !(off->norm() <= kMostOff)) continue;
+    const auto c = static_cast<std::size_t>(o.camera);
+    const int number = model.point_ids[static_cast<std::size_t>(o.point)];
+    const auto target = static_cast<std::size_t>(number % points.targets);
+    const auto speed = track_velocity(
+        tracks[c][target], points.begin + number / points.targets * points.period, points.period);
+    if (!speed || !(speed->norm() >= kLeastSpeed)) continue;
+    const double weight = speed->squaredNorm();
+    lags[c].push_back({-speed->dot(*off) / weight, weight});
+  }
+  return lags;
+}
+
+/// Seconds by which each camera's times are still ahead; mean 0 over those that tell.
+std::vector<double> remaining_offsets(const ArrayModel& model, const InterpolatedTracks& points,
+                                      const PointTracks& tracks) {
+  constexpr std::size_t kLeast = 10;  // points
+  const auto lags = lags_of(model, points, tracks);
+  std::vector<double> offsets(tracks.size(), 0);
+  double sum = 0;
+  int count = 0;
+  for (std::size_t c = 0; c < offsets.size(); ++c) {
+    if (lags[c].size() < kLeast) continue;
+    offsets[c] = weighted_median(lags[c]);
+    sum += offsets[c];
+    ++count;
+  }
+  for (std::size_t c = 0; c < offsets.size(); ++c) {
+    if (lags[c].size() >= kLeast) offsets[c] -= sum / count;
+  }
+  return offsets;
+}
+
+/// Speed of the light in the pictures, pixels per second, in the median.
+double median_speed(const PointTracks& tracks) {
+  std::vector<double> speeds;
+  for (const auto& of_camera : tracks) {
+    if (of_camera.empty()) continue;
+    const auto& frame_detections = of_camera[of_camera.size() / 2].frame_detections;
+    for (std::size_t i = 1; i < frame_detections.size(); ++i) {
+      const PointTrack::FrameDetection &before = frame_detections[i - 1],
+                                       &after = frame_detections[i];
+      if (before.spot.result != LightDetectionStatus::kFound ||
+          after.spot.result != LightDetectionStatus::kFound || after.time <= before.time) {
+        continue;
+      }
+      speeds.push_back((after.spot.centre - before.spot.centre).norm() * kNsPerS /
+                       static_cast<double>(after.time - before.time));
+    }
+  }
+  if (speeds.empty()) return 0;
+  const auto middle = speeds.begin() + static_cast<std::ptrdiff_t>(speeds.size() / 2);
+  std::ranges::nth_element(speeds, middle);
+  return *middle;
+}
+
+/// To go on from what was found: poses and lenses as a first guess.
+CalibrationSettings continued(const CalibrationSettings& settings, const Calibration& found) {
+  CalibrationSettings next = settings;
+  if (settings.start) return next;
+  next.solve.lenses.clear();
+  next.solve.poses.clear();
+  for (const ArrayModel::Camera& camera : found.model.cameras) {
+    next.solve.lenses.push_back(camera.intrinsics);
+    next.solve.poses.push_back(camera.pose);
+  }
+  return next;
+}
+
+}  // namespace
+
+TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
+                                       const TrackCalibrationSettings& settings) {
+  PointTracks tracks = light.tracks;
+  TrackCalibration result;
+  result.clock_offsets.assign(tracks.size(), 0);
+  CalibrationSettings calibration = settings.calibration;
+  const double speed = median_speed(tracks);
+  for (int round = 0;; ++round) {
+    result.points = interpolate_tracks(tracks, light.cameras, light.period, settings.points);
+    result.calibration = calibrate(result.points.detections, calibration);
+    if (!settings.estimates_clock_offsets || round == kMostRounds) break;
+    const std::vector<double> ahead =
+        remaining_offsets(result.calibration.model, result.points, tracks);
+    double most = 0;
+    for (std::size_t c = 0; c < tracks.size(); ++c) {
+      const auto offset = static_cast<Nanoseconds>(std::llround(ahead[c] * kNsPerS));
+      result.clock_offsets[c] += offset;
+      for (PointTrack& track : tracks[c]) {
+        for (PointTrack::FrameDetection& detection : track.frame_detections)
+          detection.time -= offset;
+      }
+      most = std::max(most, std::abs(ahead[c]));
+    }
+    constexpr double kSettled = 0.02;  // pixels
+    if (most * speed <= kSettled) break;
+    calibration = continued(settings.calibration, result.calibration);
+  }
+  return result;
+}
+
+std::string format_clock_offsets(const TrackCalibration& found,
+                                 const std::vector<DetectionsDocument::Camera>& cameras) {
+  const auto most = std::ranges::max_element(found.clock_offsets, {},
+                                             [](Nanoseconds offset) { return std::abs(offset); });
+  if (most == found.clock_offsets.end()) return {};
+  return fmt::format("Clocks     set by the light's motion, {} by most: {:.2f} ms\n",
+                     cameras[static_cast<std::size_t>(most - found.clock_offsets.begin())].id,
+                     static_cast<double>(*most) / kNsPerMs);
+}
+
+}  // namespace raystage

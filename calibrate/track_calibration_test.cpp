@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+// A light that moves smoothly before free-running cameras whose clocks are wrong; no pictures.
+#include "calibrate/track_calibration.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "testing/calibrate/test_synthetic_array.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr Nanoseconds kPeriod = 100'000'000;
+
+Vector3d light_at(double seconds) {
+  const double away = 1.7 + 0.85 * std::sin(0.47 * seconds + 0.4);
+  return {0.56 * away * std::sin(1.31 * seconds), 0.4 * away * std::sin(1.87 * seconds + 1), -away};
+}
+
+struct Recording {
+  RecordedTracks light;
+  std::vector<Pose> poses;
+  std::vector<double> clock_ms;  // ahead
+};
+
+Recording recorded(double most_clock_ms, double noise_px) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> share(-1, 1);
+  std::normal_distribution<double> normal;
+  Recording recording;
+  recording.poses =
+      make_synthetic_array({.rows = 3, .columns = 3, .mounting_deg = 8, .points = 1}).poses;
+  recording.light.period = kPeriod;
+  for (std::size_t c = 0; c < recording.poses.size(); ++c) {
+    const std::string id = fmt::format("c{}", c);
+    const CameraModel lens({id, 640, 480, {530, 530, 322, 238, {}}, {}, {}, {}});
+    const double clock = most_clock_ms * share(random), phase = 50 * (1 + share(random));
+    PointTrack track;
+    for (int i = 0; i < 150; ++i) {
+      const double exposed_ms = phase + i * 100.0;
+      const auto pixel =
+          lens.project(recording.poses[c].camera_from_world(light_at(exposed_ms / 1000)));
+      PointTrack::FrameDetection detection{std::llround((exposed_ms + clock) * 1e6), {}};
+      if (pixel && lens.contains(*pixel)) {
+        detection.spot.result = LightDetectionStatus::kFound;
+        detection.spot.centre = *pixel + noise_px * Vector2d(normal(random), normal(random));
+      }
+      track.frame_detections.push_back(detection);
+    }
+    recording.light.tracks.push_back({std::move(track)});
+    recording.light.cameras.push_back({id, 640, 480});
+    recording.clock_ms.push_back(clock);
+  }
+  return recording;
+}
+
+TrackCalibration calibrated(const Recording& recording, bool estimates_clock_offsets) {
+  TrackCalibrationSettings settings;
+  settings.estimates_clock_offsets = estimates_clock_offsets;
+  settings.calibration.scale.spacing_m = 0.06;
+  settings.calibration.solve.horizontal_fov = 60 * kTestDegree;
+  return calibrate_from_tracks(recording.light, settings);
+}
+
+TEST(InterpolatedTracks, AreAtCommonTimes) {
+  const Recording recording = recorded(0, 0);
+  const InterpolatedTracks points =
+      interpolate_tracks(recording.light.tracks, recording.light.cameras, kPeriod, {});
+  ASSERT_GT(points.detections.detections.size(), 500U);
+  double worst = 0;
+  for (const Detections::Detection& d : points.detections.detections) {
+    const double seconds = 1e-9 * static_cast<double>(points.begin + d.point * kPeriod);
+    const CameraModel lens({"c", 640, 480, {530, 530, 322, 238, {}}, {}, {}, {}});
+    const auto there = lens.project(
+        recording.poses[static_cast<std::size_t>(d.camera)].camera_from_world(light_at(seconds)));
+    ASSERT_TRUE(there);
+    worst = std::max(worst, (d.pixel - *there).norm());
+  }
+  EXPECT_LE(worst, 0.3);
+}
+
+TEST(InterpolatedTracks, AreNotMadeUpWhereTheLightWasNotSeen) {
+  Recording recording = recorded(0, 0);
+  for (auto& of_camera : recording.light.tracks) {
+    for (std::size_t i = 40; i < 60; ++i)
+      of_camera[0].frame_detections[i].spot.result = LightDetectionStatus::kDark;
+  }
+  const InterpolatedTracks points =
+      interpolate_tracks(recording.light.tracks, recording.light.cameras, kPeriod, {});
+  for (const Detections::Detection& d : points.detections.detections) {
+    EXPECT_TRUE(d.point < 41 || d.point > 58) << d.point;
+  }
+}
+
+TEST(InterpolatedTracks, AreSpreadOverTheRecording) {
+  const Recording recording = recorded(0, 0);
+  TrackInterpolationSettings settings;
+  settings.max_points = 20;
+  const InterpolatedTracks points =
+      interpolate_tracks(recording.light.tracks, recording.light.cameras, kPeriod, settings);
+  std::set<int> ticks;
+  for (const Detections::Detection& d : points.detections.detections) ticks.insert(d.point);
+  EXPECT_EQ(ticks.size(), 20U);
+  EXPECT_LT(*ticks.begin(), 15);
+  EXPECT_GT(*ticks.rbegin(), 130);
+  // A light at rest is one point.
+  PointTrack rests;
+  for (int i = 0; i < 50; ++i) {
+    rests.frame_detections.push_back({i * kPeriod, {LightDetectionStatus::kFound, {50, 50}, 1, 9}});
+  }
+  const InterpolatedTracks resting =
+      interpolate_tracks({{rests}, {rests}}, {{"a", 640, 480}, {"b", 640, 480}}, kPeriod, {});
+  EXPECT_EQ(resting.detections.detections.size(), 2U);
+}
+
+TEST(LightCalibrations, SetTheClocksToo) {
+  const Recording recording = recorded(8, 0.1);
+  const TrackCalibration found = calibrated(recording, true);
+  double mean = 0;
+  for (const double clock : recording.clock_ms) mean += clock / 9;
+  for (std::size_t c = 0; c < 9; ++c) {
+    EXPECT_NEAR(1e-6 * static_cast<double>(found.clock_offsets[c]), recording.clock_ms[c] - mean,
+                0.1)
+        << c;
+  }
+  const PoseErrors errors = pose_errors(found.calibration.model, recording.poses);
+  EXPECT_LE(errors.metres, 0.001);
+  EXPECT_LE(errors.degrees, 0.05);
+  EXPECT_LE(rms_reprojection_error(found.calibration.model), 0.2);
+  EXPECT_TRUE(found.calibration.verdict.is_accepted())
+      << testing::PrintToString(found.calibration.verdict.reasons);
+}
+
+TEST(LightCalibrations, WithWrongClocksAreNotVouchedFor) {
+  const TrackCalibration found = calibrated(recorded(8, 0.1), false);
+  EXPECT_FALSE(found.calibration.verdict.is_accepted());
+  EXPECT_EQ(found.clock_offsets, std::vector<Nanoseconds>(9, 0));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/camera/camera_channels.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "base/error.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using Key = ShotDocument::CameraKey;
+
+constexpr double kRadiansPerDegree = std::numbers::pi / 180;
+
+Vector3d vector_of(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+[[noreturn]] void refuse(const std::string& what, const std::string& where,
+                         const std::string& what_to_do) {
+  throw Error::bad_input(what, where, what_to_do);
+}
+
+Quaterniond unit_quaternion(const std::array<double, 4>& q, const std::string& where) {
+  const Quaterniond result(q[0], q[1], q[2], q[3]);
+  const double norm = result.norm();
+  if (!std::isfinite(norm) || norm < 1e-6) {
+    refuse("a camera key's orientation is not finite or of length 0", where, "Correct the key");
+  }
+  return Quaterniond(result.coeffs() / norm);
+}
+
+/// Focal length in half picture widths, if the key says one.
+std::optional<double> focal_of(const Key& key, double film_back_mm, const std::string& where) {
+  if (key.horizontal_fov_deg && key.focal_length_mm) {
+    refuse("a camera key has both a field of view and a focal length", where,
+           "Remove horizontal_fov_deg or focal_length_mm");
+  }
+  std::optional<double> focal;
+  if (key.focal_length_mm) focal = 2 * *key.focal_length_mm / film_back_mm;
+  if (key.horizontal_fov_deg) {
+    if (!(*key.horizontal_fov_deg > 0 && *key.horizontal_fov_deg < 180)) {
+      refuse("a field of view is not between 0 and 180 degrees", where, "Correct the camera key");
+    }
+    focal = 1 / std::tan(*key.horizontal_fov_deg / 2 * kRadiansPerDegree);
+  }
+  if (focal && !(std::isfinite(*focal) && *focal > 0)) {
+    refuse("a focal length is not a number above 0", where, "Correct the camera key");
+  }
+  return focal;
+}
+
+/// What the keys say of one property, `value_of(key, where)` an optional.
+template <class V, class ValueOf>
+std::vector<CurveKey<V>> keys_of(const ShotDocument::Camera& camera, const std::string& where,
+                                 const ValueOf& value_of) {
+  std::vector<CurveKey<V>> keys;
+  for (std::size_t i = 0; i < camera.keys.size(); ++i) {
+    const std::optional<V> value = value_of(camera.keys[i], fmt::format("{}/keys/{}", where, i));
+    if (value) keys.push_back({camera.keys[i].frame, *value});
+  }
+  return keys;
+}
+
+/// The curve of a number, times `unit`.
+AnimationChannel<double> number(const ShotDocument::Camera& camera, const std::string& where,
+                                std::optional<double> Key::*property, double unit = 1) {
+  const auto keys = keys_of<double>(
+      camera, where, [&](const Key& key, const std::string& at) -> std::optional<double> {
+        if (!(key.*property)) return std::nullopt;
+        if (!std::isfinite(*(key.*property))) {
+          refuse("a camera key is not finite", at, "Correct the key");
+        }
+        return *(key.*property) * unit;
+      });
+  if (keys.empty()) return nullptr;
+  return Curve<double>(keys);
+}
+
+AnimationChannel<Vector3d> point(const ShotDocument::Camera& camera, const std::string& where,
+                                 std::optional<std::array<double, 3>> Key::*property) {
+  const auto keys = keys_of<Vector3d>(
+      camera, where, [&](const Key& key, const std::string& at) -> std::optional<Vector3d> {
+        if (!(key.*property)) return std::nullopt;
+        const Vector3d value = vector_of(*(key.*property));
+        if (!value.allFinite()) refuse("a camera key is not finite", at, "Correct the key");
+        return value;
+      });
+  if (keys.empty()) return nullptr;
+  return Curve<Vector3d>(keys);
+}
+
+void check_frames(const ShotDocument::Camera& camera, const std::string& where) {
+  for (std::size_t i = 0; i < camera.keys.size(); ++i) {
+    const std::string at = fmt::format("{}/keys/{}", where, i);
+    if (!std::isfinite(camera.keys[i].frame)) {
+      refuse("a camera key's frame is not finite", at, "Correct the key");
+    }
+    if (i > 0 && !(camera.keys[i].frame > camera.keys[i - 1].frame)) {
+      refuse("camera keys do not rise in frame number", at, "Sort the keys and remove doubles");
+    }
+  }
+}
+
+template <class V>
+void add(AnimationChannel<V>& first, const AnimationChannel<V>& second, const char* name,
+         const std::string& where) {
+  if (first && second) {
+    refuse(fmt::format("{} comes both from the file and from the keys", name), where,
+           "Remove it from the keys, or the file from the camera");
+  }
+  if (!first) first = second;
+}
+
+}  // namespace
+
+CameraChannels channels_from_keys(const ShotDocument::Camera& camera, const std::string& where) {
+  check_frames(camera, where);
+  CameraChannels channels;
+  channels.position = point(camera, where, &Key::position);
+  channels.target = point(camera, where, &Key::target);
+  const auto orientations = keys_of<Quaterniond>(
+      camera, where, [](const Key& key, const std::string& at) -> std::optional<Quaterniond> {
+        if (!key.orientation) return std::nullopt;
+        return unit_quaternion(*key.orientation, at);
+      });
+  if (!orientations.empty()) channels.orientation = RotationCurve(orientations);
+  const auto focals = keys_of<double>(camera, where, [&](const Key& key, const std::string& at) {
+    return focal_of(key, camera.film_back_mm, at);
+  });
+  if (!focals.empty()) channels.focal = Curve<double>(focals);
+  channels.roll = number(camera, where, &Key::roll_deg, kRadiansPerDegree);
+  channels.focus = number(camera, where, &Key::focus_m);
+  channels.f_number = number(camera, where, &Key::f_number);
+  channels.shutter = number(camera, where, &Key::shutter_deg);
+  channels.orbit = number(camera, where, &Key::orbit_deg, kRadiansPerDegree);
+  return channels;
+}
+
+CameraChannels merge_channels(CameraChannels first, const CameraChannels& second,
+                              const std::string& where) {
+  add(first.position, second.position, "the position", where);
+  add(first.orientation, second.orientation, "the orientation", where);
+  add(first.target, second.target, "the target", where);
+  add(first.roll, second.roll, "the roll", where);
+  add(first.focal, second.focal, "the focal length", where);
+  add(first.focus, second.focus, "the focus distance", where);
+  add(first.f_number, second.f_number, "the f-number", where);
+  add(first.shutter, second.shutter, "the shutter", where);
+  add(first.orbit, second.orbit, "the orbit's angle", where);
+  return first;
+}
+
+}  // namespace raystage

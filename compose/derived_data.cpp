@@ -1,0 +1,241 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/derived_data.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <memory>
+#include <new>
+#include <set>
+#include <utility>
+
+#include "base/parallel.h"
+#include "base/resources.h"
+#include "render/depth/depth_store.h"
+#include "render/methods.h"
+#include "render/renderer.h"
+
+namespace raystage {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMostByDefault = std::size_t{4} << 30;
+
+/// As what a light field's renderer is asked for its file. Methods that store something for views
+/// store the same for rays; plane_sweep stores depths for rays alone.
+QueryKind storing_use(const ReconstructionSettings& reconstruction) {
+  return method_named(reconstruction.method).stores_data() ? QueryKind::kViews : QueryKind::kRays;
+}
+
+bool reads_adjacent_frames(const ReconstructionSettings& reconstruction) {
+  const Method& method = method_named(reconstruction.method);
+  return method.reads_adjacent_frames(
+      MethodOptions(method.options(), reconstruction.options, method.name()));
+}
+
+bool shows_geometry(const ShotPlan& plan, int frame) {
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    if (plan.geometry(i) != nullptr && plan.is_visible(i, frame)) return true;
+  }
+  return false;
+}
+
+bool is_light(const ShotPlan& plan, std::size_t layer) {
+  return std::ranges::any_of(plan.light_field_lights(),
+                             [&](const ShotPlan::LightFieldLight& light) {
+                               return std::ranges::find(light.layers, layer) != light.layers.end();
+                             });
+}
+
+/// Whether a frame may ask the layer for what storing_use() says.
+bool is_used(const ShotPlan& plan, std::size_t layer, int frame) {
+  const bool as_light = is_light(plan, layer) && shows_geometry(plan, frame);
+  const ReconstructionSettings& reconstruction = plan.light_field(layer)->reconstruction();
+  if (storing_use(reconstruction) == QueryKind::kRays) return as_light;
+  return as_light || plan.is_visible(layer, frame);
+}
+
+/// The tick shown, and those before and after where the method looks at them.
+std::vector<int> ticks_read(const LightFieldLayer& light_field, int shown) {
+  if (!reads_adjacent_frames(light_field.reconstruction())) return {shown};
+  const auto& ticks = light_field.timeline().ticks;
+  std::vector<int> read;
+  for (const int tick : {shown - 1, shown, shown + 1}) {
+    const auto i = static_cast<std::size_t>(tick);
+    if (tick >= 0 && i < ticks.size() && ticks[i].present() > 0) read.push_back(tick);
+  }
+  return read;
+}
+
+/// Without files, by the first frame that needs them.
+std::vector<DerivedFrameData> needed_instants(const ShotPlan& plan,
+                                              std::span<const PlannedFrame> frames) {
+  std::vector<DerivedFrameData> needed;
+  std::map<LayerTick, std::size_t> known;
+  for (const PlannedFrame& frame : frames) {
+    for (std::size_t layer = 0; layer < plan.layers(); ++layer) {
+      const LightFieldLayer* light_field = plan.light_field(layer);
+      if (light_field == nullptr || !frame.shown[layer].tick) continue;
+      if (!is_used(plan, layer, frame.frame)) continue;
+      for (const int tick : ticks_read(*light_field, *frame.shown[layer].tick)) {
+        const auto [at, is_new] = known.try_emplace({layer, tick}, needed.size());
+        if (is_new) needed.push_back({layer, tick, {}, false, {}});
+        needed[at->second].frames.push_back(frame.frame);
+      }
+    }
+  }
+  return needed;
+}
+
+/// Without the layer's matte: depths are those of the frames as they were taken.
+std::unique_ptr<const LightFieldRenderer> renderer_of(const ShotPlan& plan, std::size_t layer,
+                                                      std::size_t cache_bytes,
+                                                      std::size_t working_bytes) {
+  RendererSettings settings;
+  settings.cache_bytes = cache_bytes;
+  settings.result_cache_bytes = 0;
+  settings.working_bytes = working_bytes;
+  settings.cache_folder = plan.cache_folder();
+  return std::make_unique<const LightFieldRenderer>(plan.light_field(layer)->take(), settings);
+}
+
+const FrameSelection& frames_at(const ShotPlan& plan, const DerivedFrameData& instant) {
+  const auto& ticks = plan.light_field(instant.layer)->timeline().ticks;
+  return ticks[static_cast<std::size_t>(instant.tick)];
+}
+
+void name_files(const ShotPlan& plan, std::vector<DerivedFrameData>& instants) {
+  std::map<std::size_t, std::unique_ptr<const LightFieldRenderer>> renderers;
+  for (const DerivedFrameData& instant : instants) {
+    if (renderers.contains(instant.layer)) continue;
+    renderers.emplace(instant.layer, renderer_of(plan, instant.layer, 0, 0));
+  }
+  parallel_for(std::size_t{0}, instants.size(), [&](std::size_t i) {
+    DerivedFrameData& instant = instants[i];
+    const ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
+    const auto& renderer = renderers.at(instant.layer);
+    instant.file = renderer->stored_file(frames_at(plan, instant), how, storing_use(how));
+    std::error_code error;
+    instant.is_stored = !instant.file.empty() && fs::exists(instant.file, error);
+  });
+}
+
+/// Each file once, with the frames of all that need it; nothing that has none.
+std::vector<DerivedFrameData> each_file_once(std::vector<DerivedFrameData> instants) {
+  std::vector<DerivedFrameData> files;
+  std::map<fs::path, std::size_t> known;
+  for (DerivedFrameData& instant : instants) {
+    if (instant.file.empty()) continue;
+    const auto [at, is_new] = known.try_emplace(instant.file, files.size());
+    if (is_new) {
+      files.push_back(std::move(instant));
+    } else {
+      auto& frames = files[at->second].frames;
+      frames.insert(frames.end(), instant.frames.begin(), instant.frames.end());
+    }
+  }
+  for (DerivedFrameData& file : files) {
+    std::ranges::sort(file.frames);
+    file.frames.erase(std::unique(file.frames.begin(), file.frames.end()), file.frames.end());
+  }
+  return files;
+}
+
+std::set<fs::path> folders_of(std::span<const fs::path> files) {
+  std::set<fs::path> folders;
+  for (const fs::path& file : files) folders.insert(file.parent_path());
+  return folders;
+}
+
+}  // namespace
+
+std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
+                                                std::span<const PlannedFrame> frames) {
+  std::vector<DerivedFrameData> instants = needed_instants(plan, frames);
+  name_files(plan, instants);
+  return each_file_once(std::move(instants));
+}
+
+std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
+                                                std::span<const PlannedFrame> frames,
+                                                std::span<const LayerTick> wanted) {
+  std::vector<DerivedFrameData> instants = needed_instants(plan, frames);
+  std::set<LayerTick> missing(wanted.begin(), wanted.end());
+  const std::set<LayerTick> all = missing;
+  std::erase_if(instants, [&](const DerivedFrameData& instant) {
+    missing.erase({instant.layer, instant.tick});
+    return !all.contains({instant.layer, instant.tick});
+  });
+  if (!missing.empty()) {
+    throw Error::bad_input(
+        fmt::format("no frame asked for needs stored data of tick {} of layer {}",
+                    missing.begin()->tick, missing.begin()->layer),
+        "", "Ask for ticks that the frames need, counted from 0 as the layers are");
+  }
+  name_files(plan, instants);
+  return each_file_once(std::move(instants));
+}
+
+ExitCode PrepareReport::exit_code() const {
+  const int stored = stored_before + derived;
+  if (stored == asked) return ExitCode::kSuccess;
+  if (stopped) return ExitCode::kFailed;
+  if (stored > 0) return ExitCode::kSomeFramesFailed;
+  return std::ranges::all_of(failures, &Failure::is_bad_input) ? ExitCode::kBadInput
+                                                               : ExitCode::kFailed;
+}
+
+PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const DerivedFrameData> instants,
+                                   const PrepareOptions& options, std::stop_token stop) {
+  const bool by_default = options.memory_bytes == 0;
+  const std::size_t half = (by_default ? available_memory() / 2 : options.memory_bytes) / 2;
+  const std::size_t share = by_default ? std::min(half, kMostByDefault) : half;
+  PrepareReport report;
+  report.asked = static_cast<int>(instants.size());
+  options.progress(0);
+  for (std::size_t i = 0; i < instants.size(); ++i) {
+    if (stop.stop_requested()) {
+      report.stopped = true;
+      break;
+    }
+    const DerivedFrameData& instant = instants[i];
+    const auto fail = [&](std::string what, bool is_bad_input) {
+      options.say(fmt::format("tick {} of layer {} failed: {}", instant.tick, instant.layer, what));
+      report.failures.push_back({instant.layer, instant.tick, std::move(what), is_bad_input});
+    };
+    try {
+      const ReconstructionSettings& how = plan.light_field(instant.layer)->reconstruction();
+      // Its decoded frames go with it: no other light field frame has them.
+      const auto renderer = renderer_of(plan, instant.layer, share, share);
+      StoreResult result = renderer->store(frames_at(plan, instant), how, storing_use(how));
+      if (!result.failure_reason.empty()) {
+        fail(std::move(result.failure_reason), false);
+      } else {
+        ++(result.was_already_stored ? report.stored_before : report.derived);
+      }
+    } catch (const std::bad_alloc&) {
+      throw;  // a farm retries with more memory; the others would fare no better
+    } catch (const std::exception& error) {
+      const auto* known = dynamic_cast<const Error*>(&error);
+      fail(error.what(), known != nullptr && known->exit_code() == ExitCode::kBadInput);
+    }
+    options.progress(static_cast<double>(i + 1) / static_cast<double>(instants.size()));
+  }
+  return report;
+}
+
+void pin_derived_data(std::span<const fs::path> files, std::string_view job) {
+  for (const fs::path& folder : folders_of(files)) pin_depth_set(folder, job);
+}
+
+void unpin_derived_data(std::span<const fs::path> files, std::string_view job) {
+  for (const fs::path& folder : folders_of(files)) unpin_depth_set(folder, job);
+}
+
+std::string format_stored_data_counts(int solved, int read) {
+  return fmt::format("depths of {} light field frames solved, of {} read", solved, read);
+}
+
+}  // namespace raystage

@@ -1,0 +1,93 @@
+// SPDX-License-Identifier: Apache-2.0
+// Derives and stores, before rendering, the data that many frames of a shot share: the camera
+// depths of each light field frame, in the files that rendering reads.
+#pragma once
+
+#include <compare>
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "base/error.h"
+#include "compose/shot_plan.h"
+
+namespace raystage {
+
+/// Data that a method derives once from a light field frame and stores: camera depths.
+struct DerivedFrameData {
+  std::size_t layer = 0;       ///< index into the shot's layers
+  int tick = 0;                ///< index into the timeline of the layer's take
+  std::filesystem::path file;  ///< where the data is stored
+  bool is_stored = false;      ///< the file exists
+  std::vector<int> frames;     ///< of the shot that need it, sorted
+};
+
+/// Identifies a light field frame of a shot.
+struct LayerTick {
+  std::size_t layer = 0;  ///< index into the shot's layers
+  int tick = 0;           ///< index into the timeline of the layer's take
+  std::strong_ordering operator<=>(const LayerTick&) const = default;
+};
+
+/// Returns the data that the frames of a shot need, each file once, ordered by the first frame that
+/// needs it; with the option `temporal` also that of adjacent ticks. Layers that are invisible at a
+/// frame need nothing. File names depend on every JPEG of a light field frame, so all are read. The
+/// method `auto` is left out: it chooses a method only when it renders. Throws Error as
+/// LightFieldRenderer::stored_file().
+std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
+                                                std::span<const PlannedFrame> frames);
+/// As above, for the light field frames in `wanted` only; reads no others. Throws Error (bad input)
+/// also if no frame needs one of them.
+std::vector<DerivedFrameData> list_derived_data(const ShotPlan& plan,
+                                                std::span<const PlannedFrame> frames,
+                                                std::span<const LayerTick> wanted);
+
+struct PrepareOptions {
+  std::size_t memory_bytes = 0;  ///< budget of decoded frames and working memory; 0: half of
+                                 ///< available_memory(), at most 4 GiB for each
+  /// Called with values that rise from 0 to 1.
+  std::function<void(double)> progress = [](double) {};
+  /// Called with one line for the log for each failure.
+  std::function<void(std::string_view)> say = [](std::string_view) {};
+};
+
+/// Result of prepare_derived_data().
+struct PrepareReport {
+  struct Failure {
+    std::size_t layer = 0;
+    int tick = 0;
+    std::string what;
+    bool is_bad_input = false;  ///< another attempt would fail, too
+  };
+  int asked = 0, stored_before = 0, derived = 0;
+  bool stopped = false;           ///< stopped on request before the last one
+  std::vector<Failure> failures;  ///< in the order of the request
+
+  /// Returns kSuccess only if all requested data is stored; kBadInput if bad input caused all
+  /// failures and nothing is stored.
+  ExitCode exit_code() const;
+};
+
+/// Derives and stores the data that is missing or damaged, one light field frame at a time, with
+/// the same bytes as rendering stores. Data that cannot be stored is a failure. A requested `stop`
+/// ends the work after the current light field frame. Uses the current TBB arena. Throws
+/// std::bad_alloc when memory runs out.
+PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const DerivedFrameData> instants,
+                                   const PrepareOptions& options, std::stop_token stop);
+
+/// Protects the folders of these files from eviction until they are unpinned: writes a file
+/// `pin.JOB` to each folder, which is created if missing. Pins expire after 30 days. Throws Error
+/// as pin_depth_set().
+void pin_derived_data(std::span<const std::filesystem::path> files, std::string_view job);
+/// Removes these pins. A missing pin is no error.
+void unpin_derived_data(std::span<const std::filesystem::path> files, std::string_view job);
+
+/// Returns the line that the commands print: "depths of N light field frames solved, of M read".
+std::string format_stored_data_counts(int solved, int read);
+
+}  // namespace raystage

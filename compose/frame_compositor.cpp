@@ -1,0 +1,374 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/frame_compositor.h"
+
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <iterator>
+#include <limits>
+#include <utility>
+
+#include "compose/geometry/frustum_culling.h"
+#include "compose/geometry/shadow_catcher.h"
+#include "compose/layers/cryptomatte.h"
+#include "compose/layers/merge.h"
+#include "compose/layers/volume_blending.h"
+
+namespace raystage {
+namespace {
+
+bool hides_all(const LayerImage& image) {
+  for (std::size_t i = 3; i < image.rgba.size(); i += 4) {
+    if (image.rgba[i] < 1) return false;
+  }
+  return true;
+}
+
+void add_up(const RenderStatistics& from, RenderStatistics& to) {
+  to.plan_ms += from.plan_ms;
+  to.decode_ms += from.decode_ms;
+  to.render_ms += from.render_ms;
+  to.pixels_decoded += from.pixels_decoded;
+}
+
+/// Since it was made.
+class Stopwatch {
+ public:
+  double ms() const {
+    return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start_)
+        .count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace
+
+FrameCompositor::FrameCompositor(const ShotPlan& plan, const SequenceMemoryPlan& memory)
+    : plan_(plan), stored_data_(std::make_shared<StoredDataCounts>()) {
+  for (std::size_t i = 0; i < plan.layers(); ++i) {
+    renderers_.emplace_back();
+    if (plan.layer(i) == nullptr) continue;
+    renderers_.back() = plan.layer(i)->make_renderer(
+        {memory.per_layer[i], plan.measures_coverage(), plan.writes_aov("lf.confidence"),
+         plan.cache_folder(), stored_data_, plan.hosts()});
+  }
+}
+
+LayerView FrameCompositor::layer_view(std::size_t layer, const PlannedFrame& frame,
+                                      const ExrCamera& camera, const Geometry& geometry,
+                                      std::span<const float> object_ids) const {
+  const bool has_meshes = !geometry.mesh_indices.empty();
+  return {frame.frame,
+          frame.shown[layer],
+          camera,
+          has_meshes ? &geometry.scene : nullptr,
+          has_meshes ? geometry.mesh_indices[layer] : -1,
+          object_ids};
+}
+
+FrameCompositor::Geometry FrameCompositor::geometry_in_frame(const PlannedFrame& frame,
+                                                             const ExrCamera& camera) const {
+  Geometry geometry;
+  geometry.scene = plan_.geometry_at(frame.frame, geometry.mesh_indices);
+  bool is_needed = false;
+  for (std::size_t i = 0; i < plan_.layers() && !is_needed; ++i) {
+    const bool is_mesh = geometry.mesh_indices[i] >= 0;
+    is_needed = (is_mesh && renderers_[i]->may_show(layer_view(i, frame, camera, geometry))) ||
+                (plan_.shot().layers[i].shadows && plan_.is_visible(i, frame.frame));
+  }
+  if (!is_needed || geometry.scene.meshes.empty()) return {};
+  for (const MeshInstance& mesh : geometry.scene.meshes) {
+    if (may_intersect_frustum(mesh, camera.view)) mesh.scene->build_bvh();
+  }
+  geometry.scene.lights.environment_radiance = environment_of(frame, camera, geometry.scene.lights);
+  return geometry;
+}
+
+EnvironmentRadiance FrameCompositor::environment_of(const PlannedFrame& frame,
+                                                    const ExrCamera& camera,
+                                                    const Lights& behind) const {
+  EnvironmentRadiance seen_behind = behind.environment_radiance;
+  // The first light is asked first: it lies in front.
+  for (std::size_t l = plan_.light_field_lights().size(); l-- > 0;) {
+    const ShotPlan::LightFieldLight& light = plan_.light_field_lights()[l];
+    seen_behind =
+        layer_light_radiance(light, frame, camera, std::move(seen_behind), behind.ambient);
+  }
+  return seen_behind;
+}
+
+EnvironmentRadiance FrameCompositor::layer_light_radiance(const ShotPlan::LightFieldLight& light,
+                                                          const PlannedFrame& frame,
+                                                          const ExrCamera& camera,
+                                                          EnvironmentRadiance behind,
+                                                          const Eigen::Vector3f& ambient) const {
+  std::vector<LayerRays> takes;
+  std::vector<Eigen::Vector3d> view_directions;
+  for (const std::size_t layer : light.layers) {
+    if (!renderers_[layer]) continue;
+    auto rays = renderers_[layer]->rays(layer_view(layer, frame, camera, {}));
+    if (!rays) continue;
+    view_directions.push_back(rays->viewing_direction);
+    takes.push_back(std::move(*rays));
+  }
+  if (takes.empty()) return behind;
+  return [takes = std::move(takes), view_directions = std::move(view_directions),
+          behind = std::move(behind), strength = static_cast<float>(light.strength),
+          to_working = plan_.colors().working_from_scene_matrix,
+          ambient](std::span<const WorldRay> rays, std::span<const float> spread,
+                   std::span<Eigen::Vector3f> seen) {
+    std::ranges::fill(seen, ambient);
+    if (behind) behind(rays, spread, seen);
+    std::vector<std::vector<RaySample>> samples;
+    for (const LayerRays& take : takes) {
+      samples.emplace_back(rays.size());
+      take.query(rays, samples.back());
+    }
+    VolumeBlender blender(view_directions);
+    std::vector<std::array<float, 4>> of_takes(takes.size());
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+      blender.find(rays[i].direction);
+      for (std::size_t t = 0; t < takes.size(); ++t) of_takes[t] = samples[t][i].rgba;
+      const auto rgba = blender.blend(of_takes);
+      seen[i] = strength * (to_working * Eigen::Vector3f(rgba[0], rgba[1], rgba[2])) +
+                (1 - rgba[3]) * seen[i];
+    }
+  };
+}
+
+LayerImage FrameCompositor::render_layer(std::size_t layer, const PlannedFrame& frame,
+                                         const ExrCamera& camera, const Geometry& geometry) const {
+  const ShotDocument::Layer& document = plan_.shot().layers[layer];
+  const std::vector<float> ids = cryptomatte_ids(layer);
+  const LayerView view = layer_view(layer, frame, camera, geometry, ids);
+  LayerImage image;
+  // Isolated: while this thread waits for its frame's tiles it must not begin another frame,
+  // which would keep this one waiting.
+  tbb::this_task_arena::isolate([&] { image = renderers_[layer]->render(view); });
+  if (plan_.layer(layer)->is_in_scene_space()) convert_to_working_space(image);
+  remove_unrequested_aovs(image);
+  if (document.shadows && frame.shown[layer].tick) {
+    const ShadowCatcher catcher{document.shadows->strength, document.shadows->occlusion_distance_m,
+                                document.shadows->rays};
+    tbb::this_task_arena::isolate(
+        [&] { apply_shadow_catcher(geometry.scene, camera.view, catcher, image); });
+  }
+  return image;
+}
+
+LayerImage FrameCompositor::render_volume(std::size_t foremost, std::size_t count,
+                                          const PlannedFrame& frame, const ExrCamera& camera,
+                                          const Geometry& geometry) const {
+  std::vector<std::size_t> layers;
+  std::vector<Eigen::Vector3d> view_directions;
+  for (std::size_t i = foremost + 1 - count; i <= foremost; ++i) {
+    if (!plan_.is_visible(i, frame.frame)) continue;
+    layers.push_back(i);
+    view_directions.push_back(plan_.light_field(i)->take().rig().mean_viewing_direction());
+  }
+  if (layers.empty()) return transparent_layer_image(camera.view.width, camera.view.height);
+  std::vector<LayerImage> images(layers.size());
+  std::vector<const LayerImage*> takes(layers.size(), nullptr);
+  const auto render = [&](std::size_t i) {
+    images[i] = render_layer(layers[i], frame, camera, geometry);
+    tbb::this_task_arena::isolate([&] { apply(plan_.clips(layers[i]), camera.view, images[i]); });
+    takes[i] = &images[i];
+  };
+  LayerImage result;
+  const auto blend = [&] {
+    tbb::this_task_arena::isolate(
+        [&] { result = blend_volume(takes, view_directions, camera.view); });
+  };
+  std::vector<bool> holds;
+  tbb::this_task_arena::isolate([&] { holds = takes_in_view(view_directions, camera.view); });
+  for (std::size_t i = 0; i < layers.size(); ++i) {
+    if (holds[i]) render(i);
+  }
+  blend();
+  // The others are asked only where those that face the rays left something open.
+  const bool others = std::ranges::find(holds, false) != holds.end();
+  if (others && !hides_all(result)) {
+    for (std::size_t i = 0; i < layers.size(); ++i) {
+      if (!holds[i]) render(i);
+    }
+    blend();
+  }
+  for (const LayerImage& image : images) add_up(image.statistics, result.statistics);
+  return result;
+}
+
+CompositedView FrameCompositor::composite(const PlannedFrame& frame, const ExrCamera& camera,
+                                          const std::stop_token& stop, DeepImage* deep) const {
+  const Stopwatch total;
+  CompositingTimes times;
+  std::vector<double> uncovered_share(plan_.layers(), 0.0);
+  std::vector<LayerImage> front_first;
+  std::vector<bool> is_holdout;
+  RenderStatistics statistics;
+  const Geometry geometry = geometry_in_frame(frame, camera);
+  times.geometry_ms = total.ms();  // the first frame builds trees
+  const bool stated = plan_.shot().merge == ShotDocument::Merge::kLayerOrder;
+  for (std::size_t i = plan_.layers(); i-- > 0 && !stop.stop_requested();) {
+    const std::size_t of_picture = plan_.volume_layer_count(i);
+    const bool is_volume = !plan_.shot().layers[i].volume.empty();
+    const std::size_t foremost = i;
+    i -= of_picture - 1;
+    if (!is_volume && !plan_.is_visible(i, frame.frame)) continue;
+    const ShotDocument::Layer& document = plan_.shot().layers[i];
+    if (is_volume && document.opacity <= 0) continue;
+    const Layer* opened = plan_.layer(i);  // of a volume another layer may be visible
+    if (!is_volume &&
+        (opened == nullptr || !renderers_[i]->may_show(layer_view(i, frame, camera, geometry)))) {
+      continue;
+    }
+    const Stopwatch layer_time;
+    LayerImage image = is_volume ? render_volume(foremost, of_picture, frame, camera, geometry)
+                                 : render_layer(i, frame, camera, geometry);
+    times.add(is_volume ? LayerStage::kLightFields : opened->stage(), layer_time.ms());
+    if (plan_.shot().output.cryptomatte && image.ids.empty()) {
+      assign_object_id(image, cryptomatte_ids(i).front());
+    }
+    add_up(image.statistics, statistics);
+    uncovered_share[i] = uncovered_share_of_layer(i, image);
+    if (!is_volume) {
+      tbb::this_task_arena::isolate([&] { apply(plan_.clips(i), camera.view, image); });
+    }
+    if (document.opacity < 1) {
+      for (float& value : image.rgba) value *= static_cast<float>(document.opacity);
+    }
+    front_first.push_back(std::move(image));
+    is_holdout.push_back(document.holdout);
+    if (stated && hides_all(front_first.back())) break;
+  }
+  if (front_first.empty()) {
+    front_first.push_back(transparent_layer_image(camera.view.width, camera.view.height));
+    is_holdout.push_back(false);
+  }
+  std::vector<MergedLayer> rear_first;
+  for (std::size_t i = front_first.size(); i-- > 0;) {
+    rear_first.push_back({&front_first[i], is_holdout[i]});
+  }
+  if (deep != nullptr) *deep = make_deep_image(rear_first);
+  LayerImage result;
+  if (front_first.size() == 1 && !is_holdout[0]) {
+    result = std::move(front_first[0]);
+  } else {
+    tbb::this_task_arena::isolate(
+        [&] { result = merge(rear_first, stated ? MergeOrder::kLayerOrder : MergeOrder::kDepth); });
+  }
+  result.statistics = statistics;
+  convert_to_output_space(result, deep);
+  add_missing_aovs(result);
+  times.merge_ms = total.ms() - times.light_fields_ms - times.geometry_ms;
+  return {std::move(result), times, std::move(uncovered_share)};
+}
+
+double FrameCompositor::uncovered_share_of_layer(std::size_t layer, const LayerImage& image) const {
+  const Layer* opened = plan_.layer(layer);
+  if (opened == nullptr || !opened->is_transparent_where_unseen() || image.pixels() == 0) return 0;
+  std::size_t empty = 0;
+  for (std::size_t i = 3; i < image.rgba.size(); i += 4) empty += image.rgba[i] > 0 ? 0 : 1;
+  return static_cast<double>(empty) / static_cast<double>(image.pixels());
+}
+
+void FrameCompositor::convert_to_working_space(LayerImage& image) const {
+  if (plan_.colors().working_from_scene) plan_.colors().working_from_scene->apply(image.rgba);
+}
+
+void FrameCompositor::remove_unrequested_aovs(LayerImage& image) const {
+  std::erase_if(image.aovs, [&](const Aov& aov) {
+    return !plan_.writes_aov(aov.layer == "lf" ? "lf." + aov.channels.front() : aov.layer);
+  });
+}
+
+void FrameCompositor::convert_to_output_space(LayerImage& image, DeepImage* deep) const {
+  const auto& transform = plan_.colors().file_from_working;
+  if (!transform) return;
+  transform->apply(image.rgba);
+  for (Aov& aov : image.aovs) {
+    if (aov.is_colour && aov.channels.size() == 3) transform->apply_rgb(aov.values);
+  }
+  for (std::size_t i = 0; deep != nullptr && i < deep->samples.size(); ++i) {
+    transform->apply(deep->samples[i].rgba);
+  }
+}
+
+void FrameCompositor::add_missing_aovs(LayerImage& image) const {
+  const auto& layers = plan_.shot().layers;
+  std::vector<Aov> wanted;
+  const auto want = [&](const char* layer, const std::vector<std::string>& channels,
+                        bool is_colour = false, float nothing = 0) {
+    Aov aov{layer, channels, is_colour, nothing, {}};
+    const bool is_one_of_many = aov.layer == "lf";
+    if (plan_.writes_aov(is_one_of_many ? "lf." + channels.front() : aov.layer)) {
+      wanted.push_back(std::move(aov));
+    }
+  };
+  if (std::ranges::any_of(layers, &ShotDocument::Layer::is_light_field)) {
+    want("lf", {"coverage"});
+    want("lf", {"confidence"});
+    want("lf", {"cameras"});
+    want("lf", {"nearest"}, false, std::numeric_limits<float>::infinity());
+  }
+  if (std::ranges::any_of(layers, [](const auto& layer) { return layer.geometry.has_value(); })) {
+    want("P", {"X", "Y", "Z"});
+    want("N", {"X", "Y", "Z"});
+    want("albedo", {"R", "G", "B"}, true);
+  }
+  // In one order, whichever layer was in front.
+  std::vector<Aov> all;
+  for (Aov& aov : wanted) {
+    const auto own = std::ranges::find_if(image.aovs, [&](const Aov& of_image) {
+      return of_image.layer == aov.layer && of_image.channels == aov.channels;
+    });
+    if (own != image.aovs.end()) {
+      all.push_back(std::move(*own));
+      continue;
+    }
+    aov.values.assign(image.pixels() * aov.channels.size(), aov.nothing);
+    all.push_back(std::move(aov));
+  }
+  image.aovs = std::move(all);
+  if (!plan_.shot().output.cryptomatte) return;
+  if (image.ids.empty()) image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
+  std::ranges::move(cryptomatte_aovs(image), std::back_inserter(image.aovs));
+  image.ids = {};
+}
+
+std::vector<float> FrameCompositor::cryptomatte_ids(std::size_t layer) const {
+  std::vector<float> ids;
+  for (const std::string& name : plan_.object_names(layer)) ids.push_back(object_id(name));
+  return ids;
+}
+
+void FrameCompositor::read_ahead(const PlannedFrame& frame) const {
+  for (std::size_t i = 0; i < plan_.layers(); ++i) {
+    if (renderers_[i]) renderers_[i]->read_ahead(frame.shown[i]);
+  }
+}
+
+int FrameCompositor::frames_read_ahead() const {
+  int frames = 0;
+  for (const auto& renderer : renderers_) frames += renderer ? renderer->frames_read_ahead() : 0;
+  return frames;
+}
+
+DecodeCosts FrameCompositor::decode_costs() const {
+  DecodeCosts costs;
+  for (const auto& renderer : renderers_) {
+    if (renderer) costs += renderer->decode_costs();
+  }
+  return costs;
+}
+
+std::size_t FrameCompositor::decoded_bytes_cached() const {
+  std::size_t bytes = 0;
+  for (const auto& renderer : renderers_) bytes += renderer ? renderer->decoded_bytes_cached() : 0;
+  return bytes;
+}
+
+}  // namespace raystage

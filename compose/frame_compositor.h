@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <memory>
+#include <stop_token>
+#include <vector>
+
+#include "compose/layers/deep_image.h"
+#include "compose/layers/layer.h"
+#include "compose/layers/layer_image.h"
+#include "compose/sequence_memory_plan.h"
+#include "compose/shot_plan.h"
+#include "render/renderer.h"
+
+namespace raystage {
+
+/// Wall-clock time of a view by stage, in the thread of its frame; others help.
+struct CompositingTimes {
+  double light_fields_ms = 0, geometry_ms = 0;
+  double merge_ms = 0;  ///< and everything else: plates, clips, colours
+  /// Adds the time of a layer; merge_ms is what remains of the whole.
+  void add(LayerStage stage, double ms) {
+    if (stage == LayerStage::kLightFields) light_fields_ms += ms;
+    if (stage == LayerStage::kGeometry) geometry_ms += ms;
+  }
+};
+
+struct CompositedView {
+  LayerImage picture;
+  CompositingTimes times;
+  /// For each layer: share of the view's pixels that no camera saw; 0 for layers whose transparency
+  /// is intended (mattes, hulls).
+  std::vector<double> uncovered_share = {};
+};
+
+/// Renders the layers of a frame, applies clips and opacity, and merges them. Thread-safe. `plan`:
+/// referred to.
+class FrameCompositor {
+ public:
+  FrameCompositor(const ShotPlan& plan, const SequenceMemoryPlan& memory);
+
+  /// Returns one view, with the same AOVs at every frame. Layers are rendered from the front; in
+  /// layer order, those behind an opaque composite are skipped. After `stop` is requested the
+  /// remaining layers are skipped. `deep`: if not null, receives the samples of the view.
+  CompositedView composite(const PlannedFrame& frame, const ExrCamera& camera,
+                           const std::stop_token& stop, DeepImage* deep = nullptr) const;
+
+  /// Requests the source frames of a frame from the disk.
+  void read_ahead(const PlannedFrame& frame) const;
+  int frames_read_ahead() const;
+  std::size_t decoded_bytes_cached() const;
+  DecodeCosts decode_costs() const;
+  /// Returns counts over all light fields and all views rendered so far.
+  const StoredDataCounts& stored_data() const { return *stored_data_; }
+
+ private:
+  /// The geometry of a frame; `mesh_indices` as ShotPlan::geometry_at.
+  struct Geometry {
+    GeometryScene scene;
+    std::vector<int> mesh_indices;
+  };
+  /// Returns an empty geometry if no mesh is in view and none casts shadows on a light field.
+  Geometry geometry_in_frame(const PlannedFrame& frame, const ExrCamera& camera) const;
+  LayerView layer_view(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
+                       const Geometry& geometry, std::span<const float> object_ids = {}) const;
+  /// Returns the radiance of rays that leave the geometry: light fields, then `behind`.
+  EnvironmentRadiance environment_of(const PlannedFrame& frame, const ExrCamera& camera,
+                                     const Lights& behind) const;
+  LayerImage render_layer(std::size_t layer, const PlannedFrame& frame, const ExrCamera& camera,
+                          const Geometry& geometry) const;
+  /// Renders the visible ones of `count` layers up to `foremost`, which surround one volume.
+  LayerImage render_volume(std::size_t foremost, std::size_t count, const PlannedFrame& frame,
+                           const ExrCamera& camera, const Geometry& geometry) const;
+  /// Returns the radiance of a light made of one layer, or of several around a volume, in front of
+  /// `behind`.
+  EnvironmentRadiance layer_light_radiance(const ShotPlan::LightFieldLight& light,
+                                           const PlannedFrame& frame, const ExrCamera& camera,
+                                           EnvironmentRadiance behind,
+                                           const Eigen::Vector3f& ambient) const;
+  /// Converts from kSceneSpace.
+  void convert_to_working_space(LayerImage& image) const;
+  /// Removes AOVs that the files do not contain.
+  void remove_unrequested_aovs(LayerImage& image) const;
+  /// Returns the Cryptomatte ids of the layer's objects; none unless requested.
+  std::vector<float> cryptomatte_ids(std::size_t layer) const;
+  /// Converts the picture, its colour AOVs and its deep samples.
+  void convert_to_output_space(LayerImage& image, DeepImage* deep) const;
+  double uncovered_share_of_layer(std::size_t layer, const LayerImage& image) const;
+  /// Adds requested AOVs that no layer of this frame has.
+  void add_missing_aovs(LayerImage& image) const;
+
+  const ShotPlan& plan_;
+  std::shared_ptr<StoredDataCounts> stored_data_;
+  std::vector<std::unique_ptr<const LayerRenderer>> renderers_;  ///< of each layer
+};
+
+}  // namespace raystage

@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/geometry/frustum_culling.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <cmath>
+
+namespace raystage {
+
+using Eigen::Vector3d;
+
+bool may_intersect_frustum(const MeshInstance& mesh, const VirtualCamera& camera) {
+  const Pose& pose = camera.pose;
+  const Vector3d centre = pose.world_from_camera_rotation.transpose() *
+                          (mesh.world_from_object * mesh.scene->centre() - pose.position);
+  const Eigen::Matrix3d linear = mesh.world_from_object.linear();
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> stretches(linear.transpose() * linear,
+                                                                 Eigen::EigenvaluesOnly);
+  const double stretch = std::sqrt(stretches.eigenvalues().maxCoeff());
+  const double radius = 1.001 * mesh.scene->radius() * stretch;
+  const Intrinsics& k = camera.intrinsics;
+  // Half spaces that hold the view, through the eye, of points (x, y, z): left, right, top, bottom
+  // and ahead.
+  const Vector3d inwards[] = {{k.fx, 0, -k.cx},
+                              {-k.fx, 0, -(camera.width - k.cx)},
+                              {0, -k.fy, -k.cy},
+                              {0, k.fy, -(camera.height - k.cy)},
+                              {0, 0, -1}};
+  for (const Vector3d& normal : inwards) {
+    if (normal.dot(centre) < -radius * normal.norm()) return false;
+  }
+  return true;
+}
+
+}  // namespace raystage

@@ -1,0 +1,391 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/geometry/geometry_scene.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "base/parallel.h"
+#include "compose/geometry/bsdf_sampling.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+using Eigen::Vector3f;
+
+constexpr int kMostBounces = 4;       // of mirrors in mirrors
+constexpr int kGlossyRays = 4;        // at the first bounce, each sample of a pixel; then one
+constexpr double kOffSurface = 2e-5;  // of a mesh's radius
+constexpr int kRowsPerTask = 2;
+
+/// A ray under way, and what it brings to which pixel.
+struct Path {
+  WorldRay ray;
+  Vector3f weight{1, 1, 1};
+  std::uint32_t pixel = 0;   // of the task's
+  std::uint32_t sample = 0;  // of the pixel's
+  double min_distance = 0;   // begins there
+  double distance = 0;       // come before, metres
+  float spread = 0;          // radians
+  bool gathers = true;       // a diffuse surface that it meets gathers light
+};
+
+struct ShadowRay {
+  WorldRay ray;
+  Vector3f light;
+  std::uint32_t pixel = 0;
+  double min_distance = 0;
+};
+
+/// Some rows of a view: waves of rays, all of one bounce together.
+class Rows {
+ public:
+  Rows(const GeometryScene& scene, std::size_t mesh, const VirtualCamera& camera, int samples,
+       int begin, int end, std::span<const float> ids, LayerImage& image)
+      : scene_(scene),
+        mesh_(mesh),
+        camera_(camera),
+        per_side_(static_cast<int>(std::lround(std::sqrt(samples)))),
+        begin_(begin),
+        end_(end),
+        ids_(ids),
+        image_(image),
+        light_(static_cast<std::size_t>((end - begin) * camera.width), Vector3f::Zero()) {
+    for (const MeshInstance& placed : scene.meshes) {
+      off_surface_.push_back(kOffSurface * placed.scene->radius() *
+                             std::cbrt(std::abs(placed.world_from_object.linear().determinant())));
+    }
+  }
+
+  void render() {
+    start();
+    const std::vector<SurfaceHit> hits = look_from_camera();
+    tell(hits);
+    if (!ids_.empty()) tell_objects(hits);
+    std::vector<Path> wave = std::move(paths_);
+    shade(wave, hits, std::vector<std::uint32_t>(wave.size(), static_cast<std::uint32_t>(mesh_)),
+          true);
+    for (int bounce = 1; !paths_.empty(); ++bounce) {
+      wave = std::move(paths_);
+      paths_.clear();
+      std::vector<std::uint32_t> met;
+      const std::vector<SurfaceHit> next = look_around(wave, met);
+      escape(wave, next);
+      shade(wave, next, met, false);
+      if (bounce < kMostBounces) continue;
+      for (const Path& path : paths_) add(path, scene_.lights.ambient);
+      break;
+    }
+    write();
+  }
+
+ private:
+  void start() {
+    const int samples = per_side_ * per_side_;
+    const Intrinsics& k = camera_.intrinsics;
+    const auto spread = static_cast<float>(1 / (k.fx * per_side_));
+    paths_.reserve(light_.size() * static_cast<std::size_t>(samples));
+    for (int y = begin_; y < end_; ++y) {
+      for (int x = 0; x < camera_.width; ++x) {
+        for (int s = 0; s < samples; ++s) {
+          const int column = s % per_side_, row = s / per_side_;
+          const double px = x + (column + 0.5) / per_side_;
+          const double py = y + (row + 0.5) / per_side_;
+          const Vector3d ahead((px - k.cx) / k.fx, (k.cy - py) / k.fy, -1);
+          Path path;
+          path.ray = {camera_.pose.position,
+                      (camera_.pose.world_from_camera_rotation * ahead).normalized()};
+          path.pixel = static_cast<std::uint32_t>((y - begin_) * camera_.width + x);
+          path.sample = static_cast<std::uint32_t>(s);
+          path.spread = spread;
+          paths_.push_back(path);
+        }
+      }
+    }
+  }
+
+  std::vector<SurfaceHit> look_from_camera() const {
+    std::vector<WorldRay> rays;
+    rays.reserve(paths_.size());
+    for (const Path& path : paths_) rays.push_back(path.ray);
+    std::vector<SurfaceHit> hits(rays.size());
+    const MeshInstance& mesh = scene_.meshes[mesh_];
+    mesh.scene->intersect(mesh.object_from_world, rays, 0, hits, RayCoherence::kCoherent);
+    return hits;
+  }
+
+  /// What the paths intersect first of all meshes, and which: `met`.
+  std::vector<SurfaceHit> look_around(const std::vector<Path>& wave,
+                                      std::vector<std::uint32_t>& met) const {
+    std::vector<SurfaceHit> hits(wave.size());
+    met.assign(wave.size(), 0);
+    std::vector<WorldRay> rays;
+    std::vector<SurfaceHit> of_run;
+    // Runs of rays that begin at the same distance are traced together.
+    for (std::size_t begin = 0; begin < wave.size();) {
+      std::size_t end = begin;
+      rays.clear();
+      while (end < wave.size() && wave[end].min_distance == wave[begin].min_distance) {
+        rays.push_back(wave[end++].ray);
+      }
+      of_run.assign(rays.size(), {});
+      for (std::size_t m = 0; m < scene_.meshes.size(); ++m) {
+        std::vector<SurfaceHit> before = of_run;
+        scene_.meshes[m].scene->intersect(scene_.meshes[m].object_from_world, rays,
+                                          wave[begin].min_distance, of_run);
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+          if (of_run[i].distance < before[i].distance)
+            met[begin + i] = static_cast<std::uint32_t>(m);
+        }
+      }
+      std::ranges::copy(of_run, hits.begin() + static_cast<std::ptrdiff_t>(begin));
+      begin = end;
+    }
+    return hits;
+  }
+
+  /// What paths that intersect nothing bring.
+  void escape(const std::vector<Path>& wave, const std::vector<SurfaceHit>& hits) {
+    std::vector<WorldRay> rays;
+    std::vector<float> spread;
+    std::vector<std::size_t> from;
+    for (std::size_t i = 0; i < wave.size(); ++i) {
+      if (hits[i].is_hit()) continue;
+      rays.push_back(wave[i].ray);
+      spread.push_back(wave[i].spread);
+      from.push_back(i);
+    }
+    if (rays.empty()) return;
+    std::vector<Vector3f> seen(rays.size(), scene_.lights.ambient);
+    if (scene_.lights.environment_radiance) scene_.lights.environment_radiance(rays, spread, seen);
+    for (std::size_t i = 0; i < from.size(); ++i) add(wave[from[i]], seen[i]);
+  }
+
+  void shade(const std::vector<Path>& wave, const std::vector<SurfaceHit>& hits,
+             const std::vector<std::uint32_t>& met, bool is_first) {
+    paths_.clear();
+    std::vector<ShadowRay> shadows;
+    for (std::size_t i = 0; i < wave.size(); ++i) {
+      if (!hits[i].is_hit()) continue;
+      const Path& path = wave[i];
+      const MeshInstance& mesh = scene_.meshes[met[i]];
+      const SurfacePoint point = surface_point_at(mesh, scene_.textures, path.ray, hits[i],
+                                                  double{path.spread}, path.distance);
+      if (is_first) add_albedo(path, point);
+      Path next = path;
+      next.weight = path.weight.cwiseProduct(point.color);
+      next.distance = path.distance + hits[i].distance;
+      next.min_distance = off_surface_[met[i]];
+      next.ray.origin = point.position;
+      switch (point.material->kind) {
+        case Material::Kind::kDiffuse:
+          light_diffuse(next, point, shadows);
+          break;
+        case Material::Kind::kMirror:
+          next.ray.direction =
+              outwards(reflect(path.ray.direction, point.normal), point.geometric_normal);
+          paths_.push_back(next);
+          break;
+        case Material::Kind::kGlossy:
+          scatter(next, point, path.ray.direction, is_first ? kGlossyRays : 1);
+          break;
+      }
+    }
+    light_up(shadows, is_first ? RayCoherence::kCoherent : RayCoherence::kIncoherent);
+  }
+
+  void light_diffuse(const Path& at, const SurfacePoint& point, std::vector<ShadowRay>& shadows) {
+    const Lights& lights = scene_.lights;
+    for (const DirectionalLight& light : lights.directional) {
+      const double view_directions = point.normal.dot(light.towards);
+      if (!(view_directions > 0) || !(point.geometric_normal.dot(light.towards) > 0)) continue;
+      const Vector3f lit =
+          at.weight.cwiseProduct(light.color) * static_cast<float>(view_directions);
+      if (light.casts_shadows) {
+        shadows.push_back({{point.position, light.towards}, lit, at.pixel, at.min_distance});
+      } else {
+        light_[at.pixel] += lit;
+      }
+    }
+    if (!at.gathers || lights.gather_rays == 0) return add(at, lights.ambient);
+    Path gathered = at;
+    gathered.gathers = false;
+    gathered.weight = at.weight / static_cast<float>(lights.gather_rays);
+    gathered.spread = static_cast<float>(std::sqrt(2.0 / lights.gather_rays));
+    for (int i = 0; i < lights.gather_rays; ++i) {
+      gathered.ray.direction =
+          outwards(sample_diffuse_direction(point.normal, random_at(at, i, lights.gather_rays)),
+                   point.geometric_normal);
+      paths_.push_back(gathered);
+    }
+  }
+
+  void scatter(const Path& at, const SurfacePoint& point, const Vector3d& direction, int rays) {
+    const double alpha = double{point.material->roughness} * double{point.material->roughness};
+    for (int i = 0; i < rays; ++i) {
+      const DirectionSample glossy =
+          sample_ggx_direction(point.normal, -direction, alpha, random_at(at, i, rays));
+      Path next = at;
+      next.weight = at.weight * static_cast<float>(glossy.weight / rays);
+      next.spread = std::max(at.spread, static_cast<float>(alpha / std::sqrt(rays)));
+      next.ray.direction = outwards(glossy.direction, point.geometric_normal);
+      if (glossy.weight > 0) paths_.push_back(next);
+    }
+  }
+
+  void light_up(const std::vector<ShadowRay>& shadows, RayCoherence order) {
+    for (std::size_t begin = 0; begin < shadows.size();) {
+      std::size_t end = begin;
+      std::vector<WorldRay> rays;
+      while (end < shadows.size() && shadows[end].min_distance == shadows[begin].min_distance) {
+        rays.push_back(shadows[end++].ray);
+      }
+      std::vector<std::uint8_t> occluded(rays.size(), 0);
+      for (const MeshInstance& mesh : scene_.meshes) {
+        mesh.scene->occlude(mesh.object_from_world, rays, shadows[begin].min_distance,
+                            SurfaceHit::kNone, occluded, order);
+      }
+      for (std::size_t i = 0; i < rays.size(); ++i) {
+        if (occluded[i] == 0) light_[shadows[begin + i].pixel] += shadows[begin + i].light;
+      }
+      begin = end;
+    }
+  }
+
+  /// Interpolated normals may send a ray into the surface: along it, then.
+  static Vector3d outwards(const Vector3d& direction, const Vector3d& geometric_normal) {
+    const double out = direction.dot(geometric_normal);
+    return out > 0 ? direction : Vector3d((direction - 2 * out * geometric_normal).normalized());
+  }
+
+  /// Evenly over the rays of all samples of a pixel.
+  std::array<double, 2> random_at(const Path& path, int ray, int rays) const {
+    const std::uint32_t x = path.pixel % static_cast<std::uint32_t>(camera_.width);
+    const std::uint32_t y =
+        static_cast<std::uint32_t>(begin_) + path.pixel / static_cast<std::uint32_t>(camera_.width);
+    return r2_sample(y * 65536 + x, path.sample * static_cast<std::uint32_t>(rays) +
+                                        static_cast<std::uint32_t>(ray));
+  }
+
+  void add(const Path& path, const Vector3f& light) {
+    light_[path.pixel] += path.weight.cwiseProduct(light);
+  }
+
+  void add_albedo(const Path& path, const SurfacePoint& point) {
+    const std::size_t at = first_pixel() + path.pixel;
+    if (nearest_[path.pixel].sample == path.sample) {
+      for (Eigen::Index c = 0; c < 3; ++c) {
+        const auto i = 3 * at + static_cast<std::size_t>(c);
+        image_.aovs[0].values[i] = static_cast<float>(point.position(c));
+        image_.aovs[1].values[i] = static_cast<float>(point.normal(c));
+      }
+    }
+    const auto share = 1 / static_cast<float>(nearest_[path.pixel].hits);
+    for (Eigen::Index c = 0; c < 3; ++c) {
+      image_.aovs[2].values[3 * at + static_cast<std::size_t>(c)] += share * point.color(c);
+    }
+  }
+
+  /// Alpha, and which sample of a pixel is the nearest.
+  void tell(const std::vector<SurfaceHit>& hits) {
+    nearest_.assign(light_.size(), {});
+    const Vector3d forward = -camera_.pose.world_from_camera_rotation.col(2);
+    for (std::size_t i = 0; i < paths_.size(); ++i) {
+      if (!hits[i].is_hit()) continue;
+      Nearest& pixel = nearest_[paths_[i].pixel];
+      ++pixel.hits;
+      const double z = hits[i].distance * paths_[i].ray.direction.dot(forward);
+      if (!(z < pixel.z)) continue;
+      pixel.z = z;
+      pixel.sample = paths_[i].sample;
+    }
+  }
+
+  /// Which objects' are the samples of each pixel; those of a pixel follow each other.
+  void tell_objects(const std::vector<SurfaceHit>& hits) {
+    const std::vector<std::uint32_t>& triangle_objects =
+        scene_.meshes[mesh_].scene->mesh().triangle_objects;
+    std::vector<std::array<float, 2>> seen;
+    for (std::size_t i = 0; i < paths_.size();) {
+      const std::uint32_t pixel = paths_[i].pixel;
+      seen.clear();
+      for (; i < paths_.size() && paths_[i].pixel == pixel; ++i) {
+        if (!hits[i].is_hit()) continue;
+        const float id = ids_[triangle_objects[hits[i].triangle]];
+        const auto same = std::ranges::find_if(seen, [&](const auto& s) { return s[0] == id; });
+        if (same == seen.end()) {
+          seen.push_back({id, 1});
+        } else {
+          (*same)[1] += 1;
+        }
+      }
+      std::ranges::stable_sort(seen, [](const auto& a, const auto& b) { return a[1] > b[1]; });
+      float* ids = &image_.ids[2 * kIdRanks * (first_pixel() + pixel)];
+      for (std::size_t rank = 0; rank < std::min(kIdRanks, seen.size()); ++rank) {
+        ids[2 * rank] = seen[rank][0];
+        ids[2 * rank + 1] = seen[rank][1] / static_cast<float>(nearest_[pixel].hits);
+      }
+    }
+  }
+
+  void write() {
+    const auto samples = static_cast<float>(per_side_ * per_side_);
+    for (std::size_t i = 0; i < light_.size(); ++i) {
+      const std::size_t at = first_pixel() + i;
+      if (nearest_[i].hits == 0) continue;
+      for (std::size_t c = 0; c < 3; ++c) {
+        image_.rgba[4 * at + c] = light_[i](static_cast<Eigen::Index>(c)) / samples;
+      }
+      image_.rgba[4 * at + 3] = static_cast<float>(nearest_[i].hits) / samples;
+      image_.z[at] = static_cast<float>(nearest_[i].z);
+    }
+  }
+
+  std::size_t first_pixel() const {
+    return static_cast<std::size_t>(begin_) * static_cast<std::size_t>(camera_.width);
+  }
+
+  struct Nearest {
+    double z = std::numeric_limits<double>::infinity();
+    std::uint32_t sample = 0;
+    int hits = 0;  // of the pixel's samples
+  };
+
+  const GeometryScene& scene_;
+  std::size_t mesh_;
+  const VirtualCamera& camera_;
+  int per_side_, begin_, end_;
+  std::span<const float> ids_;
+  LayerImage& image_;
+  std::vector<double> off_surface_;  // of each mesh, metres: where rays that leave it begin
+  std::vector<Vector3f> light_;      // of each pixel, summed over its samples
+  std::vector<Nearest> nearest_;
+  std::vector<Path> paths_;  // of the wave to come
+};
+
+}  // namespace
+
+LayerImage render_geometry(const GeometryScene& scene, std::size_t mesh,
+                           const VirtualCamera& camera, int samples, std::span<const float> ids) {
+  LayerImage image = transparent_layer_image(camera.width, camera.height);
+  if (!ids.empty()) image.ids.assign(image.pixels() * 2 * kIdRanks, 0.0F);
+  const auto add = [&](const char* name, const std::vector<std::string>& channels, bool is_colour) {
+    image.aovs.push_back({name, channels, is_colour, 0, {}});
+    image.aovs.back().values.assign(image.pixels() * 3, 0.0F);
+  };
+  add("P", {"X", "Y", "Z"}, false);
+  add("N", {"X", "Y", "Z"}, false);
+  add("albedo", {"R", "G", "B"}, true);
+  // Always the same rows together: how Embree goes through a packet may depend on all of it.
+  raystage::parallel_for(0, (camera.height + kRowsPerTask - 1) / kRowsPerTask, [&](int task) {
+    const int begin = task * kRowsPerTask;
+    Rows(scene, mesh, camera, samples, begin, std::min(begin + kRowsPerTask, camera.height), ids,
+         image)
+        .render();
+  });
+  return image;
+}
+
+}  // namespace raystage

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Geometry>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "compose/geometry/embree_mesh.h"
+#include "compose/geometry/textures.h"
+
+namespace raystage {
+
+/// A mesh where it stands at a frame.
+struct MeshInstance {
+  const EmbreeMesh* scene = nullptr;
+  std::span<const Textures::Handle> textures;  ///< of each of its materials; null: none
+  Eigen::Affine3d world_from_object = Eigen::Affine3d::Identity();
+  Eigen::Affine3d object_from_world = Eigen::Affine3d::Identity();
+};
+
+/// A point of a surface, as a ray met it.
+struct SurfacePoint {
+  Eigen::Vector3d position;          ///< world, metres
+  Eigen::Vector3d normal;            ///< shading normal, unit, world, to the side the ray came from
+  Eigen::Vector3d geometric_normal;  ///< of the triangle, the same side
+  const Material* material = nullptr;
+  std::uint32_t object = 0;
+  Eigen::Vector3f color;  ///< the material's, times its texture
+};
+
+/// Looks a hit up. `spread`: of the ray, radians; `distance` it has come before, metres: how far
+/// it is blurred where it hits.
+SurfacePoint surface_point_at(const MeshInstance& mesh, const Textures* textures,
+                              const WorldRay& ray, const SurfaceHit& hit, double spread,
+                              double distance);
+
+}  // namespace raystage

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/layers/deep_image.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace raystage {
+
+DeepImage make_deep_image(std::span<const MergedLayer> layers) {
+  const LayerImage& first = *layers.front().image;
+  DeepImage deep;
+  deep.width = first.width;
+  deep.height = first.height;
+  deep.begin.reserve(first.pixels() + 1);
+  std::vector<std::size_t> front_first(layers.size());
+  for (std::size_t pixel = 0; pixel < first.pixels(); ++pixel) {
+    deep.begin.push_back(static_cast<std::uint32_t>(deep.samples.size()));
+    std::iota(front_first.rbegin(), front_first.rend(), std::size_t{0});
+    std::ranges::stable_sort(front_first, {},
+                             [&](std::size_t i) { return layers[i].image->z[pixel]; });
+    // Light of a layer comes through all before it, but holdouts leave no sample: what is missing
+    // is taken from the samples, so that "over" of those alone comes to the same.
+    double through = 1, through_samples = 1;
+    for (const std::size_t i : front_first) {
+      const float* rgba = layers[i].image->rgba.data() + 4 * pixel;
+      if (!layers[i].is_holdout && through > 0 &&
+          std::any_of(rgba, rgba + 4, [](float value) { return value != 0; })) {
+        const double scale = through / through_samples;
+        DeepImage::Sample sample{};
+        for (std::size_t c = 0; c < 4; ++c) {
+          sample.rgba[c] = static_cast<float>(scale * static_cast<double>(rgba[c]));
+        }
+        sample.z = std::clamp(layers[i].image->z[pixel], 0.0F, kBackgroundDepth);
+        deep.samples.push_back(sample);
+        through_samples *= 1 - static_cast<double>(sample.rgba[3]);
+      }
+      through *= 1 - static_cast<double>(rgba[3]);
+    }
+  }
+  deep.begin.push_back(static_cast<std::uint32_t>(deep.samples.size()));
+  return deep;
+}
+
+std::vector<float> flatten(const DeepImage& image) {
+  std::vector<float> rgba((image.begin.size() - 1) * 4);
+  for (std::size_t pixel = 0; pixel + 1 < image.begin.size(); ++pixel) {
+    float through = 1;
+    for (std::uint32_t i = image.begin[pixel]; i < image.begin[pixel + 1]; ++i) {
+      const float* sample = image.samples[i].rgba;
+      for (std::size_t c = 0; c < 4; ++c) rgba[4 * pixel + c] += through * sample[c];
+      through *= 1 - sample[3];
+    }
+  }
+  return rgba;
+}
+
+}  // namespace raystage

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <set>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "compose/exr/exr_header.h"
+#include "compose/layers/fingerprint.h"
+#include "compose/layers/layer_image.h"
+#include "render/renderer.h"
+
+namespace raystage {
+
+struct GeometryScene;
+
+/// What to show at a shot frame for which a take has nothing (OpenTimelineIO's policies).
+enum class MissingFrames {
+  kError,  ///< refuse before anything is rendered
+  kHold,   ///< the nearest instant that exists, the earlier first
+  kBlack   ///< a frame with alpha and coverage 0
+};
+
+/// The instant of a take that a frame of the shot shows.
+struct ShownTick {
+  std::optional<int> tick;  ///< index into Timeline::ticks; none: nothing
+  bool held = false;        ///< not the instant asked for
+};
+
+/// Memory budget of a light field, bytes.
+struct LightFieldMemory {
+  std::size_t cache = 0;    ///< decoded source frames
+  std::size_t kept = 0;     ///< results that the method caches
+  std::size_t working = 0;  ///< working memory of one frame in flight
+};
+
+/// Settings that all layers of a sequence share, except `memory`.
+struct LayerRendererSettings {
+  LightFieldMemory memory;
+  bool measure_coverage = false, measure_confidence = false;  ///< as RendererSettings
+  std::filesystem::path cache_folder;                         ///< as RendererSettings
+  std::shared_ptr<StoredDataCounts> stored_data_counts;
+  DistributedTakes* hosts = nullptr;  ///< null: the take's folder holds its archives
+};
+
+/// One view of a frame, as a layer renders it.
+struct LayerView {
+  int frame = 0;
+  const ShownTick& shown;
+  const ExrCamera& camera;
+  const GeometryScene* scene = nullptr;    ///< all meshes of the frame; null: none is needed
+  int mesh = -1;                           ///< index of the layer's mesh in it; -1: none
+  std::span<const float> object_ids = {};  ///< for LayerImage::ids; empty: not asked for
+};
+
+/// Single rays of a layer that is a light.
+struct LayerRays {
+  std::function<void(std::span<const WorldRay>, std::span<RaySample>)> query;
+  Eigen::Vector3d viewing_direction;  ///< mean of the array's cameras, world
+};
+
+/// Renders a layer in the frames of a sequence. Thread-safe.
+class LayerRenderer {
+ public:
+  LayerRenderer() = default;
+  virtual ~LayerRenderer() = default;
+  LayerRenderer(const LayerRenderer&) = delete;
+  LayerRenderer& operator=(const LayerRenderer&) = delete;
+
+  /// Whether the layer may show in the view at all; a cheap test.
+  virtual bool may_show(const LayerView& /*view*/) const { return true; }
+  /// Renders the layer, without clips and opacity. Throws Error (bad input) for a file that cannot
+  /// be read.
+  virtual LayerImage render(const LayerView& view) const = 0;
+  /// Returns what answers single rays at a frame; none: the layer shows nothing, or has no rays.
+  virtual std::optional<LayerRays> rays(const LayerView& /*view*/) const { return std::nullopt; }
+
+  /// Asks the disk for what a later render() needs.
+  virtual void read_ahead(const ShownTick& /*shown*/) const {}
+  /// See LightFieldRenderer for these three.
+  virtual int frames_read_ahead() const { return 0; }
+  virtual DecodeCosts decode_costs() const { return {}; }
+  virtual std::size_t decoded_bytes_cached() const { return 0; }
+};
+
+/// The stage of a frame that the time of a layer counts for.
+enum class LayerStage { kLightFields, kGeometry, kMerge };
+
+/// What Layer::check_frame() looks at.
+struct LayerFrameCheck {
+  int frame = 0;
+  const ShownTick& shown;
+  bool is_visible = true;
+  bool camera_has_focus = false;
+  std::set<std::filesystem::path>& files_checked;  ///< a plate may be the same at every frame
+};
+
+/// A layer of a shot: opened, and checked as far as possible before rendering.
+class Layer {
+ public:
+  Layer() = default;
+  virtual ~Layer() = default;
+  Layer(const Layer&) = delete;
+  Layer& operator=(const Layer&) = delete;
+
+  /// Throws Error (bad input) if a file that the layer reads at the frame is missing or unusable,
+  /// or if the camera lacks a property that the layer needs.
+  virtual void check_frame(const LayerFrameCheck& /*check*/) const {}
+  /// Adds what determines the layer's pixels at a frame, apart from the properties that all kinds
+  /// of layers have.
+  virtual void add_to_fingerprint(Fingerprint& /*print*/, int /*frame*/,
+                                  const ShownTick& /*shown*/) const {}
+  /// Fills in what the header of a frame says of the layer. Returns false if that is nothing.
+  virtual bool fill_metadata(const ShownTick& /*shown*/, ExrMetadata& /*metadata*/) const {
+    return false;
+  }
+  /// Returns the file that the layer reads at the frame and that rendering must not replace.
+  virtual std::optional<std::filesystem::path> input_file(int /*frame*/) const {
+    return std::nullopt;
+  }
+  /// Returns the names of the objects that Cryptomatte tells apart. `layer`: the layer's name.
+  virtual std::vector<std::string> object_names(const std::string& layer) const { return {layer}; }
+
+  /// Returns the memory that all frames share, bytes.
+  virtual std::size_t shared_bytes() const { return 0; }
+  /// Returns the memory of the layer's AOVs in a view, bytes per pixel.
+  virtual std::size_t aov_bytes_per_pixel() const { return 0; }
+
+  virtual LayerStage stage() const { return LayerStage::kMerge; }
+  /// Whether its colours are those of kSceneSpace; otherwise those of the working space.
+  virtual bool is_in_scene_space() const { return false; }
+  /// Whether transparent pixels are rays that no camera saw.
+  virtual bool is_transparent_where_unseen() const { return false; }
+
+  /// Refers to this layer.
+  virtual std::unique_ptr<const LayerRenderer> make_renderer(
+      const LayerRendererSettings& settings) const = 0;
+};
+
+}  // namespace raystage

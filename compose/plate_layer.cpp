@@ -1,0 +1,226 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "compose/plate_layer.h"
+
+#include <fmt/format.h>
+#include <png.h>
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cmath>
+#include <initializer_list>
+#include <limits>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/transfer_function.h"
+#include "images/exr_channels.h"
+#include "store/jpeg/decode.h"
+#include "store/jpeg/layout.h"
+
+namespace raystage {
+namespace {
+
+constexpr ExrChannel kPicture[] = {{"R"}, {"G"}, {"B"}, {"A", 1.0F}};
+constexpr const char* kFlatExr = "Give a flat EXR file with channels R, G and B";
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+bool is_named(const std::filesystem::path& path, std::initializer_list<const char*> extensions) {
+  std::string extension = path.extension().string();
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return std::ranges::find(extensions, extension) != extensions.end();
+}
+
+/// What codes mean: sRGB's light, or shares of full scale that a colour space turns into light.
+using LightOfCode = std::array<float, 256>;
+LightOfCode light_of_codes(bool by_srgb) {
+  LightOfCode light{};
+  for (std::size_t code = 0; code < light.size(); ++code) {
+    const double share = static_cast<double>(code) / 255;
+    light[code] = static_cast<float>(by_srgb ? linear_from_srgb(share) : share);
+  }
+  return light;
+}
+
+/// Other renderers write what nothing can be put over: light without an end, and none at all.
+void make_finite(LayerImage& image) {
+  constexpr float kMost = 65504;  // of a half
+  for (float& value : image.rgba) {
+    value = std::isnan(value) ? 0.0F : std::clamp(value, -kMost, kMost);
+  }
+  for (float& z : image.z) {
+    if (std::isnan(z)) z = kInfinity;
+  }
+}
+
+LayerImage read_jpeg_plate(const std::filesystem::path& path, const LightOfCode& light) {
+  const std::string bytes = read_file(path);
+  const RgbImage codes = JpegDecoder().decode(std::as_bytes(std::span(bytes)), path.string());
+  LayerImage image = transparent_layer_image(codes.width, codes.height);
+  for (std::size_t i = 0; i < image.pixels(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) image.rgba[4 * i + c] = light[codes.pixels[3 * i + c]];
+    image.rgba[4 * i + 3] = 1;
+  }
+  return image;
+}
+
+Error bad_png(const std::string& why, const std::filesystem::path& path) {
+  return Error::bad_input("the plate cannot be read: " + why, path.string(),
+                          "Write it again, as PNG of 8 bits or as EXR");
+}
+
+/// Of a file of a kind that is read, without reading its pixels.
+std::array<int, 2> size_of(const std::filesystem::path& path) {
+  if (is_named(path, {".exr"})) return check_exr_channels(path, kPicture, kFlatExr);
+  if (!is_named(path, {".png"})) {
+    const std::string bytes = read_file(path);
+    const JpegLayout layout = parse_jpeg_layout(std::as_bytes(std::span(bytes)), path.string());
+    return {layout.width, layout.height};
+  }
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  const bool is_read = png_image_begin_read_from_file(&png, path.c_str()) != 0;
+  const std::string message = png.message;
+  png_image_free(&png);
+  if (!is_read) throw bad_png(message, path);
+  if ((png.format & PNG_FORMAT_FLAG_LINEAR) != 0) throw bad_png("it has 16 bits", path);
+  return {static_cast<int>(png.width), static_cast<int>(png.height)};
+}
+
+/// By sRGB's curve: libpng's own way to linear light is a power of 2.2.
+LayerImage read_png_plate(const std::filesystem::path& path, const LightOfCode& light) {
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  const auto refuse = [&](const std::string& why) {
+    png_image_free(&png);
+    return bad_png(why, path);
+  };
+  if (png_image_begin_read_from_file(&png, path.c_str()) == 0) throw refuse(png.message);
+  if ((png.format & PNG_FORMAT_FLAG_LINEAR) != 0) throw refuse("it has 16 bits");
+  png.format = PNG_FORMAT_RGBA;
+  LayerImage image =
+      transparent_layer_image(static_cast<int>(png.width), static_cast<int>(png.height));
+  std::vector<std::uint8_t> codes(image.rgba.size());
+  if (png_image_finish_read(&png, nullptr, codes.data(), 0, nullptr) == 0) {
+    throw refuse(png.message);
+  }
+  for (std::size_t i = 0; i < codes.size(); i += 4) {
+    const float alpha = static_cast<float>(codes[i + 3]) / 255;
+    for (std::size_t c = 0; c < 3; ++c) image.rgba[i + c] = alpha * light[codes[i + c]];
+    image.rgba[i + 3] = alpha;
+  }
+  return image;
+}
+
+}  // namespace
+
+PlateLayer::PlateLayer(const ShotDocument& shot, std::size_t index,
+                       const std::filesystem::path& folder, std::optional<ColorConfig> config)
+    : document_(*shot.layers[index].plate),
+      width_(shot.width),
+      height_(shot.height),
+      name_((folder / document_.file).lexically_normal().string()),
+      config_(std::move(config)) {
+  if (!document_.space.empty()) colors().from_space(document_.space);  // there is one
+}
+
+ColorConfig PlateLayer::colors() const { return config_ ? *config_ : ColorConfig::built_in(); }
+
+std::filesystem::path PlateLayer::file(int frame) const {
+  return name_.path(frame + document_.frame_offset);
+}
+
+void PlateLayer::check_file(int frame) const {
+  const std::filesystem::path path = file(frame);
+  if (!is_named(path, {".exr", ".png", ".jpg", ".jpeg"})) {
+    throw Error::bad_input("plates are EXR, PNG or JPEG", path.string(),
+                           "Turn it into EXR, e.g. by oiiotool IN -o OUT.exr");
+  }
+  if (!std::filesystem::exists(path)) {
+    throw Error::bad_input(fmt::format("frame {} needs a plate that is not there", frame),
+                           path.string(), "Put it there, or mend the layer's file or frame_offset");
+  }
+  check_size(size_of(path), path);
+}
+
+void PlateLayer::check_size(const std::array<int, 2>& size,
+                            const std::filesystem::path& path) const {
+  if (size == std::array{width_, height_}) return;
+  throw Error::bad_input(fmt::format("the plate has {} x {} pixels, the shot {} x {}", size[0],
+                                     size[1], width_, height_),
+                         path.string(), "Scale it to the shot's size");
+}
+
+LayerImage PlateLayer::read(const std::filesystem::path& path) const {
+  const bool by_srgb = document_.space.empty();
+  if (is_named(path, {".png"})) return read_png_plate(path, light_of_codes(by_srgb));
+  if (is_named(path, {".jpg", ".jpeg"})) return read_jpeg_plate(path, light_of_codes(by_srgb));
+  constexpr ExrChannel kDepth[] = {{"Z", kInfinity}};
+  const ExrChannelData pixels = read_exr_channels(path, kPicture, kFlatExr);
+  LayerImage image = transparent_layer_image(pixels.width, pixels.height);
+  std::ranges::copy(pixels.values, image.rgba.begin());
+  std::ranges::copy(read_exr_channels(path, kDepth, kFlatExr).values, image.z.begin());
+  make_finite(image);
+  const bool has_id = !pixels.color_interop_id.empty() && pixels.color_interop_id != "unknown";
+  const std::string& space = has_id ? pixels.color_interop_id : pixels.color_space;
+  if (document_.space.empty() && !space.empty() && space != kSceneSpace) {
+    convert_to_scene_space(image, space);
+  }
+  return image;
+}
+
+void PlateLayer::convert_to_scene_space(LayerImage& image, const std::string& space) const {
+  colors().from_space(space).apply(image.rgba);
+}
+
+LayerImage PlateLayer::image(int frame, int overscan_x, int overscan_y) const {
+  const std::filesystem::path path = file(frame);
+  LayerImage plate = read(path);
+  check_size({plate.width, plate.height}, path);
+  if (!document_.space.empty()) convert_to_scene_space(plate, document_.space);
+  LayerImage image = transparent_layer_image(width_ + 2 * overscan_x, height_ + 2 * overscan_y);
+  const auto depth = document_.depth_m ? static_cast<float>(*document_.depth_m) : kInfinity;
+  for (int y = 0; y < height_; ++y) {
+    for (int x = 0; x < width_; ++x) {
+      const auto from = static_cast<std::size_t>(y * width_ + x);
+      const auto to = static_cast<std::size_t>((y + overscan_y) * image.width + x + overscan_x);
+      std::copy_n(&plate.rgba[4 * from], 4, &image.rgba[4 * to]);
+      const bool is_nothing = plate.rgba[4 * from + 3] == 0;
+      image.z[to] = is_nothing ? kInfinity : document_.depth_m ? depth : plate.z[from];
+    }
+  }
+  return image;
+}
+
+void PlateLayer::check_frame(const LayerFrameCheck& check) const {
+  if (check.is_visible && check.files_checked.insert(file(check.frame)).second) {
+    check_file(check.frame);
+  }
+}
+
+std::unique_ptr<const LayerRenderer> PlateLayer::make_renderer(
+    const LayerRendererSettings& /*settings*/) const {
+  class Renderer final : public LayerRenderer {
+   public:
+    explicit Renderer(const PlateLayer& layer) : layer_(layer) {}
+    LayerImage render(const LayerView& view) const override {
+      return layer_.image(view.frame, view.camera.overscan_x, view.camera.overscan_y);
+    }
+
+   private:
+    const PlateLayer& layer_;
+  };
+  return std::make_unique<const Renderer>(*this);
+}
+
+void PlateLayer::add_to_fingerprint(Fingerprint& print, int frame,
+                                    const ShownTick& /*shown*/) const {
+  print.text("plate", read_file(file(frame))).text("space", document_.space);
+  print.number("depth", document_.depth_m.value_or(0));
+}
+
+}  // namespace raystage

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+
+#include "compose/color/color_config.h"
+#include "compose/layers/layer.h"
+#include "compose/layers/layer_image.h"
+#include "compose/sequence_name.h"
+#include "schemas/shot_document.h"
+
+namespace raystage {
+
+/// A layer of given pictures of the shot's size: EXR (with its Z, unless the layer has a depth),
+/// PNG or JPEG.
+class PlateLayer final : public Layer {
+ public:
+  /// `folder`: what the path is relative to. `config`: OpenColorIO config for plates that are
+  /// neither linear Rec.709 nor sRGB; none: the built-in one.
+  PlateLayer(const ShotDocument& shot, std::size_t index, const std::filesystem::path& folder,
+             std::optional<ColorConfig> config);
+
+  std::filesystem::path file(int frame) const;
+  /// Throws Error (bad input) if the file of the frame is missing, of an unsupported format, or not
+  /// of the shot's size.
+  void check_file(int frame) const;
+  /// Returns the picture in kSceneSpace; the overscan is transparent. Throws Error (bad input) if
+  /// the file cannot be read or is not of the shot's size.
+  LayerImage image(int frame, int overscan_x, int overscan_y) const;
+
+  void check_frame(const LayerFrameCheck& check) const override;
+  void add_to_fingerprint(Fingerprint& print, int frame, const ShownTick& shown) const override;
+  std::optional<std::filesystem::path> input_file(int frame) const override { return file(frame); }
+  bool is_in_scene_space() const override { return true; }
+  std::unique_ptr<const LayerRenderer> make_renderer(
+      const LayerRendererSettings& settings) const override;
+
+ private:
+  void check_size(const std::array<int, 2>& size, const std::filesystem::path& path) const;
+  /// Returns premultiplied light and depth, without overscan.
+  LayerImage read(const std::filesystem::path& path) const;
+  ColorConfig colors() const;
+  void convert_to_scene_space(LayerImage& image, const std::string& space) const;
+
+  ShotDocument::Plate document_;
+  int width_ = 0, height_ = 0;
+  SequenceName name_;
+  std::optional<ColorConfig> config_;
+};
+
+}  // namespace raystage

@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string_view>
+#include <vector>
+
+#include "farm/path_map.h"
+#include "farm/ranks/mpi_world.h"
+#include "farm/ranks/rank_takes.h"
+#include "farm/ranks/rank_views.h"
+#include "render/common/fragment_encoding.h"
+#include "render/distributed_rendering.h"
+
+namespace raystage::farm {
+
+/// What to do about cameras whose archives no rank has.
+enum class MissingArchives {
+  kError,  ///< refuse before anything is rendered
+  kAbsent  ///< render without them: their rays are missing, and the files say so
+};
+
+struct RankOptions {
+  std::vector<PathMappingRule> takes;  ///< where ranks keep takes: see local_take_folder()
+  MissingArchives missing = MissingArchives::kError;
+  FragmentEncodingSettings encoding;
+  std::function<void(std::string_view)> say = [](std::string_view) {};
+};
+
+/// What crossed between the ranks.
+struct RankTraffic {
+  FragmentCounts fragments;      ///< summed over all messages
+  std::int64_t view_pixels = 0;  ///< of the views that fragments were summed for
+  std::int64_t views = 0;
+  ReduceTimes times;   ///< of rank 0, over all views
+  FetchCounts frames;  ///< fetched by rank 0
+  RankCosts costs;     ///< of all ranks
+};
+
+/// Rank 0: opens takes on all ranks, and asks them for their contributions to views.
+class RootRank : public DistributedTakes {
+ public:
+  RootRank(MpiWorld& world, RankOptions options);
+  /// As finish(), where that was not called.
+  ~RootRank() override;
+  RootRank(const RootRank&) = delete;
+  RootRank& operator=(const RootRank&) = delete;
+
+  Take open(const std::filesystem::path& folder) override;
+  void share(const Take& take, RendererSettings& settings) override;
+  /// Tells all ranks that nothing follows, and asks what they took. Once.
+  RankTraffic finish();
+
+ private:
+  class LightField;
+  struct OpenTake {
+    std::string named;             ///< the folder, as the shot names it
+    std::filesystem::path folder;  ///< on this host
+    std::shared_ptr<RankArchives> archives;
+    std::unique_ptr<Take> served;  ///< gives frames to other ranks
+    std::vector<int> ranks;        ///< that have opened it
+  };
+  void send_to_all(const Request& request);
+  /// Throws Error (bad input) for a rule that no take needs. When all takes are open.
+  void check_rules() const;
+  bool is_finished_ = false;
+  std::vector<int> find_camera_owners(const Take& take, const std::vector<TakeTable>& tables) const;
+
+  MpiWorld& world_;
+  std::mutex send_mutex_;  ///< of requests
+  RankOptions options_;
+  std::vector<OpenTake> takes_;
+  int light_fields_ = 0;
+  std::atomic<std::uint32_t> views_ = 0;
+  mutable std::mutex in_step_;  // views in step, one at a time
+  mutable std::mutex mutex_;    // of the traffic
+  RankTraffic traffic_;
+  std::unique_ptr<FrameService> frames_;  ///< ends before the takes do
+};
+
+}  // namespace raystage::farm

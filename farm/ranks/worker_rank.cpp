@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "farm/ranks/worker_rank.h"
+
+#include <tbb/task_arena.h>
+
+#include <condition_variable>
+#include <deque>
+#include <memory>
+#include <mutex>
+#include <new>
+#include <stdexcept>
+#include <thread>
+#include <utility>
+
+#include "farm/ranks/messages.h"
+#include "farm/ranks/rank_takes.h"
+#include "farm/ranks/rank_views.h"
+#include "render/renderer.h"
+
+namespace raystage::farm {
+namespace {
+
+/// Views that are worked on at once: while one waits for the ranks below, another is sampled.
+constexpr int kViewsAtOnce = 2;
+
+/// Requests for views, in order.
+class ViewQueue {
+ public:
+  void push(Request request) {
+    {
+      const std::scoped_lock lock(mutex_);
+      requests_.push_back(std::move(request));
+    }
+    changed_.notify_one();
+  }
+  /// False: closed, and none is left.
+  bool pop(Request& request) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return is_closed_ || !requests_.empty(); });
+    if (requests_.empty()) return false;
+    request = std::move(requests_.front());
+    requests_.pop_front();
+    return true;
+  }
+  void close() {
+    {
+      const std::scoped_lock lock(mutex_);
+      is_closed_ = true;
+    }
+    changed_.notify_all();
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Request> requests_;
+  bool is_closed_ = false;
+};
+
+class OtherRank {
+ public:
+  OtherRank(MpiWorld& world, const WorkerRankOptions& options)
+      : world_(world), options_(options), arena_(options.threads), frames_(world) {
+    for (int i = 0; i < kViewsAtOnce; ++i) {
+      workers_.emplace_back([this] { make_views(views_); });
+    }
+    workers_.emplace_back([this] { make_views(views_in_step_); });
+  }
+
+  ~OtherRank() {
+    views_.close();
+    views_in_step_.close();
+  }
+
+  void run() {
+    while (true) {
+      Request request = decode_request(world_.receive(0, kRequestTag));
+      switch (request.kind) {
+        case Request::Kind::kOpen:
+          open(request);
+          break;
+        case Request::Kind::kShare:
+          share(request);
+          break;
+        case Request::Kind::kView:
+          (request.view.is_lockstep ? views_in_step_ : views_).push(std::move(request));
+          break;
+        case Request::Kind::kStop:
+          world_.send(0, request.reply_tag, encode(measure_rank_costs(world_)));
+          return;
+      }
+    }
+  }
+
+ private:
+  void open(const Request& request) {
+    RankTake opened = open_rank_take(
+        world_, request.take, local_take_folder(request.folder, options_.takes, world_.rank()));
+    world_.send(0, request.reply_tag, encode(opened.table));
+    if (opened.take) frames_.add(request.take, *opened.take);
+    takes_.push_back(std::move(opened));
+  }
+
+  void share(const Request& request) {
+    RankTake& take = takes_.at(static_cast<std::size_t>(request.take));
+    take.archives->set_camera_owners(request.camera_owners, {});
+    RendererSettings settings;
+    settings.cache_bytes = request.cache_bytes;
+    settings.result_cache_bytes = request.result_cache_bytes;
+    settings.working_bytes = request.working_bytes;
+    settings.rank_of_camera = host_indices(request.ranks, request.camera_owners);
+    settings.this_rank = host_index(request.ranks, world_.rank());
+    const std::scoped_lock lock(mutex_);
+    members_.push_back(request.ranks);
+    // A rank that cannot open the take holds none of its cameras.
+    renderers_.push_back(
+        take.take ? std::make_shared<const LightFieldRenderer>(*take.take, settings) : nullptr);
+  }
+
+  void make_views(ViewQueue& queue) {
+    Request request;
+    while (queue.pop(request)) {
+      std::shared_ptr<const LightFieldRenderer> renderer;
+      std::vector<int> members;
+      {
+        const std::scoped_lock lock(mutex_);
+        members = members_.at(static_cast<std::size_t>(request.light_field));
+        renderer = renderers_.at(static_cast<std::size_t>(request.light_field));
+      }
+      const auto own = [&] {
+        if (!renderer) return Contribution{};
+        return contribute_as_rank(
+            {world_, members}, request.view, request.view_number,
+            [&](const RankCommunicator* group) {
+              Contribution made;
+              arena_.execute([&] { made = renderer->contribute(request.view, group); });
+              return made;
+            });
+      };
+      try {
+        send_to_parent({world_, fragment_encoding_for(request.view, options_.encoding)},
+                       request.view_number, request.light_field, request.view.view, own);
+      } catch (const std::bad_alloc&) {  // no other rank would learn of it
+        world_.abort(options_.out_of_memory_code);
+      }
+    }
+  }
+
+  MpiWorld& world_;
+  const WorkerRankOptions& options_;
+  tbb::task_arena arena_;
+  std::vector<RankTake> takes_;
+  std::mutex mutex_;                                                  // of the renderers
+  std::vector<std::shared_ptr<const LightFieldRenderer>> renderers_;  // by light field
+  std::vector<std::vector<int>> members_;                             // the same
+  FrameService frames_;                                               // ends before the takes do
+  ViewQueue views_, views_in_step_;
+  std::vector<std::jthread> workers_;  // end first
+};
+
+}  // namespace
+
+void run_worker_rank(MpiWorld& world, const WorkerRankOptions& options) {
+  OtherRank(world, options).run();
+}
+
+}  // namespace raystage::farm

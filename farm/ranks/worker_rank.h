@@ -1,0 +1,23 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "farm/path_map.h"
+#include "farm/ranks/mpi_world.h"
+#include "render/common/fragment_encoding.h"
+
+namespace raystage::farm {
+
+struct WorkerRankOptions {
+  std::vector<PathMappingRule> takes;  ///< as RankOptions
+  FragmentEncodingSettings encoding;
+  int threads = 1;             ///< of the TBB arena that views are made in
+  int out_of_memory_code = 1;  ///< exit code of the job where this rank's memory does not suffice
+};
+
+/// Any rank but the first: does what rank 0 asks for, and returns when that says that nothing
+/// follows. What cannot be done is reported to rank 0, never thrown.
+void run_worker_rank(MpiWorld& world, const WorkerRankOptions& options);
+
+}  // namespace raystage::farm

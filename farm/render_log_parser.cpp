@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// The lines are those of SequenceReport::stages() and summary(), depths_line() and the renderer's
+// failures; log_reader_test.cpp compares them.
+#include "farm/render_log_parser.h"
+
+#include <charconv>
+
+namespace raystage::farm {
+namespace {
+
+/// The number that follows `label` in the line; 0 where there is none.
+double value_after(std::string_view line, std::string_view label) {
+  double number = 0;
+  const std::size_t at = line.find(label);
+  if (at == std::string_view::npos) return number;
+  const std::string_view text = line.substr(at + label.size());
+  std::from_chars(text.data(), text.data() + text.size(), number);
+  return number;
+}
+
+RenderStageCosts costs_of(std::string_view line) {
+  constexpr double kSeconds = 1e-3, kBytes = 1e6;
+  RenderStageCosts costs;
+  costs.frames_in_flight = static_cast<int>(value_after(line, "milliseconds a frame, "));
+  costs.light_fields_s = kSeconds * value_after(line, "light fields ");
+  costs.geometry_s = kSeconds * value_after(line, "geometry ");
+  costs.merge_s = kSeconds * value_after(line, "merging ");
+  costs.encode_s = kSeconds * value_after(line, "encoding ");
+  costs.write_s = kSeconds * value_after(line, "writing ");
+  costs.decode_s = kSeconds * value_after(line, "decoding ");
+  costs.read_bytes = kBytes * value_after(line, "of processors for ");
+  return costs;
+}
+
+}  // namespace
+
+void RenderLogParser::parse_line(std::string_view line) {
+  if (line.starts_with("Progress: ")) return;
+  last = line;
+  // As commands complain; what starts ranks says more after it.
+  constexpr std::string_view kCommand = "raystage ";
+  const std::size_t colon = line.find(": ");
+  if (line.starts_with(kCommand) && line.find(' ', kCommand.size()) == colon + 1)
+    error_message = line;
+  if (line.starts_with("depths of ")) {
+    solved = static_cast<int>(value_after(line, "depths of "));
+    read = static_cast<int>(value_after(line, "solved, of "));
+  }
+  if (line.starts_with("milliseconds a frame, ")) rendering = costs_of(line);
+  // "48 of 48 frames rendered; 2.5 s, ...": the last line of all.
+  if (rendering && line.find(" frames rendered") != std::string_view::npos) {
+    rendering->frames = static_cast<int>(value_after(line, ""));
+    rendering->seconds = value_after(line, "; ");
+    if (rendering->frames == 0) rendering.reset();
+  }
+  constexpr std::string_view kFrame = "frame ", kFailed = " failed:";
+  const std::size_t failed_at = line.find(kFailed);
+  if (failed_at == std::string_view::npos) return;
+  if (first_failure.empty()) first_failure = line;
+  if (!line.starts_with(kFrame)) return;
+  int frame = 0;
+  const char* end = line.data() + failed_at;
+  const auto number = std::from_chars(line.data() + kFrame.size(), end, frame);
+  if (number.ec == std::errc() && number.ptr == end) failed_frames.insert(frame);
+}
+
+}  // namespace raystage::farm

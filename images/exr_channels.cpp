@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "images/exr_channels.h"
+
+#include <OpenEXR/ImfChannelList.h>
+#include <OpenEXR/ImfHeader.h>
+#include <OpenEXR/ImfInputPart.h>
+#include <OpenEXR/ImfMultiPartInputFile.h>
+#include <OpenEXR/ImfPartType.h>
+#include <OpenEXR/ImfStandardAttributes.h>
+#include <OpenEXR/ImfStringAttribute.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <limits>
+#include <new>
+
+#include "base/error.h"
+#include "images/exr_slice.h"
+
+namespace raystage {
+namespace {
+
+std::int64_t area(const Imath::Box2i& box) {
+  return (std::int64_t{box.max.x} - box.min.x + 1) * (std::int64_t{box.max.y} - box.min.y + 1);
+}
+
+/// From values of the data window to those of the display window.
+std::vector<float> within(const Imath::Box2i& display, const Imath::Box2i& data,
+                          std::vector<float> values, std::size_t channels) {
+  if (data == display) return values;
+  std::vector<float> shown(static_cast<std::size_t>(area(display)) * channels, 0.0F);
+  const int x0 = std::max(data.min.x, display.min.x), x1 = std::min(data.max.x, display.max.x);
+  const int y0 = std::max(data.min.y, display.min.y), y1 = std::min(data.max.y, display.max.y);
+  const auto at = [&](const Imath::Box2i& box, int y) {
+    const auto width = static_cast<std::size_t>(box.max.x - box.min.x + 1);
+    return (static_cast<std::size_t>(y - box.min.y) * width +
+            static_cast<std::size_t>(x0 - box.min.x)) *
+           channels;
+  };
+  for (int y = y0; y <= y1 && x0 <= x1; ++y) {
+    std::copy_n(values.data() + at(data, y), static_cast<std::size_t>(x1 - x0 + 1) * channels,
+                shown.data() + at(display, y));
+  }
+  return shown;
+}
+
+/// The channel that a part lacks and must have; null: it has all, and is not deep.
+const char* lacking(const Imf::Header& header, std::span<const ExrChannel> channels) {
+  if (header.hasType() && Imf::isDeepData(header.type())) return channels.front().name;
+  for (const ExrChannel& channel : channels) {
+    if (!channel.fallback && header.channels().findChannel(channel.name) == nullptr) {
+      return channel.name;
+    }
+  }
+  return nullptr;
+}
+
+std::string text_of(const Imf::Header& header, const char* attribute) {
+  const auto* text = header.findTypedAttribute<Imf::StringAttribute>(attribute);
+  return text == nullptr ? std::string() : text->value();
+}
+
+/// "HH:MM:SS:FF"; empty where the header has none.
+std::string time_code_of(const Imf::Header& header) {
+  if (!Imf::hasTimeCode(header)) return {};
+  const Imf::TimeCode time = Imf::timeCode(header);
+  return fmt::format("{:02}:{:02}:{:02}:{:02}", time.hours(), time.minutes(), time.seconds(),
+                     time.frame());
+}
+
+bool has_one(const Imf::Header& header, std::span<const ExrChannel> channels) {
+  if (header.hasType() && Imf::isDeepData(header.type())) return false;
+  return std::ranges::any_of(channels, [&](const ExrChannel& channel) {
+    return header.channels().findChannel(channel.name) != nullptr;
+  });
+}
+
+/// The first part that has what must be there; if nothing must, that has any of it.
+int part_with(const Imf::MultiPartInputFile& input, const std::filesystem::path& file,
+              std::span<const ExrChannel> channels, const std::string& what_to_do) {
+  if (std::ranges::all_of(channels,
+                          [](const auto& channel) { return channel.fallback.has_value(); })) {
+    for (int part = 0; part < input.parts(); ++part) {
+      if (has_one(input.header(part), channels)) return part;
+    }
+  }
+  for (int part = 0; part < input.parts(); ++part) {
+    if (lacking(input.header(part), channels) == nullptr) return part;
+  }
+  throw Error::bad_input(
+      std::string("the EXR file has no channel ") + lacking(input.header(0), channels),
+      file.string(), what_to_do);
+}
+
+ExrChannelData read_open_file(Imf::MultiPartInputFile& file_parts,
+                              const std::filesystem::path& file,
+                              std::span<const ExrChannel> channels, const std::string& what_to_do) {
+  Imf::InputPart input(file_parts, part_with(file_parts, file, channels, what_to_do));
+  const Imf::Header& header = input.header();
+  const Imath::Box2i data = header.dataWindow(), display = header.displayWindow();
+  constexpr std::int64_t kMostPixels = std::int64_t{1} << 29;
+  if (area(data) > kMostPixels || area(display) > kMostPixels) {
+    throw Error::bad_input("the EXR file is larger than 2^29 pixels", file.string(), what_to_do);
+  }
+  std::vector<float> values(static_cast<std::size_t>(area(data)) * channels.size());
+  Imf::FrameBuffer buffer;
+  for (std::size_t c = 0; c < channels.size(); ++c) {
+    buffer.insert(channels[c].name,
+                  make_exr_slice(Imf::FLOAT, values.data() + c, data.max.x - data.min.x + 1,
+                                 static_cast<int>(channels.size()), data.min.x, data.min.y,
+                                 static_cast<double>(channels[c].fallback.value_or(0))));
+  }
+  input.setFrameBuffer(buffer);
+  input.readPixels(data.min.y, data.max.y);
+
+  ExrChannelData pixels;
+  pixels.width = display.max.x - display.min.x + 1;
+  pixels.height = display.max.y - display.min.y + 1;
+  pixels.values = within(display, data, std::move(values), channels.size());
+  if (Imf::hasFramesPerSecond(header)) {
+    const Imf::Rational fps = Imf::framesPerSecond(header);
+    if (fps.n > 0 && fps.d > 0 && fps.d <= static_cast<unsigned>(std::numeric_limits<int>::max())) {
+      pixels.fps_numerator = fps.n;
+      pixels.fps_denominator = static_cast<int>(fps.d);
+    }
+  }
+  pixels.time_code = time_code_of(header);
+  pixels.color_interop_id = text_of(header, "colorInteropID");
+  pixels.color_space = text_of(header, "lf:colorSpace");
+  return pixels;
+}
+
+/// What `read` makes of the open file, with errors as ours.
+template <class Read>
+auto read_file_with(const std::filesystem::path& file, const std::string& what_to_do,
+                    const Read& read) {
+  constexpr int kNoThreads = 0;  // callers are parallel to each other
+  try {
+    Imf::MultiPartInputFile input(file.c_str(), kNoThreads);
+    return read(input);
+  } catch (const Error&) {
+    throw;
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception& error) {
+    std::string what = error.what();
+    while (!what.empty() && (what.back() == '.' || what.back() == '\n')) what.pop_back();
+    throw Error::bad_input("the EXR file cannot be read: " + what, file.string(), what_to_do);
+  }
+}
+
+}  // namespace
+
+ExrChannelData read_exr_channels(const std::filesystem::path& file,
+                                 std::span<const ExrChannel> channels,
+                                 const std::string& what_to_do) {
+  return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
+    return read_open_file(input, file, channels, what_to_do);
+  });
+}
+
+std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
+                                      std::span<const ExrChannel> channels,
+                                      const std::string& what_to_do) {
+  return read_file_with(file, what_to_do, [&](Imf::MultiPartInputFile& input) {
+    const Imf::Header& header = input.header(part_with(input, file, channels, what_to_do));
+    const Imath::Box2i& display = header.displayWindow();
+    return std::array{display.max.x - display.min.x + 1, display.max.y - display.min.y + 1};
+  });
+}
+
+}  // namespace raystage

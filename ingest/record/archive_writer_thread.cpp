@@ -1,0 +1,224 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/archive_writer_thread.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <exception>
+#include <utility>
+
+namespace raystage {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kRetryAfter = 100ms;  // what was refused
+constexpr auto kLookWhileDraining = 5ms;
+// The writer looks instead of being called, and seldom: thousands of calls a second cost more than
+// the writing, and several frames of a camera in one go cost little more than one.
+constexpr auto kLookAfter = 30ms;
+constexpr auto kLookAfterWhenTight = 5ms;
+constexpr std::size_t kTurn = 16;  // frames of one camera before the next has its turn
+
+}  // namespace
+
+std::string exception_message(const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return {};
+}
+
+ArchiveWriterThread::ArchiveWriterThread(std::vector<Camera> cameras, Settings settings)
+    : cameras_(std::move(cameras)),
+      settings_(std::move(settings)),
+      written_counts_(cameras_.size()),
+      retry_states_(cameras_.size()),
+      write_errors_(cameras_.size()) {
+  if (settings_.hold) return;
+  writer_ = std::jthread([this](const std::stop_token& stop) { write_loop(stop); });
+  if (settings_.flush_interval_s > 0) {
+    flusher_ = std::jthread([this](const std::stop_token& stop) { flush_loop(stop); });
+  }
+}
+
+ArchiveWriterThread::~ArchiveWriterThread() = default;
+
+void ArchiveWriterThread::write_loop(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    if (write_pending() != WriteResult::kSome) rest(stop);
+  }
+}
+
+void ArchiveWriterThread::rest(const std::stop_token& stop) {
+  if (settings_.memory == nullptr || settings_.memory->is_under_pressure()) {
+    std::this_thread::sleep_for(kLookAfterWhenTight);
+  } else {
+    settings_.memory->wait_for_pressure(stop, kLookAfter);
+  }
+}
+
+void ArchiveWriterThread::flush_loop(const std::stop_token& stop) {
+  std::mutex mutex;
+  std::condition_variable_any never;
+  const auto interval = std::chrono::duration<double>(settings_.flush_interval_s);
+  std::unique_lock lock(mutex);
+  while (!never.wait_for(lock, stop, interval, [] { return false; }) && !stop.stop_requested()) {
+    for (std::size_t i = 0; i < cameras_.size(); ++i) {
+      const std::string failure = exception_message([&] { cameras_[i].archive.flush(); });
+      if (failure.empty()) continue;
+      set_write_error(i, failure);
+      const std::scoped_lock failure_lock(write_error_mutex_);
+      if (flush_failure_.empty()) flush_failure_ = failure;
+    }
+  }
+}
+
+/// One turn for each camera; kSome where there is more to write, and the disk takes it. An archive
+/// that refuses (a file may have reached its greatest size) holds up no other.
+ArchiveWriterThread::WriteResult ArchiveWriterThread::write_pending() {
+  WriteResult wrote = WriteResult::kNothing;
+  bool more = false;
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    if (Clock::now() < retry_states_[i].retry_at) continue;
+    const Turn turn = write_batch(i);
+    if (turn.written > 0) {
+      wrote = WriteResult::kAll;
+      retry_states_[i].last_write = Clock::now();
+    }
+    if (turn.refused) retry_states_[i].retry_at = Clock::now() + kRetryAfter;
+    more = more || turn.written == kTurn;
+  }
+  return more ? WriteResult::kSome : wrote;
+}
+
+/// The frames at the front of a camera's queue: all, or as many as its archive takes.
+ArchiveWriterThread::Turn ArchiveWriterThread::write_batch(std::size_t camera) {
+  FrameQueue& queue = cameras_[camera].queue;
+  std::vector<FrameQueue::Frame> frames;
+  const std::string write_error = exception_message([&] { frames = queue.start_writing(kTurn); });
+  if (!write_error.empty()) {
+    set_write_error(camera, write_error);
+    return {0, true};
+  }
+  if (frames.empty()) return {};
+  const std::size_t written = write(camera, frames);
+  queue.finish_writing(written);
+  return {written, written < frames.size()};
+}
+
+/// How many of the frames are on disk: all, or as many as fit.
+std::size_t ArchiveWriterThread::write(std::size_t camera,
+                                       std::span<const FrameQueue::Frame> frames) {
+  if (append(camera, frames)) return frames.size();
+  std::size_t written = 0;
+  if (frames.size() == 1) return written;
+  while (written < frames.size() && append(camera, frames.subspan(written, 1))) ++written;
+  return written;
+}
+
+bool ArchiveWriterThread::append(std::size_t camera, std::span<const FrameQueue::Frame> frames) {
+  std::uint64_t bytes = 0;
+  std::string write_error = exception_message([&] {
+    std::vector<NewFrame> batch;
+    for (const auto& frame : frames) {
+      batch.push_back({frame->time_ns, frame->jpeg, frame->status, frame->origin});
+      bytes += frame->jpeg.size();
+    }
+    cameras_[camera].archive.append(batch);
+  });
+  const bool written = write_error.empty();
+  set_write_error(camera, std::move(write_error));
+  if (!written) return false;
+  bytes_written_.fetch_add(bytes, std::memory_order_relaxed);
+  for (const auto& frame : frames) {
+    written_counts_[camera].count[static_cast<std::size_t>(frame->status)].fetch_add(1);
+  }
+  return true;
+}
+
+void ArchiveWriterThread::set_write_error(std::size_t camera, std::string text) {
+  const std::scoped_lock lock(write_error_mutex_);
+  write_errors_[camera] = std::move(text);
+}
+
+std::string ArchiveWriterThread::write_error() const {
+  const std::scoped_lock lock(write_error_mutex_);
+  const auto found =
+      std::ranges::find_if(write_errors_, [](const std::string& text) { return !text.empty(); });
+  return found == write_errors_.end() ? std::string() : *found;
+}
+
+std::string ArchiveWriterThread::flush_error() const {
+  const std::scoped_lock lock(write_error_mutex_);
+  return flush_failure_;
+}
+
+std::size_t ArchiveWriterThread::waiting() const {
+  std::size_t sum = 0;
+  for (const Camera& camera : cameras_) sum += camera.queue.size();
+  return sum;
+}
+
+void ArchiveWriterThread::drain(const std::function<void(double)>& progress) {
+  writer_ = {};  // joins: from here on this thread writes
+  flusher_ = {};
+  const std::size_t all = waiting();
+  for (RetryState& turns : retry_states_) turns = {.last_write = Clock::now(), .retry_at = {}};
+  while (const std::size_t left = waiting()) {
+    if (progress) progress(1 - static_cast<double>(left) / static_cast<double>(all));
+    if (write_pending() != WriteResult::kNothing) continue;
+    if (drain_timed_out()) {
+      drop_remaining();
+      break;
+    }
+    std::this_thread::sleep_for(kLookWhileDraining);
+  }
+  if (progress) progress(1);
+}
+
+/// Of every camera that still waits: while one may yet write its frames, the reserve is not touched
+/// for another.
+bool ArchiveWriterThread::drain_timed_out() const {
+  const auto drain_timeout_s = std::chrono::duration<double>(settings_.drain_timeout_s);
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    if (cameras_[i].queue.empty()) continue;
+    if (Clock::now() - retry_states_[i].last_write <= drain_timeout_s) return false;
+  }
+  return true;
+}
+
+/// The disk refuses for good: what is left becomes records, for which there is a reserve. Until
+/// that is needed each frame is tried once more: a smaller one may fit.
+void ArchiveWriterThread::drop_remaining() {
+  bool reserve_is_whole = true;
+  const auto append_record = [&](std::size_t camera, std::span<const FrameQueue::Frame> record) {
+    if (append(camera, record)) return true;
+    if (!std::exchange(reserve_is_whole, false)) return false;
+    settings_.release_reserved_space();
+    return append(camera, record);
+  };
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    FrameQueue& queue = cameras_[i].queue;
+    for (auto front = queue.start_writing(1); !front.empty(); front = queue.start_writing(1)) {
+      const bool picture = front[0]->has_image();
+      if (!picture || !reserve_is_whole || !append(i, front)) {
+        if (picture) {
+          front[0]->mark_missing(FrameStatus::kDroppedDiskFull);
+          ++cameras_[i].counters.dropped;
+        }
+        if (!append_record(i, front)) ++cameras_[i].counters.unrecorded;
+      }
+      queue.finish_writing(1);
+    }
+  }
+}
+
+std::uint64_t ArchiveWriterThread::written(std::size_t camera, FrameStatus status) const {
+  return written_counts_[camera].count[static_cast<std::size_t>(status)].load();
+}
+
+}  // namespace raystage

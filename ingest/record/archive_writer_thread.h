@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <span>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "ingest/record/camera_capture.h"
+#include "ingest/record/frame_queue.h"
+#include "ingest/record/memory_budget.h"
+#include "store/archive.h"
+
+namespace raystage {
+
+/// From memory to the archives, in a thread of its own. A disk that is slow or full holds up nobody
+/// but this: frames stay in memory until they can be written, and what cannot be kept there is
+/// dropped by the intakes. An archive that refuses alone holds up no other camera's.
+class ArchiveWriterThread {
+ public:
+  struct Camera {
+    FrameQueue& queue;
+    ArchiveWriter& archive;
+    CameraCounters& counters;
+  };
+  struct Settings {
+    bool hold = false;  ///< write nothing before drain()
+    /// Frees room for the last records when the disk stays full to the end.
+    std::function<void()> release_reserved_space = [] {};
+    /// How long drain() tries to write a camera's frames that its archive refuses, seconds.
+    double drain_timeout_s = 3;
+    /// How often what is written is made safe against power loss, seconds; 0: never.
+    double flush_interval_s = 1;
+    /// What the frames are counted in: where it gets tight, they are written at once instead of
+    /// several of a camera together.
+    MemoryBudget* memory = nullptr;
+  };
+
+  ArchiveWriterThread(std::vector<Camera> cameras, Settings settings);
+  ~ArchiveWriterThread();
+  ArchiveWriterThread(const ArchiveWriterThread&) = delete;
+  ArchiveWriterThread& operator=(const ArchiveWriterThread&) = delete;
+
+  /// Writes all that is left; intakes and encoders have finished. `progress` gets the part done.
+  void drain(const std::function<void(double)>& progress);
+
+  /// Records on disk, per camera and FrameStatus.
+  std::uint64_t written(std::size_t camera, FrameStatus status) const;
+  std::uint64_t bytes_written() const { return bytes_written_.load(std::memory_order_relaxed); }
+  /// Why the disk refuses at this moment, for the first camera it does so; empty where it does not.
+  std::string write_error() const;
+  /// The first time that what was written could not be made safe; empty: never. A disk says so once
+  /// and may have lost it all the same when it works again.
+  std::string flush_error() const;
+
+ private:
+  struct WrittenCounts {
+    std::array<std::atomic<std::uint64_t>, kFrameStatusCount> count{};
+  };
+  struct RetryState {
+    std::chrono::steady_clock::time_point last_write, retry_at;
+  };
+  void write_loop(const std::stop_token& stop);
+  void flush_loop(const std::stop_token& stop);
+  enum class WriteResult { kNothing, kAll, kSome };
+  WriteResult write_pending();
+  struct Turn {
+    std::size_t written = 0;  // frames
+    bool refused = false;
+  };
+  Turn write_batch(std::size_t camera);
+  std::size_t write(std::size_t camera, std::span<const FrameQueue::Frame> frames);
+  bool append(std::size_t camera, std::span<const FrameQueue::Frame> frames);
+  void rest(const std::stop_token& stop);
+  void set_write_error(std::size_t camera, std::string text);
+  std::size_t waiting() const;
+  bool drain_timed_out() const;
+  void drop_remaining();
+
+  const std::vector<Camera> cameras_;
+  const Settings settings_;
+  std::vector<WrittenCounts> written_counts_;
+  std::vector<RetryState> retry_states_;  // the writer's, then drain()'s
+  std::atomic<std::uint64_t> bytes_written_ = 0;
+  mutable std::mutex write_error_mutex_;
+  std::vector<std::string> write_errors_;  // by camera; empty: none
+  std::string flush_failure_;
+  std::jthread writer_, flusher_;  // last: they use all of the above
+};
+
+/// What went wrong in an attempt; empty: nothing. Of any exception, as where memory has run out:
+/// one that leaves a thread would end the process, and all frames in memory with it.
+std::string exception_message(const std::function<void()>& attempt);
+
+}  // namespace raystage

@@ -1,0 +1,116 @@
+// SPDX-License-Identifier: Apache-2.0
+// From memory to archives of which some refuse.
+#include "ingest/record/archive_writer_thread.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <csignal>
+#include <new>
+#include <thread>
+
+#include "testing/test_folder.h"
+
+namespace raystage {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::HasSubstr;
+
+/// Cameras whose archives stand in a folder of their own.
+class Flow : public ::testing::Test {
+ protected:
+  static constexpr int kCameras = 3, kFrames = 40;
+
+  Flow() {
+    for (int i = 0; i < kCameras; ++i) {
+      const std::string id = "c" + std::to_string(i);
+      archives_.emplace_back(folder_.path() / (id + ".mkv"), folder_.path() / (id + ".journal"),
+                             ArchiveWriter::Description{id, 64, 48, 0});
+    }
+  }
+  void push(std::size_t camera, std::size_t bytes) {
+    auto frame = std::make_shared<QueuedFrame>();
+    frame->time_ns = ++last_time_;
+    frame->jpeg.resize(bytes, std::byte{1});
+    queues[camera].push(std::move(frame));
+  }
+  ArchiveWriterThread flow(ArchiveWriterThread::Settings settings) {
+    std::vector<ArchiveWriterThread::Camera> cameras;
+    for (std::size_t i = 0; i < kCameras; ++i) {
+      cameras.push_back({queues[i], archives_[i], counters[i]});
+    }
+    return ArchiveWriterThread(std::move(cameras), std::move(settings));
+  }
+  /// From now on nothing can be written to it.
+  void refuse(std::size_t camera) { archives_[camera].close(); }
+
+  std::vector<FrameQueue> queues = std::vector<FrameQueue>(kCameras);
+  std::vector<CameraCounters> counters = std::vector<CameraCounters>(kCameras);
+
+ private:
+  TestFolder folder_;
+  std::vector<ArchiveWriter> archives_;
+  Nanoseconds last_time_ = 0;
+};
+
+TEST_F(Flow, AnArchiveThatRefusesHoldsUpNoOther) {
+  for (int i = 0; i < kCameras * kFrames; ++i) push(static_cast<std::size_t>(i % kCameras), 1000);
+  refuse(0);
+  ArchiveWriterThread writing = flow({.drain_timeout_s = 0.2, .flush_interval_s = 0});
+  const auto deadline = std::chrono::steady_clock::now() + 20s;
+  while (!(queues[1].empty() && queues[2].empty()) && std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(1ms);
+  }
+  EXPECT_EQ(writing.written(1, FrameStatus::kStored), kFrames);
+  EXPECT_EQ(writing.written(2, FrameStatus::kStored), kFrames);
+  EXPECT_THAT(writing.write_error(),
+              HasSubstr("after the archive was closed"));  // not hidden by those
+  writing.drain({});
+  EXPECT_EQ(counters[0].dropped, kFrames);
+  EXPECT_EQ(counters[0].unrecorded, kFrames);
+  EXPECT_EQ(counters[1].dropped + counters[2].dropped, 0U);
+}
+
+TEST_F(Flow, AtTheEndEveryOtherIsWrittenToo) {
+  for (int i = 0; i < kCameras * kFrames; ++i) push(static_cast<std::size_t>(i % kCameras), 1000);
+  refuse(0);
+  ArchiveWriterThread writing = flow({.hold = true, .drain_timeout_s = 0});
+  writing.drain({});
+  for (const std::size_t camera : {1U, 2U}) {
+    EXPECT_EQ(writing.written(camera, FrameStatus::kStored), kFrames);
+    EXPECT_EQ(counters[camera].dropped, 0U);
+  }
+  EXPECT_EQ(counters[0].dropped, kFrames);
+}
+
+// No file may grow beyond a limit: there is room for small frames, and for every record.
+TEST_F(Flow, WhatStillFitsIsWrittenBeforeItIsGivenUp) {
+  push(0, 100'000);
+  for (int i = 0; i < 5; ++i) push(0, 1000);
+  bool released = false;
+  ArchiveWriterThread writing = flow(
+      {.hold = true, .release_reserved_space = [&] { released = true; }, .drain_timeout_s = 0.2});
+  rlimit before{};
+  ASSERT_EQ(getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto old_handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit limit{50'000, before.rlim_max};
+  ASSERT_EQ(setrlimit(RLIMIT_FSIZE, &limit), 0);
+  writing.drain({});
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, old_handler);
+  EXPECT_EQ(writing.written(0, FrameStatus::kDroppedDiskFull), 1U);
+  EXPECT_EQ(writing.written(0, FrameStatus::kStored), 5U);
+  EXPECT_EQ(counters[0].dropped, 1U);
+  EXPECT_EQ(counters[0].unrecorded, 0U);
+  EXPECT_FALSE(released);
+}
+
+TEST(TroubleIn, SaysWhatWentWrongWhateverItWas) {
+  EXPECT_EQ(exception_message([] {}), "");
+  EXPECT_THAT(exception_message([] { throw std::bad_alloc(); }), HasSubstr("bad_alloc"));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,237 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/camera_capture.h"
+
+#include <fmt/format.h>
+
+#include <thread>
+#include <utility>
+
+#include "base/error.h"
+#include "ingest/record/jpeg_frame_check.h"
+
+namespace raystage {
+namespace {
+
+using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
+
+constexpr auto kPatience = 100ms;  // how soon a stop is noticed
+constexpr auto kLookForRoom = 2ms;
+
+double seconds(Clock::duration duration) { return std::chrono::duration<double>(duration).count(); }
+
+}  // namespace
+
+void CameraCounters::add_event(std::string what) {
+  const std::scoped_lock lock(mutex_);
+  events_.push_back({host_utc_now(), std::move(what)});
+}
+
+std::vector<RecordingEvent> CameraCounters::events() const {
+  const std::scoped_lock lock(mutex_);
+  return events_;
+}
+
+CameraCapture::CameraCapture(const Settings& settings, std::unique_ptr<FrameSource> source,
+                             Open reopen, Pipeline plumbing)
+    : settings_(settings),
+      source_(std::move(source)),
+      reopen_(std::move(reopen)),
+      pipeline_(std::move(plumbing)),
+      clock_(settings.epoch_utc, settings.last_time),
+      reconnect_backoff_(settings.reconnect) {}
+
+void CameraCapture::run(const std::stop_token& stop) {
+  const std::stop_callback interrupt(stop, [this] {
+    const std::scoped_lock lock(source_mutex_);
+    if (source_) source_->interrupt();
+  });
+  stop_ = stop;
+  auto opened = Clock::now(), last_frame = opened;
+  bool silent = false;
+  const auto go_on_after = [&](const std::string& why, bool source_is_gone) {
+    reconnect_backoff_.report_uptime(last_frame - opened);
+    const LossOutcome after = lost(stop, why, source_is_gone);
+    if (after == LossOutcome::kReconnected) {
+      silent = false;
+      opened = last_frame = Clock::now();
+    }
+    return after != LossOutcome::kFinish;
+  };
+  while (!stop.stop_requested()) {
+    SourceFrame frame;
+    switch (source_->next(frame, kPatience)) {
+      case FrameSource::Outcome::kFrame:
+        if (silent) {
+          pipeline_.counters.add_event(
+              fmt::format("frames again after {:.1f} s", seconds(Clock::now() - last_frame)));
+          pipeline_.counters.state = CameraCounters::State::kRunning;
+          silent = false;
+        }
+        last_frame = Clock::now();
+        take(std::move(frame));
+        break;
+      case FrameSource::Outcome::kNoData:
+        if (silent || Clock::now() - last_frame < settings_.lost_after) break;
+        silent = true;
+        if (!go_on_after(fmt::format("no frame for {:.1f} s", seconds(Clock::now() - last_frame)),
+                         false)) {
+          return;
+        }
+        break;
+      case FrameSource::Outcome::kEnded:
+        pipeline_.counters.state = CameraCounters::State::kEnded;
+        return;
+      case FrameSource::Outcome::kLost:
+        if (stop.stop_requested()) return;
+        if (!go_on_after(source_->loss_reason(), true)) return;
+        break;
+    }
+  }
+}
+
+CameraCapture::LossOutcome CameraCapture::lost(const std::stop_token& stop, const std::string& why,
+                                               bool source_is_gone) {
+  pipeline_.counters.state = CameraCounters::State::kLost;
+  pipeline_.counters.add_event("lost: " + (why.empty() ? "the source is gone" : why));
+  switch (settings_.when_lost) {
+    case LostSourcePolicy::kStop:
+      pipeline_.stop_recording();
+      return LossOutcome::kFinish;
+    case LostSourcePolicy::kReconnect:
+      return reconnect(stop) ? LossOutcome::kReconnected : LossOutcome::kFinish;
+    case LostSourcePolicy::kContinue:
+      break;
+  }
+  // A silent source may come back by itself; one that is gone cannot.
+  return source_is_gone ? LossOutcome::kFinish : LossOutcome::kContinueWaiting;
+}
+
+bool CameraCapture::reconnect(const std::stop_token& stop) {
+  const auto start = Clock::now();
+  // First of all: most devices serve one at a time.
+  replace_source(nullptr);
+  for (;;) {
+    pause(stop, reconnect_backoff_.next());
+    if (stop.stop_requested()) return false;
+    try {
+      replace_source(reopen_());
+      clock_.reset_device_clock();
+      pipeline_.counters.state = CameraCounters::State::kRunning;
+      pipeline_.counters.add_event(
+          fmt::format("connected again after {:.1f} s", seconds(Clock::now() - start)));
+      return true;
+    } catch (const Error&) {  // not yet
+    }
+  }
+}
+
+void CameraCapture::pause(const std::stop_token& stop, std::chrono::milliseconds time) {
+  std::unique_lock lock(pause_mutex_);
+  pause_ended_.wait_for(lock, stop, time, [] { return false; });
+}
+
+void CameraCapture::replace_source(std::unique_ptr<FrameSource> source) {
+  {
+    const std::scoped_lock lock(source_mutex_);
+    std::swap(source, source_);
+  }
+  // The old one, which may take its time, is closed here.
+}
+
+FrameStatus CameraCapture::check(const SourceFrame& frame) {
+  if (frame.torn) return FrameStatus::kTorn;
+  FrameStatus status = FrameStatus::kStored;
+  if (!frame.jpeg.empty()) {
+    status = check_jpeg_frame(frame.jpeg, settings_.width, settings_.height);
+  } else if (frame.raw.width != settings_.width || frame.raw.height != settings_.height) {
+    status = FrameStatus::kUnreadable;
+  }
+  if (status == FrameStatus::kUnreadable && !std::exchange(size_warning_given_, true)) {
+    pipeline_.counters.add_event(
+        fmt::format("frames of another size than {} x {}: they cannot be stored", settings_.width,
+                    settings_.height));
+  }
+  return status;
+}
+
+MemoryBudget::Reservation CameraCapture::reserve_memory(std::size_t bytes) {
+  MemoryBudget::Reservation share = pipeline_.memory.try_reserve(bytes);
+  if (!share && settings_.wait_for_memory > 0ms && memory_was_freed_)
+    share = wait_for_memory(bytes);
+  memory_was_freed_ = memory_was_freed_ || share;
+  while (!share && settings_.drop_oldest &&
+         pipeline_.queue.drop_one(true, FrameStatus::kDroppedRamFull)) {
+    ++pipeline_.counters.dropped;
+    share = pipeline_.memory.try_reserve(bytes);
+  }
+  return share;
+}
+
+MemoryBudget::Reservation CameraCapture::wait_for_memory(std::size_t bytes) {
+  const auto deadline = Clock::now() + settings_.wait_for_memory;
+  MemoryBudget::Reservation share;
+  while (!share && !stop_.stop_requested() && Clock::now() < deadline) {
+    std::this_thread::sleep_for(kLookForRoom);
+    share = pipeline_.memory.try_reserve(bytes);
+  }
+  memory_was_freed_ = static_cast<bool>(share);
+  return share;
+}
+
+void CameraCapture::take(SourceFrame frame) {
+  if (frame.arrival_utc < settings_.start_utc) return;
+  ++pipeline_.counters.arrived;
+  const Nanoseconds before = clock_.last_time();
+  const FrameTimestamper::Stamp stamp = clock_.stamp(frame);
+  if (stamp.corrected) ++pipeline_.counters.corrected_timestamps;
+  for (std::uint64_t i = 0; i < stamp.skipped; ++i) {
+    ++pipeline_.counters.skipped_by_source;
+    push_missing_record(FrameStatus::kDroppedBySource,
+                        FrameTimestamper::interpolate_time(before, stamp.time_ns, i, stamp.skipped),
+                        {kUnknownTime, stamp.sequence - stamp.skipped + i});
+  }
+  const FrameOrigin origin{stamp.arrival_ns, stamp.sequence};
+  const auto drop = [&](FrameStatus reason) {
+    ++pipeline_.counters.dropped;
+    push_missing_record(reason, stamp.time_ns, origin);
+  };
+  if (const FrameStatus status = check(frame); status != FrameStatus::kStored) return drop(status);
+
+  const bool raw = frame.jpeg.empty();
+  auto share = reserve_memory(kMissingRecordBytes +
+                              (raw ? frame.raw.bytes_in_memory() : frame.jpeg.capacity()));
+  if (!share) return drop(FrameStatus::kDroppedRamFull);
+  auto queued = std::make_shared<QueuedFrame>();
+  queued->stage = raw ? QueuedFrame::Stage::kToEncode : QueuedFrame::Stage::kReady;
+  queued->time_ns = stamp.time_ns;
+  queued->origin = origin;
+  queued->raw = std::move(frame.raw);
+  queued->jpeg = std::move(frame.jpeg);
+  queued->memory = std::move(share);
+  pipeline_.queue.push(std::move(queued));
+  if (raw) pipeline_.encoders.encode_next(pipeline_.queue);
+}
+
+void CameraCapture::push_missing_record(FrameStatus status, Nanoseconds time, FrameOrigin origin) {
+  // Records have a reserve of their own. When even that is used up a frame gives way: a record is
+  // worth more, it says what is missing.
+  auto share = pipeline_.records.try_reserve(kMissingRecordBytes);
+  if (!share) share = pipeline_.memory.try_reserve(kMissingRecordBytes);
+  if (!share && pipeline_.queue.drop_one(settings_.drop_oldest, FrameStatus::kDroppedRamFull)) {
+    ++pipeline_.counters.dropped;
+    share = pipeline_.memory.try_reserve(kMissingRecordBytes);
+  }
+  if (!share) {
+    ++pipeline_.counters.unrecorded;
+    return;
+  }
+  auto record = std::make_shared<QueuedFrame>();
+  record->status = status;
+  record->time_ns = time;
+  record->origin = origin;
+  record->memory = std::move(share);
+  pipeline_.queue.push(std::move(record));
+}
+
+}  // namespace raystage

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "ingest/record/encoder_pool.h"
+#include "ingest/record/frame_queue.h"
+#include "ingest/record/frame_timestamper.h"
+#include "ingest/record/memory_budget.h"
+#include "ingest/record/reconnect_backoff.h"
+#include "ingest/sources/frame_source.h"
+
+namespace raystage {
+
+/// Something worth telling that happened to a camera while it was recorded.
+struct RecordingEvent {
+  Nanoseconds time_utc = 0;
+  std::string what;
+};
+
+/// What has become of one camera's frames so far. Written by the camera's threads, read by anyone.
+struct CameraCounters {
+  enum class State { kRunning, kLost, kEnded };
+  std::atomic<State> state = State::kRunning;
+  std::atomic<std::uint64_t> arrived = 0;               ///< frames the source delivered
+  std::atomic<std::uint64_t> dropped = 0;               ///< of these, not to be stored, any reason
+  std::atomic<std::uint64_t> skipped_by_source = 0;     ///< by the source's own counter
+  std::atomic<std::uint64_t> corrected_timestamps = 0;  ///< set behind the frame before
+  std::atomic<std::uint64_t> unrecorded = 0;  ///< lost without a record: must stay 0, see the audit
+
+  void add_event(std::string what);
+  std::vector<RecordingEvent> events() const;
+
+ private:
+  mutable std::mutex mutex_;
+  std::vector<RecordingEvent> events_;
+};
+
+/// Takes one camera's frames from its source into memory: never waits for anything but the source.
+class CameraCapture {
+ public:
+  enum class LostSourcePolicy { kContinue, kReconnect, kStop };
+  struct Settings {
+    Nanoseconds epoch_utc = 0;
+    Nanoseconds last_time = -1;  ///< of the archive that is resumed, since the epoch
+    Nanoseconds start_utc = 0;   ///< what arrives before does not count
+    int width = 0, height = 0;   ///< of the archive; other frames cannot be stored
+    bool drop_oldest = false;    ///< what makes room when the memory is full: else the new frame
+    /// A source that loses nothing meanwhile waits for room so long; where none came for that long,
+    /// as on a disk that stays full, its frames are dropped until there is some. 0: it does not.
+    std::chrono::milliseconds wait_for_memory{0};
+    LostSourcePolicy when_lost = LostSourcePolicy::kContinue;
+    std::chrono::milliseconds lost_after{5000};
+    ReconnectBackoff::Limits reconnect;
+  };
+  /// What it works with; all of it outlives the intake.
+  struct Pipeline {
+    FrameQueue& queue;
+    MemoryBudget& memory;   ///< for frames
+    MemoryBudget& records;  ///< for records of frames that are missing
+    EncoderPool& encoders;
+    CameraCounters& counters;
+    std::function<void()> stop_recording;  ///< for LostSourcePolicy::kStop
+  };
+  using Open = std::function<std::unique_ptr<FrameSource>()>;
+
+  CameraCapture(const Settings& settings, std::unique_ptr<FrameSource> source, Open reopen,
+                Pipeline plumbing);
+
+  /// The camera's thread: until stopped, or the source has ended or is lost for good.
+  void run(const std::stop_token& stop);
+  /// One frame from the source; for run() and tests.
+  void take(SourceFrame frame);
+
+ private:
+  enum class LossOutcome { kContinueWaiting, kReconnected, kFinish };
+  LossOutcome lost(const std::stop_token& stop, const std::string& why, bool source_is_gone);
+  bool reconnect(const std::stop_token& stop);
+  void pause(const std::stop_token& stop, std::chrono::milliseconds time);
+  void replace_source(std::unique_ptr<FrameSource> source);
+  FrameStatus check(const SourceFrame& frame);
+  MemoryBudget::Reservation reserve_memory(std::size_t bytes);
+  MemoryBudget::Reservation wait_for_memory(std::size_t bytes);
+  void push_missing_record(FrameStatus status, Nanoseconds time, FrameOrigin origin);
+
+  const Settings settings_;
+  std::mutex source_mutex_;              // held while the source is exchanged or interrupted
+  std::unique_ptr<FrameSource> source_;  // null while the next one is not open yet
+  const Open reopen_;
+  Pipeline pipeline_;
+  FrameTimestamper clock_;
+  ReconnectBackoff reconnect_backoff_;
+  std::mutex pause_mutex_;
+  std::condition_variable_any pause_ended_;  // notified by a stop alone
+  std::stop_token stop_;                     // of run()
+  bool memory_was_freed_ = true;             // else waiting for it was in vain the last time
+  bool size_warning_given_ = false;
+};
+
+}  // namespace raystage

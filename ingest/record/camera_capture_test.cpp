@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: Apache-2.0
+// The recorder's parts, each alone.
+#include "ingest/record/camera_capture.h"
+
+#include <gtest/gtest.h>
+#include <rapidcheck.h>
+
+#include <thread>
+
+#include "ingest/record/clock_sync.h"
+#include "ingest/record/encoder_pool.h"
+#include "ingest/record/frame_queue.h"
+#include "ingest/record/frame_timestamper.h"
+#include "ingest/record/jpeg_frame_check.h"
+#include "ingest/record/memory_budget.h"
+#include "store/jpeg/encode.h"
+#include "testing/store/test_images.h"
+
+namespace raystage {
+namespace {
+
+using Bytes = std::vector<std::byte>;
+
+TEST(MemoryBudget, NeverGivesMoreThanItHas) {
+  MemoryBudget budget(1000);
+  auto a = budget.try_reserve(600);
+  EXPECT_TRUE(a);
+  EXPECT_FALSE(budget.try_reserve(401));
+  auto b = budget.try_reserve(400);
+  EXPECT_TRUE(b);
+  a.shrink_to(100);
+  EXPECT_EQ(budget.used(), 500U);
+  auto moved = std::move(b);
+  b = {};
+  EXPECT_EQ(budget.used(), 500U);
+  moved = {};
+  EXPECT_EQ(budget.used(), 100U);
+  EXPECT_EQ(budget.peak(), 1000U);
+  EXPECT_FALSE(budget.try_reserve(std::size_t(-1)));
+}
+
+TEST(MemoryBudget, HoldsUnderManyThreads) {
+  MemoryBudget budget(10000);
+  std::vector<std::jthread> threads;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&budget, t] {
+      for (int i = 0; i < 20000; ++i) {
+        auto share = budget.try_reserve(static_cast<std::size_t>(1 + (i * 7 + t) % 5000));
+        share.shrink_to(10);
+      }
+    });
+  }
+  threads.clear();
+  EXPECT_EQ(budget.used(), 0U);
+  EXPECT_LE(budget.peak(), 10000U);
+}
+
+TEST(MemoryBudget, WakesWhoWaitsWhenItBecomesTight) {
+  using namespace std::chrono_literals;
+  MemoryBudget budget(1000);
+  const auto half = budget.try_reserve(500);
+  EXPECT_FALSE(budget.is_under_pressure());
+  budget.wait_for_pressure({}, 1ms);  // in vain
+  EXPECT_FALSE(budget.is_under_pressure());
+  MemoryBudget::Reservation more;
+  {
+    const std::jthread taker([&] {
+      std::this_thread::sleep_for(20ms);
+      more = budget.try_reserve(1);
+    });
+    const auto start = std::chrono::steady_clock::now();
+    budget.wait_for_pressure({}, 60000ms);
+    EXPECT_LT(std::chrono::steady_clock::now() - start, 30s);
+  }
+  EXPECT_TRUE(budget.is_under_pressure());
+}
+
+TEST(CheckJpeg, KnowsWholeTornAndForeign) {
+  const Bytes jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, 64, 48), {});
+  EXPECT_EQ(check_jpeg_frame(jpeg, 64, 48), FrameStatus::kStored);
+  EXPECT_EQ(check_jpeg_frame(jpeg, 48, 64), FrameStatus::kUnreadable);
+  Bytes filled = jpeg;
+  filled.resize(jpeg.size() + 100);
+  EXPECT_EQ(check_jpeg_frame(filled, 64, 48), FrameStatus::kStored);
+  for (std::size_t size = 0; size < jpeg.size(); size += size < 700 ? 1 : 97) {
+    EXPECT_EQ(check_jpeg_frame(std::span(jpeg).first(size), 64, 48), FrameStatus::kTorn) << size;
+  }
+  const Bytes text(1000, std::byte{'x'});
+  EXPECT_EQ(check_jpeg_frame(text, 64, 48), FrameStatus::kTorn);
+}
+
+SourceFrame arrival(Nanoseconds utc, std::optional<Nanoseconds> device = {},
+                    std::optional<std::uint64_t> sequence = {}) {
+  SourceFrame frame;
+  frame.arrival_utc = utc;
+  frame.device_time = device;
+  frame.sequence = sequence;
+  return frame;
+}
+
+TEST(FrameTimestamper, TakesTheDevicesClockWithItsFirstOffset) {
+  FrameTimestamper clock(1000);
+  EXPECT_EQ(clock.stamp(arrival(1500, 77)).time_ns, 500);
+  const auto second = clock.stamp(arrival(1720, 277));  // arrived 20 late
+  EXPECT_EQ(second.time_ns, 700);
+  EXPECT_EQ(second.arrival_ns, 720);
+  clock.reset_device_clock();
+  EXPECT_EQ(clock.stamp(arrival(2000, 5)).time_ns, 1000);
+}
+
+TEST(FrameTimestamper, TimesAlwaysIncreaseAndGapsHaveRoom) {
+  EXPECT_TRUE(rc::check([] {
+    FrameTimestamper clock(0);
+    Nanoseconds last = -1;
+    const auto frames = *rc::gen::inRange(1, 50);
+    for (int i = 0; i < frames; ++i) {
+      const auto stamp = clock.stamp(arrival(*rc::gen::inRange<Nanoseconds>(-1000, 100000),
+                                             *rc::gen::inRange<Nanoseconds>(-1000, 100000),
+                                             static_cast<std::uint64_t>(*rc::gen::inRange(0, 30))));
+      RC_ASSERT(stamp.time_ns > last);
+      Nanoseconds before = last;
+      for (std::uint64_t k = 0; k < stamp.skipped; ++k) {
+        const Nanoseconds missing =
+            FrameTimestamper::interpolate_time(last, stamp.time_ns, k, stamp.skipped);
+        RC_ASSERT(missing > before);
+        RC_ASSERT(missing < stamp.time_ns);
+        before = missing;
+      }
+      last = stamp.time_ns;
+    }
+  }));
+}
+
+TEST(FrameTimestamper, CountsWhatTheSourceSkipped) {
+  FrameTimestamper clock(0);
+  EXPECT_EQ(clock.stamp(arrival(100, {}, 7)).skipped, 0U);  // nobody knows where it begins
+  EXPECT_EQ(clock.stamp(arrival(200, {}, 8)).skipped, 0U);
+  const auto gap = clock.stamp(arrival(300, {}, 12));
+  EXPECT_EQ(gap.skipped, 3U);
+  EXPECT_EQ(gap.sequence, 12U);
+  EXPECT_EQ(clock.stamp(arrival(400, {}, 3)).skipped, 0U);  // set anew
+  EXPECT_EQ(clock.stamp(arrival(500, {}, std::uint64_t{1} << 60)).skipped, 0U);
+}
+
+FrameQueue::Frame queued(Nanoseconds time, QueuedFrame::Stage stage) {
+  auto frame = std::make_shared<QueuedFrame>();
+  frame->time_ns = time;
+  frame->stage = stage;
+  return frame;
+}
+
+/// Takes the front away, where it is ready; null otherwise.
+FrameQueue::Frame written(FrameQueue& queue) {
+  const auto frames = queue.start_writing(1);
+  queue.finish_writing(frames.size());
+  return frames.empty() ? nullptr : frames.front();
+}
+
+TEST(FrameQueue, WaitsForTheFrontAndKeepsTheOrder) {
+  FrameQueue queue;
+  queue.push(queued(1, QueuedFrame::Stage::kToEncode));
+  queue.push(queued(2, QueuedFrame::Stage::kToEncode));
+  queue.push(queued(3, QueuedFrame::Stage::kReady));
+  const auto first = queue.start_encoding(), second = queue.start_encoding();
+  EXPECT_EQ(queue.start_encoding(), nullptr);
+  queue.finish_encoding(second, Bytes(5));
+  EXPECT_EQ(written(queue), nullptr);
+  queue.finish_encoding(first, std::nullopt);
+  EXPECT_EQ(written(queue)->status, FrameStatus::kDroppedEncoder);
+  EXPECT_EQ(queue.encoder_failures(), 1U);
+  EXPECT_EQ(written(queue)->time_ns, 2);
+  EXPECT_EQ(written(queue)->time_ns, 3);
+  EXPECT_TRUE(queue.empty());
+}
+
+TEST(FrameQueue, KeepsWhatTheWriterCouldNotWrite) {
+  FrameQueue queue;
+  for (Nanoseconds time = 1; time <= 5; ++time) {
+    queue.push(queued(time, QueuedFrame::Stage::kReady));
+  }
+  EXPECT_EQ(queue.start_writing(4).size(), 4U);
+  queue.finish_writing(1);
+  const auto again = queue.start_writing(100);
+  ASSERT_EQ(again.size(), 4U);
+  EXPECT_EQ(again.front()->time_ns, 2);
+  queue.finish_writing(4);
+  EXPECT_TRUE(queue.empty());
+}
+
+TEST(FrameQueue, GivesUpOnlyWhatNobodyHoldsInHands) {
+  FrameQueue queue;
+  queue.push(queued(1, QueuedFrame::Stage::kReady));  // the writer's
+  queue.push(queued(2, QueuedFrame::Stage::kToEncode));
+  queue.push(queued(3, QueuedFrame::Stage::kReady));
+  queue.push(queued(4, QueuedFrame::Stage::kToEncode));
+  EXPECT_EQ(queue.start_writing(5).size(), 1U);
+  const auto encoding = queue.start_encoding();
+  EXPECT_EQ(encoding->time_ns, 2);
+  EXPECT_TRUE(queue.drop_one(true, FrameStatus::kDroppedRamFull));   // 3
+  EXPECT_TRUE(queue.drop_one(false, FrameStatus::kDroppedRamFull));  // 4
+  EXPECT_FALSE(queue.drop_one(true, FrameStatus::kDroppedRamFull));
+  EXPECT_FALSE(queue.drop_one(false, FrameStatus::kDroppedRamFull));
+  EXPECT_EQ(queue.start_encoding(), nullptr);  // 4 was given up meanwhile
+  queue.finish_encoding(encoding, Bytes(5));
+  queue.finish_writing(0);
+  std::vector<FrameStatus> statuses;
+  while (const auto front = written(queue)) statuses.push_back(front->status);
+  EXPECT_EQ(statuses, (std::vector{FrameStatus::kStored, FrameStatus::kStored,
+                                   FrameStatus::kDroppedRamFull, FrameStatus::kDroppedRamFull}));
+}
+
+TEST(FrameQueue, CallsNoEncoderForWhatWasGivenUp) {
+  FrameQueue queue;
+  EXPECT_FALSE(queue.needs_encoder());
+  queue.push(queued(1, QueuedFrame::Stage::kReady));
+  EXPECT_FALSE(queue.needs_encoder());
+  int called = 0;
+  for (Nanoseconds time = 2; time < 1000; ++time) {  // encoders that never come
+    queue.push(queued(time, QueuedFrame::Stage::kToEncode));
+    if (time > 3) {
+      EXPECT_TRUE(queue.drop_one(true, FrameStatus::kDroppedRamFull));
+    }
+    called += queue.needs_encoder() ? 1 : 0;
+  }
+  EXPECT_EQ(called, 2);
+  EXPECT_NE(queue.start_encoding(), nullptr);
+  queue.push(queued(1000, QueuedFrame::Stage::kToEncode));
+  EXPECT_TRUE(queue.needs_encoder());
+  EXPECT_NE(queue.start_encoding(), nullptr);
+  EXPECT_NE(queue.start_encoding(), nullptr);
+  EXPECT_EQ(queue.start_encoding(), nullptr);
+}
+
+TEST(CameraCapture, WaitsForRoomWhereTheSourceWaitsToo) {
+  using namespace std::chrono_literals;
+  FrameQueue queue;
+  MemoryBudget memory(100000), records(100000);
+  EncoderPool encoders({}, 1);
+  CameraCounters counters;
+  CameraCapture::Settings settings;
+  settings.width = 64;
+  settings.height = 48;
+  const auto intake = [&](std::chrono::milliseconds wait) {
+    settings.wait_for_memory = wait;
+    return std::make_unique<CameraCapture>(
+        settings, nullptr, nullptr,
+        CameraCapture::Pipeline{queue, memory, records, encoders, counters, [] {}});
+  };
+  const auto picture = [] {
+    SourceFrame frame;
+    frame.jpeg = encode_jpeg(test_images::make(test_images::Kind::kMixed, 64, 48), {});
+    frame.arrival_utc = host_utc_now();
+    return frame;
+  };
+  MemoryBudget::Reservation others = memory.try_reserve(99900);
+  {
+    const std::jthread writer([&] {
+      std::this_thread::sleep_for(20ms);
+      others.shrink_to(0);
+    });
+    intake(60s)->take(picture());
+  }
+  EXPECT_EQ(counters.dropped, 0U);
+
+  others = memory.try_reserve(100000 - memory.used());
+  const auto patient = intake(50ms);
+  const auto start = std::chrono::steady_clock::now();
+  patient->take(picture());
+  EXPECT_EQ(counters.dropped, 1U);
+  EXPECT_GE(std::chrono::steady_clock::now() - start, 50ms);
+  const auto again = std::chrono::steady_clock::now();
+  for (int i = 0; i < 100; ++i) patient->take(picture());  // in vain: not each waits anew
+  EXPECT_EQ(counters.dropped, 101U);
+  EXPECT_LT(std::chrono::steady_clock::now() - again, 4s);
+}
+
+TEST(EncoderPool, WhatCannotBeEncodedIsMissing) {
+  FrameQueue queue;
+  EncoderPool encoders({}, 2);
+  for (int i = 0; i < 20; ++i) {
+    auto frame = queued(i + 1, QueuedFrame::Stage::kToEncode);
+    frame->raw.width = i % 2 == 0 ? 70000 : 8;  // more than a JPEG holds
+    frame->raw.height = 8;
+    frame->raw.format = PixelFormat::kGray;
+    auto pixels = std::make_shared<Bytes>(64);
+    frame->raw.planes[0] = {pixels->data(), i % 2 == 0 ? std::size_t{70000} : 8};
+    frame->raw.owner = pixels;
+    queue.push(std::move(frame));
+    encoders.encode_next(queue);
+  }
+  encoders.wait();
+  EXPECT_EQ(queue.encoder_failures(), 10U);
+  for (int i = 0; i < 20; ++i) {
+    const auto frame = written(queue);
+    ASSERT_NE(frame, nullptr);
+    EXPECT_EQ(frame->status, i % 2 == 0 ? FrameStatus::kDroppedEncoder : FrameStatus::kStored);
+  }
+}
+
+TEST(ClockState, ReadsChronysAnswer) {
+  const auto clock = parse_chrony_tracking(
+      "C0A80101,192.168.1.1,3,1763710000.123,-0.000012345,0.000001,0.00001,-12.3,0.001,0.05,0.0004,"
+      "0.0003,64.2,Normal\n");
+  EXPECT_EQ(clock.source, "chrony");
+  EXPECT_DOUBLE_EQ(*clock.offset_s, -0.000012345);
+  EXPECT_DOUBLE_EQ(*clock.max_error_s, 0.000012345 + 0.0002 + 0.0003);
+  for (const char* answer :
+       {"", "506 Cannot talk to daemon\n",
+        "00000000,,0,0.0,0.0,0.0,0.0,0.0,0.0,0.0,1.0,1.0,0.0,Not synchronised"}) {
+    EXPECT_EQ(parse_chrony_tracking(answer).source, "unknown") << answer;
+  }
+  const auto here = query_clock_sync();
+  EXPECT_TRUE(here.source == "unknown" || here.max_error_s || here.source == "ptp");
+}
+
+TEST(ClockState, ReadsPmcsAnswer) {
+  const auto offset = parse_pmc_offset(
+      "sending: GET CURRENT_DATA_SET\n\t507c6f.fffe.0b5a4d-0 seq 0 RESPONSE MANAGEMENT "
+      "CURRENT_DATA_SET \n\t\tstepsRemoved     1\n\t\toffsetFromMaster -1234.5\n"
+      "\t\tmeanPathDelay    5678.0\n");
+  ASSERT_TRUE(offset);
+  EXPECT_DOUBLE_EQ(*offset, -1234.5e-9);
+  for (const char* answer :
+       {"", "sending: GET CURRENT_DATA_SET\n", "offsetFromMaster", "offsetFromMaster \n",
+        "offsetFromMaster nan\n", "offsetFromMaster 12x\n", "offsetFromMasterClock 3\n"}) {
+    EXPECT_FALSE(parse_pmc_offset(answer)) << answer;
+  }
+}
+
+}  // namespace
+}  // namespace raystage

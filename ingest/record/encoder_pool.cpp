@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/encoder_pool.h"
+
+#include <utility>
+
+#include "base/error.h"
+
+namespace raystage {
+
+EncoderPool::EncoderPool(const JpegEncodeSettings& settings, int threads)
+    // TBB counts the calling thread too, but sources never encode themselves: one worker more, and
+    // no slot kept for callers.
+    : settings_(settings),
+      parallelism_(tbb::global_control::max_allowed_parallelism,
+                   static_cast<std::size_t>(threads) + 1),
+      arena_(threads, 0) {}
+
+EncoderPool::~EncoderPool() { wait(); }
+
+void EncoderPool::encode_next(FrameQueue& queue) {
+  // Else tasks for frames that were given up would pile up where encoding never catches up.
+  if (!queue.needs_encoder()) return;
+  tasks_submitted_.fetch_add(1, std::memory_order_release);
+  arena_.enqueue(group_.defer([this, &queue] {
+    tasks_submitted_.load(std::memory_order_acquire);
+    encode_from(queue);
+    tasks_completed_.fetch_add(1, std::memory_order_release);
+  }));
+}
+
+void EncoderPool::wait() {
+  group_.wait();
+  tasks_completed_.load(std::memory_order_acquire);
+}
+
+std::unique_ptr<RawJpegEncoder> EncoderPool::acquire_encoder() {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (!idle_.empty()) {
+      auto encoder = std::move(idle_.back());
+      idle_.pop_back();
+      return encoder;
+    }
+  }
+  return std::make_unique<RawJpegEncoder>(settings_);
+}
+
+void EncoderPool::encode_from(FrameQueue& queue) {
+  const FrameQueue::Frame frame = queue.start_encoding();
+  if (!frame) return;  // given up meanwhile
+  std::optional<std::vector<std::byte>> result;
+  // Nothing may leave a TBB task; whatever goes wrong, the frame is recorded as missing.
+  try {
+    auto encoder = acquire_encoder();
+    encoder->encode(frame->raw, result.emplace());
+    const std::scoped_lock lock(mutex_);
+    idle_.push_back(std::move(encoder));
+  } catch (const std::exception&) {
+    result.reset();
+  }
+  queue.finish_encoding(frame, std::move(result));
+}
+
+}  // namespace raystage

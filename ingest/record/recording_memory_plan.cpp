@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/record/recording_memory_plan.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+
+namespace raystage {
+namespace {
+
+double megabytes(std::size_t bytes) { return static_cast<double>(bytes) / 1e6; }
+
+}  // namespace
+
+RecordingMemoryPlan plan_recording_memory(const RecorderSettings& settings,
+                                          const std::vector<RecorderCamera>& cameras) {
+  // Of RGB: a JPEG while it grows, twice, as its room is doubled; then a copy of the right size.
+  constexpr std::size_t kBytesOfAPixel = 3;
+  RecordingMemoryPlan plan{settings.memory_bytes, kProgramBytes};
+  std::size_t largest = 0;
+  for (const RecorderCamera& camera : cameras) {
+    plan.beside += camera.source->memory_overhead();
+    const SourceDescription& source = camera.source->description();
+    if (source.delivers_jpeg) continue;
+    largest = std::max(
+        largest, static_cast<std::size_t>(source.width) * static_cast<std::size_t>(source.height));
+  }
+  plan.beside += static_cast<std::size_t>(settings.threads) * kBytesOfAPixel * largest;
+  return plan;
+}
+
+std::string format_memory_plan(const RecordingMemoryPlan& plan) {
+  return fmt::format(
+      "RAM: {:.0f} MB for frames; beside it up to about {:.0f} MB for decoders, camera buffers and "
+      "the program",
+      megabytes(plan.frames), megabytes(plan.beside));
+}
+
+void check_recording_memory(std::size_t frames, std::size_t machine) {
+  if (frames <= machine) return;
+  throw Error::bad_input(
+      fmt::format("{:.0f} MB of memory for frames are more than the {:.0f} MB that this machine, "
+                  "or its limit for this program, has",
+                  megabytes(frames), megabytes(machine)),
+      "memory_mb", "Give the recording less memory")
+      .concerning({"memory"});
+}
+
+std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now) {
+  constexpr double kMost = 0.8;
+  const std::size_t all = plan.frames + plan.beside;
+  if (static_cast<double>(all) <= kMost * static_cast<double>(free_now)) return {};
+  return fmt::format(
+      "it may take {:.0f} MB of RAM in all, more than 80 % of the {:.0f} MB that are free now: the "
+      "system may end it, or swap",
+      megabytes(all), megabytes(free_now));
+}
+
+}  // namespace raystage

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "ingest/sources/open_frame_source.h"
+
+#include <fmt/format.h>
+
+#include "base/error.h"
+#include "ingest/sources/aravis_source.h"
+#include "ingest/sources/ffmpeg_source.h"
+#include "ingest/sources/simulated_source.h"
+
+namespace raystage {
+namespace {
+
+std::unique_ptr<FrameSource> open(const RecordConfig::Source& source,
+                                  const std::filesystem::path& base) {
+  if (const auto* ffmpeg = std::get_if<RecordConfig::FfmpegSource>(&source)) {
+    return open_ffmpeg_source(*ffmpeg, base);
+  }
+  if (const auto* aravis = std::get_if<RecordConfig::AravisSource>(&source)) {
+    return open_aravis_source(*aravis);
+  }
+  return open_simulated_source(std::get<RecordConfig::SimulatedSource>(source));
+}
+
+}  // namespace
+
+std::unique_ptr<FrameSource> open_frame_source(const RecordConfig::Camera& camera,
+                                               const std::filesystem::path& base) {
+  try {
+    return open(camera.source, base);
+  } catch (const Error& error) {
+    const std::string where = fmt::format("camera \"{}\", {}", camera.id, error.where());
+    if (error.exit_code() == ExitCode::kBadInput) {
+      throw Error::bad_input(error.what_happened(), where, error.what_to_do());
+    }
+    throw Error::failed(error.what_happened(), where, error.what_to_do());
+  }
+}
+
+}  // namespace raystage

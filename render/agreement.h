@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <limits>
+#include <vector>
+
+#include "base/transfer_function.h"
+#include "render/common/blending_field.h"
+#include "render/confidence.h"
+#include "store/processing/frames/blend_space.h"
+
+namespace raystage::confidence {
+
+inline constexpr int kConfidenceCameras = 4;  ///< asked about a ray
+
+/// 1/m of a pixel that shows something; 0 at infinity.
+inline double inverse_depth_of(float z) { return z > 0 ? 1 / static_cast<double>(z) : 0.0; }
+
+/// From the least to the most that a picture shows; a point at infinity where it shows nothing.
+inline InverseDepthRange shown_inverse_depth_range(const RenderedView& image) {
+  InverseDepthRange range{std::numeric_limits<double>::infinity(), 0};
+  for (std::size_t i = 0; i < image.z.size(); ++i) {
+    if (!(image.rgba[4 * i + 3] > 0)) continue;
+    range.farthest = std::min(range.farthest, inverse_depth_of(image.z[i]));
+    range.nearest = std::max(range.nearest, inverse_depth_of(image.z[i]));
+  }
+  return range.empty() ? InverseDepthRange{} : range;
+}
+
+/// Whom to ask about rays at these depths.
+inline BlendingField make_blending_field(const VirtualCamera& view, const LightFieldFrame& instant,
+                                         const InverseDepthRange& range) {
+  std::vector<int> present;
+  for (const int camera : instant.included_cameras) {
+    if (instant.is_present(camera)) present.push_back(camera);
+  }
+  return {view, *instant.rig, std::move(present), range, kConfidenceCameras};
+}
+
+/// R, G and B on sRGB's scale, full scale 1.
+using SrgbCode = std::array<double, 3>;
+
+/// Of a picture's pixel, which shows something; `full_scale`: of the cache.
+inline SrgbCode srgb_code_of_pixel(const float* rgba, double full_scale) {
+  SrgbCode code;
+  for (std::size_t c = 0; c < 3; ++c) {
+    code[c] = srgb_from_linear(std::max(0.0, double{rgba[c]} / (double{rgba[3]} * full_scale)));
+  }
+  return code;
+}
+
+/// Of a camera's sample: codes of the blend space times alpha, full scale 1.
+inline SrgbCode srgb_code_of_sample(const SrgbCode& times_alpha, double alpha, BlendSpace space) {
+  SrgbCode code;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const double own = std::max(0.0, times_alpha[c] / alpha);
+    code[c] = space == BlendSpace::kPerceptual ? own : srgb_from_linear(own);
+  }
+  return code;
+}
+
+/// How much a camera that shows `alpha` of a point counts for a pixel of `pixel_alpha`.
+inline double agreement(const SrgbCode& sample, double alpha, const SrgbCode& pixel,
+                        double pixel_alpha) {
+  double sum = 0;
+  for (std::size_t c = 0; c < 3; ++c) sum += (sample[c] - pixel[c]) * (sample[c] - pixel[c]);
+  constexpr double kHalf = kHalfConfidenceDifference / 255;
+  return std::min(1.0, alpha / pixel_alpha) / (1 + sum / (3 * kHalf * kHalf));
+}
+
+}  // namespace raystage::confidence

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/automatic/extrapolation_note.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "rig/plenoptic_sampling.h"
+
+namespace raystage {
+
+std::optional<std::string> extrapolation_note(const VirtualCamera& view,
+                                              const LightFieldFrame& instant) {
+  const Rig& rig = *instant.rig;
+  const auto offset_from = [&](int camera) -> Eigen::Vector3d {
+    return view.pose.position - rig.cameras[static_cast<std::size_t>(camera)].pose.position;
+  };
+  const int nearest = *std::ranges::min_element(
+      instant.included_cameras, {}, [&](int camera) { return offset_from(camera).squaredNorm(); });
+  const Eigen::Vector3d offset = offset_from(nearest);
+  const double distance = offset.norm();
+  if (distance <= max_neighbour_baseline(rig, *instant.complete)) return std::nullopt;
+  // In front of or behind the array where that is more than half of the way there.
+  const double behind = offset.dot(instant.complete->normal);
+  const char* side = "beside";
+  if (std::abs(behind) > distance / 2) side = behind > 0 ? "behind" : "before";
+  return fmt::format(
+      "the view lies {:.1g} m {} the array, where nothing could be measured: may be "
+      "worse",
+      distance, side);
+}
+
+}  // namespace raystage

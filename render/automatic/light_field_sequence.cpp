@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/automatic/light_field_sequence.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace raystage {
+
+LightFieldSequence::LightFieldSequence(const LightFieldFrame& now) : now_(now) {
+  if (auto timeline = read_timeline_if_any(*now.take)) ticks_ = std::move(timeline->ticks);
+}
+
+int LightFieldSequence::count() const {
+  if (!ticks_.empty()) return static_cast<int>(ticks_.size());
+  return static_cast<int>(now_.take->archive(now_.included_cameras.front()).frames().size());
+}
+
+LightFieldFrame LightFieldSequence::at(int index) const {
+  const auto i = static_cast<std::size_t>(index);
+  FrameSelection selection;
+  if (ticks_.empty()) {
+    const Take& take = *now_.take;
+    selection = select_frames(take, take.archive(now_.included_cameras.front()).frames()[i].time_ns,
+                              tolerance_of_stamps(take.document().nominal_fps));
+  } else {
+    selection = ticks_[i];
+  }
+  LightFieldFrame instant = now_;
+  instant.time_ns = selection.time_ns;
+  std::ranges::fill(instant.frame_of_camera, -1);
+  for (const int camera : now_.included_cameras) {
+    const auto c = static_cast<std::size_t>(camera);
+    instant.frame_of_camera[c] = selection.frame[c];
+  }
+  return instant;
+}
+
+}  // namespace raystage

@@ -1,0 +1,293 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/common/blending_field.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/parallel.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+/// A camera counts in full from this part of its frame's width inside the border on.
+constexpr double kBorderPart = 0.05;
+
+/// The way from a point to a place, times the point's inverse depth: finite for points at infinity.
+struct RayPoint {
+  Vector3d eye, ray;
+  double inverse_depth = 0;
+  Vector3d towards(const Vector3d& place) const { return inverse_depth * (place - eye) - ray; }
+};
+
+double angle_between(const Vector3d& a, const Vector3d& b) {
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+/// 0 (not at all) to 1.
+double sight_of_point(const Rig::Camera& camera, const RayPoint& point) {
+  const auto pixel = camera.model.project(camera.pose.world_from_camera_rotation.transpose() *
+                                          -point.towards(camera.pose.position));
+  if (!pixel) return 0;
+  const double to_border = std::min({pixel->x(), camera.model.width() - pixel->x(), pixel->y(),
+                                     camera.model.height() - pixel->y()});
+  return std::clamp(to_border / (kBorderPart * camera.model.width()), 0.0, 1.0);
+}
+
+/// In the mean over a ray's stretch, as nobody knows yet where on it the point is.
+double sight_of(const Rig::Camera& camera, RayPoint point, const InverseDepthRange& range) {
+  constexpr int kPoints = 5;
+  double sum = 0;
+  for (int i = 0; i < kPoints; ++i) {
+    point.inverse_depth =
+        std::lerp(range.farthest, range.nearest, static_cast<double>(i) / (kPoints - 1));
+    sum += sight_of_point(camera, point);
+  }
+  return sum / kPoints;
+}
+
+std::vector<CameraWeight> choose(const RayPoint& point, const InverseDepthRange& range,
+                                 const Rig& rig, const std::vector<int>& members, int count) {
+  std::vector<CameraWeight> all;  // penalties, until the end
+  for (const int member : members) {
+    const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(member)];
+    const double sight = sight_of(camera, point, range);
+    if (sight <= 0) continue;
+    const double angle =
+        angle_between(point.towards(point.eye), point.towards(camera.pose.position));
+    all.push_back({member, angle / sight});
+  }
+  const auto kept = std::min(all.size(), static_cast<std::size_t>(count));
+  const auto middle = all.begin() + static_cast<std::ptrdiff_t>(std::min(all.size(), kept + 1));
+  std::partial_sort(all.begin(), middle, all.end(),
+                    [](const CameraWeight& a, const CameraWeight& b) {
+                      return a.share != b.share ? a.share < b.share : a.camera < b.camera;
+                    });
+  const double next = all.size() > kept ? all[kept].share : kInfinity;
+  all.resize(kept);
+  if (all.empty()) return all;
+  // So that a ray through a camera's own centre can be weighed.
+  const double least = 0.01 * (next < kInfinity ? next : all.back().share) + 1e-12;
+  const bool alike = !(next > all.front().share);  // no order, then
+  double sum = 0;
+  for (CameraWeight& camera : all) {
+    const double fall = alike ? 1 : 1 - camera.share / next;
+    camera.share = fall / (camera.share + least);
+    sum += camera.share;
+  }
+  for (CameraWeight& camera : all) camera.share /= sum;
+  return all;
+}
+
+}  // namespace
+
+ViewRays::ViewRays(const VirtualCamera& view)
+    : view_(view), model_({"view", view.width, view.height, view.intrinsics, {}, {}, {}}) {}
+
+std::optional<Vector3d> ViewRays::through(double x, double y) const {
+  const auto ray = model_.unproject({x, y});
+  if (!ray) return std::nullopt;
+  return view_.pose.world_from_camera_rotation * *ray;
+}
+
+std::vector<Vector3d> ViewRays::bounding_rays() const {
+  const int parts = model_.has_distortion() ? 32 : 1;
+  std::vector<Vector3d> rays;
+  for (int i = 0; i <= parts; ++i) {
+    for (int j = 0; j <= parts; ++j) {
+      const auto ray = through(static_cast<double>(view_.width) * i / parts,
+                               static_cast<double>(view_.height) * j / parts);
+      if (ray) rays.push_back(*ray);
+    }
+  }
+  return rays;
+}
+
+BlendingField::BlendingField(const VirtualCamera& view, const Rig& rig, std::vector<int> members,
+                             const InverseDepthRange& range, int count)
+    : columns_((view.width + kTile - 1) / kTile), rows_((view.height + kTile - 1) / kTile) {
+  const ViewRays rays(view);
+  const auto choose_at = [&](double x, double y) -> std::vector<CameraWeight> {
+    const auto ray = rays.through(x, y);
+    if (!ray) return {};
+    // At infinity all cameras see a point along one direction; a million metres tells them apart.
+    const RayPoint point{view.pose.position, *ray,
+                         std::max((range.farthest + range.nearest) / 2, 1e-6)};
+    return choose(point, range, rig, members, count);
+  };
+  corners_.resize(static_cast<std::size_t>((columns_ + 1) * (rows_ + 1)));
+  raystage::parallel_for(0, rows_ + 1, [&](int row) {
+    for (int column = 0; column <= columns_; ++column) {
+      corners_[static_cast<std::size_t>(row * (columns_ + 1) + column)] =
+          choose_at(std::min(column * kTile, view.width), std::min(row * kTile, view.height));
+    }
+  });
+  for (int row = 0; row < rows_; ++row) {
+    for (int column = 0; column < columns_; ++column) {
+      Tile tile;
+      tile.left = column * kTile;
+      tile.top = row * kTile;
+      tile.right = std::min(tile.left + kTile, view.width);
+      tile.bottom = std::min(tile.top + kTile, view.height);
+      for (std::size_t i = 0; i < 4; ++i) {
+        for (const CameraWeight& chosen :
+             corner(column + static_cast<int>(i & 1), row + static_cast<int>(i >> 1))) {
+          auto found = std::ranges::find(tile.cameras, chosen.camera, &TileCamera::camera);
+          if (found == tile.cameras.end()) {
+            found = tile.cameras.insert(found, {chosen.camera, {}});
+          }
+          found->share[i] = static_cast<float>(chosen.share);
+        }
+      }
+      if (tile.cameras.empty()) {  // as where it is wider than what all cameras see together
+        for (const CameraWeight& chosen :
+             choose_at((tile.left + tile.right) / 2.0, (tile.top + tile.bottom) / 2.0)) {
+          tile.cameras.push_back({chosen.camera, {}});
+          tile.cameras.back().share.fill(static_cast<float>(chosen.share));
+        }
+        tile.is_chosen_at_centre = true;
+      }
+      std::vector<CameraWeight> by_share;
+      for (const TileCamera& camera : tile.cameras) {
+        const auto& s = camera.share;
+        by_share.push_back({camera.camera, s[0] + s[1] + s[2] + s[3]});
+      }
+      std::ranges::sort(by_share, [](const CameraWeight& a, const CameraWeight& b) {
+        return a.share != b.share ? a.share > b.share : a.camera < b.camera;
+      });
+      by_share.resize(std::min(by_share.size(), static_cast<std::size_t>(count)));
+      for (const CameraWeight& camera : by_share) tile.best.push_back(camera.camera);
+      std::ranges::sort(tile.best);
+      std::ranges::sort(tile.cameras, {}, &TileCamera::camera);
+      tiles_.push_back(std::move(tile));
+    }
+  }
+}
+
+float BlendingField::share(const Tile& tile, const TileCamera& camera, int x, int y) {
+  const float right =
+      (static_cast<float>(x - tile.left) + 0.5F) / static_cast<float>(tile.right - tile.left);
+  const float down =
+      (static_cast<float>(y - tile.top) + 0.5F) / static_cast<float>(tile.bottom - tile.top);
+  const auto& s = camera.share;
+  const float upper = s[0] + right * (s[1] - s[0]), lower = s[2] + right * (s[3] - s[2]);
+  return upper + down * (lower - upper);
+}
+
+void BlendingField::weights(const Tile& tile, const TileCamera& camera, int y,
+                            std::span<float> of_row) {
+  const float down =
+      (static_cast<float>(y - tile.top) + 0.5F) / static_cast<float>(tile.bottom - tile.top);
+  const auto& s = camera.share;
+  const float left = s[0] + down * (s[2] - s[0]), right = s[1] + down * (s[3] - s[1]);
+  const float step = (right - left) / static_cast<float>(tile.right - tile.left);
+  for (int i = 0; i < static_cast<int>(of_row.size()); ++i) {
+    of_row[static_cast<std::size_t>(i)] = left + (static_cast<float>(i) + 0.5F) * step;
+  }
+}
+
+InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const Rig& rig,
+                                              DepthRange scene) {
+  const Vector3d axis = rig.mean_viewing_direction();
+  const double eye = (view.pose.position - rig.centre()).dot(axis);  // metres in front of the array
+  const double to_near = scene.near - eye, to_far = scene.far - eye;
+  double slowest = kInfinity, fastest = -kInfinity;  // metres away from the array per planar depth
+  for (const Vector3d& ray : ViewRays(view).bounding_rays()) {
+    const double speed = axis.dot(ray);
+    slowest = std::min(slowest, speed);
+    fastest = std::max(fastest, speed);
+  }
+  // A ray meets the slab's planes at inverse depths speed / distance; the speeds seen are an
+  // interval, as they are linear in the pixel.
+  InverseDepthRange range{kInfinity, -kInfinity};
+  const auto add = [&](double farthest, double nearest) {
+    range.farthest = std::min(range.farthest, farthest);
+    range.nearest = std::max(range.nearest, nearest);
+  };
+  const bool inside = to_near <= 0 && to_far >= 0;
+  if (fastest > 0 && to_far > 0) {  // away from the array
+    const double least = std::max(slowest, 0.0);
+    add(least / to_far, inside ? kInfinity : fastest / to_near);
+  }
+  if (slowest < 0 && to_near < 0) {  // towards it
+    const double least = std::max(-fastest, 0.0);
+    add(least / -to_near, inside ? kInfinity : slowest / to_far);
+  }
+  const double limit = 4 / scene.near;
+  range.nearest = std::min(range.nearest, limit);
+  return range;
+}
+
+double rounded_for_display(double planes) {
+  const double unit = std::pow(10, std::floor(std::log10(planes))) / 2;
+  return std::ceil(planes / unit) * unit;
+}
+
+SweepPlanes evenly_spaced_planes(const InverseDepthRange& range, int count) {
+  if (count <= 1) return {1, (range.farthest + range.nearest) / 2, 0};
+  return {count, range.farthest, (range.nearest - range.farthest) / (count - 1)};
+}
+
+double required_plane_count(const InverseDepthRange& range, const VirtualCamera& view,
+                            const Rig& rig, const BlendingField& field, double step_px) {
+  constexpr int kParts = 8;
+  const ViewRays rays(view);
+  // Pixels of disparity per part of the range, at most, between those chosen at a pixel.
+  const auto fastest_at = [&](double x, double y, const std::vector<CameraWeight>& chosen) {
+    double fastest = 0;
+    const auto ray = rays.through(x, y);
+    if (!ray) return fastest;
+    for (const CameraWeight& one : chosen) {
+      const Rig::Camera& camera = rig.cameras[static_cast<std::size_t>(one.camera)];
+      const Rig::Camera* neighbour = nullptr;
+      double nearest = kInfinity;
+      for (const CameraWeight& other : chosen) {
+        const Rig::Camera& candidate = rig.cameras[static_cast<std::size_t>(other.camera)];
+        const double distance = (candidate.pose.position - camera.pose.position).norm();
+        if (other.camera == one.camera || distance >= nearest) continue;
+        nearest = distance;
+        neighbour = &candidate;
+      }
+      if (neighbour == nullptr) continue;
+      double before = 0;
+      for (int part = 0; part <= kParts; ++part) {
+        const double q = range.farthest + (range.nearest - range.farthest) * part / kParts;
+        const RayPoint point{view.pose.position, *ray, q};
+        const double parallax = angle_between(point.towards(camera.pose.position),
+                                              point.towards(neighbour->pose.position));
+        const Intrinsics& k = camera.model.intrinsics();
+        if (part > 0) {
+          fastest = std::max(fastest, std::abs(parallax - before) * std::max(k.fx, k.fy));
+        }
+        before = parallax;
+      }
+    }
+    return fastest;
+  };
+  const auto fastest_of_tile = [&](const BlendingField::Tile& tile) {
+    if (!tile.is_chosen_at_centre) return 0.0;
+    std::vector<CameraWeight> chosen;
+    for (const auto& camera : tile.cameras) chosen.push_back({camera.camera, 0});
+    return fastest_at((tile.left + tile.right) / 2.0, (tile.top + tile.bottom) / 2.0, chosen);
+  };
+  std::vector<double> fastest_of_row(static_cast<std::size_t>(field.rows() + 1));
+  raystage::parallel_for(0, field.rows() + 1, [&](int row) {
+    double& fastest = fastest_of_row[static_cast<std::size_t>(row)];
+    for (int column = 0; column <= field.columns(); ++column) {
+      fastest = std::max(fastest, fastest_at(std::min(column * BlendingField::kTile, view.width),
+                                             std::min(row * BlendingField::kTile, view.height),
+                                             field.corner(column, row)));
+      if (row < field.rows() && column < field.columns()) {
+        fastest = std::max(fastest, fastest_of_tile(field.tile(column, row)));
+      }
+    }
+  });
+  const double fastest = *std::ranges::max_element(fastest_of_row);
+  return 1 + std::max(0.0, std::ceil(fastest * kParts / step_px - 1e-9));
+}
+
+}  // namespace raystage

@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/common/memory_overrun_note.h"
+
+#include <fmt/format.h>
+
+namespace raystage {
+
+std::string memory_overrun_note(std::string_view method, const ViewRequest& request) {
+  // The same for all of a shot: nothing of the view but its size, which a band's is not.
+  const int height =
+      request.full_height > 0 ? request.full_height : request.view.height / request.supersampling;
+  return fmt::format(
+      "{}: a view of {}x{} takes more memory to work with than its share, {:.0f} MB: the least "
+      "that it can do with",
+      method, request.view.width / request.supersampling, height,
+      static_cast<double>(request.working_bytes) / 1e6);
+}
+
+}  // namespace raystage

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/common/view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "base/parallel.h"
+
+namespace raystage {
+
+VirtualCamera virtual_camera_from_geometry(const CameraGeometry& geometry) {
+  return {geometry.width, geometry.height, geometry.intrinsics,
+          pose_from_matrix(geometry.world_from_camera)};
+}
+
+VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_fov,
+                                      const Pose& pose) {
+  const double focal_length = width / (2 * std::tan(horizontal_fov / 2));
+  return {width, height, {focal_length, focal_length, width / 2.0, height / 2.0, {}}, pose};
+}
+
+VirtualCamera undistorted(const CameraModel& model, const Pose& pose) {
+  VirtualCamera pinhole{model.width(), model.height(), model.intrinsics(), pose};
+  if (!model.has_distortion()) return pinhole;
+  pinhole.intrinsics.distortion = {};
+  const Intrinsics& k = pinhole.intrinsics;
+  double left = 0, right = model.width(), top = 0, bottom = model.height();
+  constexpr int kParts = 32;  // of the frame's border, which bounds all within
+  for (int i = 0; i <= kParts; ++i) {
+    const double along_x = model.width() * static_cast<double>(i) / kParts;
+    const double along_y = model.height() * static_cast<double>(i) / kParts;
+    for (const Eigen::Vector2d& pixel :
+         {Eigen::Vector2d(along_x, 0), Eigen::Vector2d(along_x, model.height()),
+          Eigen::Vector2d(0, along_y), Eigen::Vector2d(model.width(), along_y)}) {
+      const auto ideal = model.ideal_from_pixel(pixel);
+      if (!ideal) continue;
+      left = std::min(left, k.fx * ideal->x() + k.cx);
+      right = std::max(right, k.fx * ideal->x() + k.cx);
+      top = std::min(top, k.fy * ideal->y() + k.cy);
+      bottom = std::max(bottom, k.fy * ideal->y() + k.cy);
+    }
+  }
+  const auto grown = [](double from, double to, int size) {
+    const double half = size / 2.0;  // at most half a frame more on each side
+    return std::pair(std::floor(std::max(from, -half)), std::ceil(std::min(to, size + half)));
+  };
+  const auto [x0, x1] = grown(left, right, model.width());
+  const auto [y0, y1] = grown(top, bottom, model.height());
+  pinhole.width = static_cast<int>(x1 - x0);
+  pinhole.height = static_cast<int>(y1 - y0);
+  pinhole.intrinsics.cx -= x0;
+  pinhole.intrinsics.cy -= y0;
+  return pinhole;
+}
+
+std::size_t view_buffer_bytes(const VirtualCamera& view) {
+  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * 6 *
+         sizeof(float);
+}
+
+RenderedView empty_view(const VirtualCamera& view) {
+  RenderedView image = uninitialised_view(view);
+  // By all threads: memory that is new to the process is fetched page by page as it is written.
+  constexpr int kRowsPerTask = 64;
+  const auto width = static_cast<std::ptrdiff_t>(view.width);
+  raystage::parallel_for(tbb::blocked_range<int>(0, view.height, kRowsPerTask),
+                         [&](const tbb::blocked_range<int>& rows) {
+                           const auto fill = [&](PixelValues& values, std::ptrdiff_t channels,
+                                                 float value) {
+                             std::fill(values.begin() + rows.begin() * width * channels,
+                                       values.begin() + rows.end() * width * channels, value);
+                           };
+                           fill(image.rgba, 4, 0.0F);
+                           fill(image.coverage, 1, 0.0F);
+                           fill(image.z, 1, std::numeric_limits<float>::infinity());
+                         });
+  return image;
+}
+
+RenderedView uninitialised_view(const VirtualCamera& view, PixelValues rgba) {
+  RenderedView image;
+  image.width = view.width;
+  image.height = view.height;
+  image.rgba = std::move(rgba);
+  image.rgba.resize(view_value_count(view));
+  image.coverage.resize(image.rgba.size() / 4);
+  image.z.resize(image.rgba.size() / 4);
+  return image;
+}
+
+std::size_t view_value_count(const VirtualCamera& view) {
+  return static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height) * 4;
+}
+
+}  // namespace raystage

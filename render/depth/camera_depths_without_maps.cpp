@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+// Who is matched with whom, and between which depths.
+#include <algorithm>
+#include <cmath>
+
+#include "render/depth/camera_depths.h"
+
+namespace raystage {
+namespace {
+
+/// Pixels that a point moves by from one camera to another, per 1/m.
+double disparity(const VirtualCamera& to, const VirtualCamera& from) {
+  const PixelTransfer transfer = pixel_transfer(to, from);
+  return std::hypot(transfer.parallax[0], transfer.parallax[1]);
+}
+
+/// Whether `other` sees some of what `camera` does in the middle of the scene.
+bool share_a_view(const VirtualCamera& camera, const VirtualCamera& other,
+                  const InverseDepthRange& range) {
+  const PixelTransfer transfer = pixel_transfer(other, camera);
+  const double q = (range.farthest + range.nearest) / 2;
+  for (int i = 0; i < 9; ++i) {
+    const int column = 1 + i % 3, row = 1 + i / 3;
+    const double x = camera.width * column / 4.0, y = camera.height * row / 4.0;
+    const auto part = [&](std::size_t r) {
+      const double* m = transfer.direction.data() + 3 * r;
+      return m[0] * x + m[1] * y + m[2] + q * transfer.parallax[r];
+    };
+    const double w = part(2), u = part(0), v = part(1);
+    if (w > 0 && u >= 0 && v >= 0 && u <= w * other.width && v <= w * other.height) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+std::vector<int> depth_neighbours(const CameraDepths& depths, const LightFieldFrame& instant,
+                                  int camera, const InverseDepthRange& range, int count) {
+  const VirtualCamera& from = depths.pinholes[static_cast<std::size_t>(camera)];
+  std::vector<std::pair<double, int>> others;
+  for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
+    const int other = static_cast<int>(i);
+    if (other == camera || !instant.is_present(other)) continue;
+    const double distance = (depths.pinholes[i].pose.position - from.pose.position).norm();
+    if (!(disparity(depths.pinholes[i], from) > 0)) continue;
+    if (share_a_view(from, depths.pinholes[i], range)) others.emplace_back(distance, other);
+  }
+  std::ranges::sort(others);
+  others.resize(std::min(others.size(), static_cast<std::size_t>(count)));
+  std::vector<int> nearest;
+  for (const auto& [distance, other] : others) nearest.push_back(other);
+  return nearest;
+}
+
+InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightFieldFrame& instant,
+                                        int camera, const DepthEstimationSettings& settings) {
+  const VirtualCamera& from = depths.pinholes[static_cast<std::size_t>(camera)];
+  const InverseDepthRange seen = inverse_depth_range_in_view(from, *instant.rig, settings.scene);
+  if (seen.empty()) return {};
+  const std::vector<int> nearest = depth_neighbours(depths, instant, camera, seen, 1);
+  const double moves =
+      nearest.empty() ? 0 : disparity(depths.pinholes[static_cast<std::size_t>(nearest[0])], from);
+  const double steps = std::ceil((seen.nearest - seen.farthest) * moves / settings.plane_px - 1e-9);
+  const int count =
+      1 + static_cast<int>(std::clamp(steps, 0.0, depth_estimation::kMostPlanes - 1.0));
+  if (count == 1) return {1, (seen.farthest + seen.nearest) / 2, 0, 1};
+  return {count, seen.farthest, (seen.nearest - seen.farthest) / (count - 1), 1 + steps};
+}
+
+CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
+                                        const DepthEstimationSettings& settings) {
+  CameraDepths depths;
+  for (const Rig::Camera& camera : instant.rig->cameras) {
+    depths.pinholes.push_back(undistorted(camera.model, camera.pose));
+  }
+  depths.maps.resize(depths.pinholes.size());
+  std::vector<double> moves;
+  for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
+    if (!instant.is_present(static_cast<int>(i))) continue;
+    const InverseDepthRange range =
+        inverse_depth_range_in_view(depths.pinholes[i], *instant.rig, settings.scene);
+    const auto nearest = depth_neighbours(depths, instant, static_cast<int>(i), range, 1);
+    if (nearest.empty()) continue;
+    moves.push_back(
+        disparity(depths.pinholes[static_cast<std::size_t>(nearest[0])], depths.pinholes[i]));
+  }
+  if (moves.empty()) return depths;
+  const auto middle = moves.begin() + static_cast<std::ptrdiff_t>(moves.size() / 2);
+  std::nth_element(moves.begin(), middle, moves.end());
+  depths.pixel = 1 / *middle;
+  return depths;
+}
+
+}  // namespace raystage

@@ -1,0 +1,413 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <map>
+#include <set>
+
+#include "base/parallel.h"
+#include "render/common/memory_overrun_note.h"
+#include "render/common/scene_depth_range.h"
+#include "render/depth/depth.h"
+#include "render/depth/depth_store.h"
+#include "render/depth/depth_surface.h"
+#include "render/depth/distributed.h"
+#include "render/depth/estimation_kernels.h"
+#include "render/depth/fusion.h"
+#include "render/depth/temporal_filter.h"
+#include "render/depth/warp.h"
+
+namespace raystage {
+namespace depth {
+namespace {
+
+constexpr int kMostCameras = 64;
+
+constexpr std::array kOptions{
+    integer_option("cameras", 16, 1, kMostCameras, "blended per ray"),
+    number_option("near", 0, 0, 1e9, "nearest thing, metres in front of the array; 0: the take's"),
+    number_option("far", 0, 0, 1e12, "farthest thing, metres in front of the array; 0: the take's"),
+    number_option("plane_px", 0.5, 0.1, 16,
+                  "disparity between neighbouring cameras from plane to plane of the first guess, "
+                  "pixels"),
+    integer_option("neighbours", 8, 1, kMaxNeighbours, "cameras that each is matched with"),
+    integer_option("witnesses", 12, 1, kMaxSupportViews, "cameras that depths are refined with"),
+    number_option("agreement", 10, 0.1, 255,
+                  "difference of 8-bit codes at which a camera counts half when blended"),
+    flag_option("temporal", false,
+                "depths averaged with those of the timeline's ticks before and after, where a "
+                "camera's picture stands still"),
+    flag_option("keep", true, "depths in the folder depth/ of the take, and use those there")};
+
+DepthViewSettings settings_of(const MethodOptions& options, const Take& take,
+                              bool use_take_folder) {
+  DepthViewSettings s;
+  s.estimation.scene = scene_depth_range(options, take, "depth");
+  s.estimation.plane_px = options.number("plane_px");
+  s.estimation.neighbours = options.whole("neighbours");
+  s.estimation.support_views = options.whole("witnesses");
+  s.cameras = options.whole("cameras");
+  s.agreement = options.number("agreement");
+  s.keep = options.flag("keep") && use_take_folder;
+  s.temporal = options.flag("temporal");
+  return s;
+}
+
+std::vector<int> cameras_of(const LightFieldFrame& instant, bool absent_too) {
+  std::set<int> cameras;
+  for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
+    if (instant.frame_of_camera[i] >= 0) cameras.insert(static_cast<int>(i));
+  }
+  if (absent_too) {
+    for (const Topology::Cell& cell : instant.complete->cells) {
+      for (const int camera : cell) {
+        if (camera >= 0) cameras.insert(camera);
+      }
+    }
+  }
+  return {cameras.begin(), cameras.end()};
+}
+
+/// Of the first guess, where no bound held them down: the most of any camera.
+double required_plane_count(const CameraDepths& depths, const LightFieldFrame& instant,
+                            const DepthEstimationSettings& estimation) {
+  double most = 1;
+  for (std::size_t i = 0; i < depths.pinholes.size(); ++i) {
+    const int camera = static_cast<int>(i);
+    if (!instant.is_present(camera)) continue;
+    most = std::max(most, initial_sweep_planes(depths, instant, camera, estimation).needed);
+  }
+  return most;
+}
+
+/// Depths, and what people should know about them.
+struct KeptDepths {
+  CameraDepths depths;
+  std::vector<std::string> notes;
+};
+
+/// `work`: what they take is added to it where they are found now.
+std::shared_ptr<const KeptDepths> camera_depths(const LightFieldFrame& instant,
+                                                ResultCache& kept_results,
+                                                std::size_t working_bytes,
+                                                const DepthEstimationSettings& estimation,
+                                                bool keep, DepthEstimationStatistics& work) {
+  return kept_results.get<KeptDepths>(
+      depth_cache_key(instant, estimation), [&](std::size_t& bytes) {
+        auto kept = std::make_shared<KeptDepths>();
+        std::string note;
+        kept->depths =
+            load_or_estimate_camera_depths(instant, estimation, working_bytes, keep, note);
+        kept->notes = depth_notes(kept->depths, instant, estimation);
+        if (!note.empty()) kept->notes.push_back(note);
+        kept->depths.compute_block_nearest();
+        bytes = kept->depths.bytes();
+        work.bytes = std::max(work.bytes, kept->depths.working_bytes);
+        work.pixels_decoded += kept->depths.pixels_decoded;
+        return kept;
+      });
+}
+
+/// The instants of LightFieldFrame::adjacent_frames, of those cameras that count at this one.
+std::vector<LightFieldFrame> instants_beside(const LightFieldFrame& instant) {
+  std::vector<LightFieldFrame> instants;
+  for (const std::vector<int>& frames : instant.adjacent_frames) {
+    LightFieldFrame other = instant;
+    other.adjacent_frames.clear();
+    std::ranges::fill(other.frame_of_camera, -1);
+    for (const int camera : instant.included_cameras) {
+      const auto i = static_cast<std::size_t>(camera);
+      other.frame_of_camera[i] = frames[i];
+    }
+    if (!cameras_of(other, false).empty()) instants.push_back(std::move(other));
+  }
+  return instants;
+}
+
+MatchingImage picture_of(const LightFieldFrame& instant, std::size_t camera,
+                         const CameraDepths& depths, std::atomic<std::int64_t>& pixels_decoded) {
+  std::int64_t decoded = 0;
+  const auto frame = instant.opaque_frames().fetch(static_cast<int>(camera),
+                                                   instant.frame_of_camera[camera], {}, decoded);
+  pixels_decoded += decoded;
+  return {*frame, instant.opaque_frames().blend_space(), instant.rig->cameras[camera],
+          depths.pinholes[camera]};
+}
+
+/// An instant's depths with those before and after in mind: three instants' maps, and as many
+/// cameras at a time as fit `working_bytes`.
+std::shared_ptr<const KeptDepths> steadied_depths(const LightFieldFrame& instant,
+                                                  ResultCache& kept_results,
+                                                  std::size_t working_bytes,
+                                                  const DepthEstimationSettings& estimation,
+                                                  bool keep, DepthEstimationStatistics& work) {
+  const std::vector<LightFieldFrame> beside = instants_beside(instant);
+  if (beside.empty()) {
+    return camera_depths(instant, kept_results, working_bytes, estimation, keep, work);
+  }
+  std::string key = "steadied " + depth_cache_key(instant, estimation);
+  for (const LightFieldFrame& other : beside)
+    key += " beside " + depth_cache_key(other, estimation);
+  return kept_results.get<KeptDepths>(key, [&](std::size_t& bytes) {
+    const auto depths_at = [&](const LightFieldFrame& at) {
+      return camera_depths(at, kept_results, working_bytes, estimation, keep, work);
+    };
+    std::vector<std::shared_ptr<const KeptDepths>> depths_beside;
+    for (const LightFieldFrame& other : beside) depths_beside.push_back(depths_at(other));
+    auto kept = std::make_shared<KeptDepths>(*depths_at(instant));
+    CameraDepths& depths = kept->depths;
+    const auto tolerance = static_cast<float>(estimation.tolerance_px * depths.pixel);
+    constexpr std::size_t kBytesPerPixel = 30;  // a frame, three pictures, the new map
+    std::size_t most = 1;
+    for (const InverseDepthMap& map : depths.maps) most = std::max(most, map.values.size());
+    const std::size_t in_flight =
+        std::clamp<std::size_t>(working_bytes / (most * kBytesPerPixel), 1, depths.maps.size());
+    work.bytes = std::max(work.bytes, in_flight * most * kBytesPerPixel);
+    std::atomic<std::int64_t> decoded = 0;
+    const auto never = [] { return false; };
+    parallel_for_in_order(depths.maps.size(), in_flight, never, [&](std::size_t i) {
+      if (!instant.is_present(static_cast<int>(i)) || !(tolerance > 0)) return;
+      std::vector<MatchingImage> pictures;
+      std::vector<TemporalNeighbour> others;
+      pictures.reserve(beside.size());
+      for (std::size_t j = 0; j < beside.size(); ++j) {
+        if (!beside[j].is_present(static_cast<int>(i))) continue;
+        pictures.push_back(picture_of(beside[j], i, depths, decoded));
+        others.push_back({&pictures.back(), &depths_beside[j]->depths.maps[i]});
+      }
+      if (others.empty()) return;
+      depths.maps[i] = temporal_filter(depths.maps[i], picture_of(instant, i, depths, decoded),
+                                       others, tolerance);
+    });
+    work.pixels_decoded += decoded;
+    depths.compute_block_nearest();
+    bytes = depths.bytes();
+    return kept;
+  });
+}
+
+std::shared_ptr<const KeptDepths> depths_by(const DepthViewSettings& settings,
+                                            const LightFieldFrame& instant,
+                                            ResultCache& kept_results, std::size_t working_bytes,
+                                            DepthEstimationStatistics& work) {
+  const auto depths_of = settings.temporal ? steadied_depths : camera_depths;
+  return depths_of(instant, kept_results, working_bytes, settings.estimation, settings.keep, work);
+}
+
+}  // namespace
+
+std::string depth_cache_key(const LightFieldFrame& instant, const DepthEstimationSettings& s) {
+  std::string key = fmt::format("camera depths {} {} {} {} {}", s.scene.near, s.scene.far,
+                                s.plane_px, s.neighbours, s.support_views);
+  for (const int frame : instant.frame_of_camera) key += " " + std::to_string(frame);
+  return key;
+}
+
+std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFieldFrame& instant,
+                                     const DepthEstimationSettings& estimation) {
+  const double needed = required_plane_count(depths, instant, estimation);
+  if (needed <= depth_estimation::kMostPlanes) return {};
+  return {
+      fmt::format("depth: {:g} pixels from plane to plane take up to {:.0f} planes for a first "
+                  "guess; {} are tried, and near things may be found wrong",
+                  estimation.plane_px, rounded_for_display(needed), depth_estimation::kMostPlanes)};
+}
+
+/// Cameras count as they would if the view's rays were blended from few of them.
+FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request) {
+  static_assert(kDepthTile == BlendingField::kTile);
+  constexpr float kLeastShare = 0.2F;
+  constexpr int kBest = 8;
+  static_assert(4 * kBest <= kMaxHypotheses, "a tile's corners may all choose others");
+  const LightFieldFrame& instant = request.instant;
+  const CameraDepths& depths = *plan.depths;
+  const BlendingField field(plan.pinhole, *instant.rig, cameras_of(instant, false), plan.range,
+                            kBest);
+  const auto tiles = static_cast<std::size_t>(field.columns() * field.rows());
+  std::map<int, DepthHypotheses> hypotheses;  // by camera
+  for (std::size_t tile = 0; tile < tiles; ++tile) {
+    const int at = static_cast<int>(tile), columns = field.columns();
+    for (const BlendingField::TileCamera& chosen : field.tile(at % columns, at / columns).cameras) {
+      const auto i = static_cast<std::size_t>(chosen.camera);
+      DepthHypotheses& report = hypotheses[chosen.camera];
+      report.map = &depths.maps[i];
+      report.camera = &depths.pinholes[i];
+      report.nearest = &depths.nearest[i];
+      report.weights.resize(tiles);
+      report.weights[tile] = chosen.share;
+    }
+  }
+  FusionInputs vote;
+  for (auto& [camera, report] : hypotheses) {
+    vote.cameras.push_back(camera);
+    vote.hypotheses.push_back(std::move(report));
+  }
+  // A surface is half a pixel thick. Where no two cameras see from different places, all depths are
+  // alike and any tolerance will do.
+  const double pixel = depths.pixel > 0 ? depths.pixel : 1;
+  const auto thick = static_cast<float>(pixel / 2);
+  // Wires that fall on one column of pixels in this view and on two in the next must not break.
+  vote.settings = {thick, kLeastShare, thick, request.working_bytes};
+  return vote;
+}
+
+void fill_unknown_depths(const DepthViewPlan& plan, InverseDepthMap& view_depths) {
+  const auto behind = static_cast<float>(plan.range.farthest);
+  for (float& depth : view_depths.values) {
+    if (depth < 0) depth = behind;
+  }
+}
+
+namespace {
+
+/// Adds to the plan what it takes.
+InverseDepthMap depths_of_view(DepthViewPlan& plan, const ViewRequest& request) {
+  const VirtualCamera& view = plan.pinhole;
+  const FusionInputs vote = fusion_inputs(plan, request);
+  const std::size_t bytes = fusion_bytes(view, vote.hypotheses, request.working_bytes);
+  plan.work.bytes = std::max(plan.work.bytes, bytes);
+  if (bytes > request.working_bytes) plan.notes.push_back(memory_overrun_note("depth", request));
+  InverseDepthMap map = fuse_hypotheses(view, vote.hypotheses, vote.settings);
+  fill_unknown_depths(plan, map);
+  return map;
+}
+
+}  // namespace
+
+std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request) {
+  const DepthViewSettings settings =
+      settings_of(request.options, *request.instant.take, request.use_take_folder);
+  const Rig& rig = *request.instant.rig;
+  const VirtualCamera pinhole = undistorted(
+      CameraModel(
+          {"view", request.view.width, request.view.height, request.view.intrinsics, {}, {}, {}}),
+      request.view.pose);
+  const InverseDepthRange range =
+      inverse_depth_range_in_view(request.view, rig, settings.estimation.scene);
+  if (range.empty()) return std::nullopt;
+  const auto field_of = [&](bool absent_too) {
+    return BlendingField(request.view, rig, cameras_of(request.instant, absent_too), range,
+                         settings.cameras);
+  };
+  DepthViewPlan result{settings, pinhole, range, field_of(false), std::nullopt, nullptr,
+                       {},       {},      {}};
+  if (request.instant.present != request.instant.complete) {
+    result.complete.emplace(field_of(true));
+  }
+  return result;
+}
+
+std::optional<DepthViewPlan> plan(const ViewRequest& request) {
+  std::optional<DepthViewPlan> result = plan_without_depths(request);
+  if (!result) return std::nullopt;
+  const std::shared_ptr<const KeptDepths> kept = depths_by(
+      result->settings, request.instant, request.kept, request.working_bytes, result->work);
+  result->depths = std::shared_ptr<const CameraDepths>(kept, &kept->depths);
+  result->notes = kept->notes;
+  result->view_depths = depths_of_view(*result, request);
+  return result;
+}
+
+std::shared_ptr<const CameraDepths> depths_with_default_options(const LightFieldFrame& instant,
+                                                                ResultCache& kept,
+                                                                std::size_t working_bytes,
+                                                                bool keep, const DepthRange& scene,
+                                                                DepthEstimationStatistics& work) {
+  DepthEstimationSettings estimation;
+  estimation.scene = scene;
+  const auto found = camera_depths(instant, kept, working_bytes, estimation, keep, work);
+  return {found, &found->depths};
+}
+
+RaySurface depth_method_surface(const MethodOptions& options, const LightFieldFrame& instant,
+                                ResultCache& kept, std::size_t working_bytes,
+                                bool use_take_folder) {
+  const DepthViewSettings settings = settings_of(options, *instant.take, use_take_folder);
+  DepthEstimationStatistics work;
+  const auto found = depths_by(settings, instant, kept, working_bytes, work);
+  return depth_surface({found, &found->depths}, *instant.rig, settings.estimation.scene);
+}
+
+float absent_camera_weight(const DepthViewPlan& plan, const LightFieldFrame& instant, int x,
+                           int y) {
+  if (!plan.complete) return 0;
+  const BlendingField::Tile& tile =
+      plan.complete->tile(x / BlendingField::kTile, y / BlendingField::kTile);
+  float absent = 0;
+  for (const BlendingField::TileCamera& camera : tile.cameras) {
+    if (!instant.is_present(camera.camera)) absent += BlendingField::share(tile, camera, x, y);
+  }
+  return std::min(absent, 1.0F);
+}
+
+float visibility_tolerance(const DepthViewPlan& plan) {
+  const double pixel = plan.depths->pixel > 0 ? plan.depths->pixel : 1;
+  return static_cast<float>(plan.settings.estimation.tolerance_px * pixel);
+}
+
+}  // namespace depth
+
+namespace {
+
+class DepthMethod final : public Method {
+ public:
+  std::string_view name() const override { return "depth"; }
+  std::string_view summary() const override {
+    return "cameras blended where their depths say that they see the same, found once per instant";
+  }
+  std::span<const OptionSpec> options() const override { return depth::kOptions; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"fast", "cameras=6"}};
+    return kPresets;
+  }
+  RenderedView render(const ViewRequest& request) const override { return depth::render(request); }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return depth::render_reference(request);
+  }
+  /// Depths that were averaged over time depend on those of other light field frames.
+  DistributionMode distribution(const MethodOptions& options) const override {
+    return options.flag("temporal") ? DistributionMode::kNone : DistributionMode::kLockstep;
+  }
+  Contribution contribute(const ViewRequest& request) const override {
+    return depth::contribute(request);
+  }
+  RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
+    return depth::combine(request, planes);
+  }
+  void check(const MethodOptions& options, const Take& take) const override {
+    depth::settings_of(options, take, false);
+  }
+
+  bool stores_data() const override { return true; }
+  std::filesystem::path stored_file(const MethodOptions& options,
+                                    const LightFieldFrame& instant) const override {
+    const depth::DepthViewSettings settings = depth::settings_of(options, *instant.take, true);
+    if (!settings.keep) return {};
+    return depth_file_path(instant.derived_folder(), depth_store_key(instant, settings.estimation));
+  }
+  StoreResult store(const MethodOptions& options, const LightFieldFrame& instant,
+                    std::size_t working_bytes) const override {
+    return store_camera_depths(instant, depth::settings_of(options, *instant.take, true).estimation,
+                               working_bytes);
+  }
+
+  RaySurface surface(const SurfaceRequest& r) const override {
+    return depth::depth_method_surface(r.options, r.instant, r.kept, r.working_bytes,
+                                       r.use_take_folder);
+  }
+  bool uses_focal_plane() const override { return false; }
+  bool reads_adjacent_frames(const MethodOptions& options) const override {
+    return options.flag("temporal");
+  }
+};
+
+}  // namespace
+
+const Method& depth_method() {
+  static const DepthMethod method;
+  return method;
+}
+
+}  // namespace raystage

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/depth/local_depths.h"
+
+#include <algorithm>
+#include <deque>
+#include <mutex>
+#include <utility>
+
+#include "render/depth/depth_file.h"
+
+namespace raystage::depth {
+namespace {
+
+/// The last light field frames of a renderer, the newest first. Hosts must drop the same ones: by
+/// number, not by the memory that each has left.
+class RecentDepths {
+ public:
+  using Entry = std::pair<std::string, std::shared_ptr<const LocalDepths>>;
+
+  std::shared_ptr<const LocalDepths> find(const std::string& key) const {
+    const std::scoped_lock lock(mutex_);
+    const auto found = std::ranges::find(entries_, key, &Entry::first);
+    if (found == entries_.end()) return nullptr;
+    std::rotate(entries_.begin(), found, found + 1);
+    return entries_.front().second;
+  }
+  void add(const std::string& key, std::shared_ptr<const LocalDepths> depths) const {
+    const std::scoped_lock lock(mutex_);
+    entries_.emplace_front(key, std::move(depths));
+    if (entries_.size() > kLocalDepthFrames) entries_.pop_back();
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::deque<Entry> entries_;
+};
+
+}  // namespace
+
+std::shared_ptr<const LocalDepths> local_depths(const ViewRequest& request,
+                                                const DepthViewSettings& settings,
+                                                const RankCommunicator& group) {
+  const auto recent =
+      request.kept.get<RecentDepths>("depths of this host's cameras", [](std::size_t& bytes) {
+        bytes = 0;  // never dropped
+        return std::make_shared<const RecentDepths>();
+      });
+  const std::string key = depth_cache_key(request.instant, settings.estimation);
+  if (auto found = recent->find(key)) return found;
+  auto made = std::make_shared<LocalDepths>();
+  made->depths =
+      estimate_local_depths(request.instant, settings.estimation, request.working_bytes, group);
+  for (InverseDepthMap& map : made->depths.maps) quantise_depths(map);
+  made->notes = depth_notes(made->depths, request.instant, settings.estimation);
+  made->depths.compute_block_nearest();
+  recent->add(key, made);
+  return made;
+}
+
+}  // namespace raystage::depth

@@ -1,0 +1,191 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render/lumigraph/lumigraph_method.h"
+
+#include <algorithm>
+#include <string>
+
+#include "base/error.h"
+#include "render/common/plane_surface.h"
+#include "render/depth/depth.h"
+#include "render/depth/depth_store.h"
+#include "render/depth/depth_surface.h"
+#include "render/lumigraph/lumigraph.h"
+#include "render/lumigraph/mesh_proxy.h"
+#include "store/scene_depth_range.h"
+
+namespace raystage {
+namespace {
+
+std::filesystem::path mesh_file(const MethodOptions& options, const Take& take) {
+  return take.folder() / options.text("mesh");
+}
+
+DepthRange scene_of(const Take& take) {
+  return scene_depth_range(take, {}, "proxy depth",
+                           "Say depth_range_m in take.json, in metres in front of the array");
+}
+
+void check_proxy(const MethodOptions& options, const Take& take) {
+  const std::string& proxy = options.text("proxy");
+  const bool has_mesh = !options.text("mesh").empty();
+  if (proxy != "mesh" && has_mesh) {
+    throw Error::bad_input("a mesh is given and the proxy is '" + proxy + "'", "option mesh",
+                           "Set the option proxy to mesh, or leave mesh out");
+  }
+  if (proxy == "mesh" && !has_mesh) {
+    throw Error::bad_input("the proxy is to be a mesh and none is given", "option mesh",
+                           "Give its file, relative to the take's folder");
+  }
+  if (proxy == "depth") scene_of(take);
+}
+
+/// As depth::depths_with_default_options().
+DepthEstimationSettings solving_of(const Take& take) {
+  DepthEstimationSettings solving;
+  solving.scene = scene_of(take);
+  return solving;
+}
+
+/// Returns the surface that the options `proxy` and `mesh` choose; adds what estimating depths takes
+/// to `work`. Throws Error (bad input) for a mesh that is not asked for, missing or unreadable, and
+/// for depths of a take without a depth range.
+RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
+                         const LightFieldFrame& instant, ResultCache& kept,
+                         std::size_t working_bytes, bool use_take_folder,
+                         DepthEstimationStatistics& work) {
+  RaySurface on_plane = plane_surface(plane);
+  check_proxy(options, *instant.take);
+  const std::string& proxy = options.text("proxy");
+  if (proxy == "plane") return on_plane;
+  if (proxy == "depth") {
+    const DepthRange scene = scene_of(*instant.take);
+    return depth_surface(depth::depths_with_default_options(instant, kept, working_bytes,
+                                                            use_take_folder, scene, work),
+                         *instant.rig, scene);
+  }
+  const std::filesystem::path file = mesh_file(options, *instant.take);
+  const auto mesh = kept.get<MeshProxy>("mesh proxy " + file.string(), [&file](std::size_t& bytes) {
+    auto made = std::make_shared<const MeshProxy>(file);
+    bytes = made->bytes();
+    return made;
+  });
+  return [mesh, on_plane = std::move(on_plane)](std::span<const WorldRay> rays,
+                                                std::span<double> inverse_distance) {
+    mesh->meet(rays, inverse_distance, on_plane);
+  };
+}
+
+RaySurface surface_of(const ViewRequest& r, DepthEstimationStatistics& work) {
+  return proxy_surface(r.options, r.focal_plane, r.instant, r.kept, r.working_bytes,
+                       r.use_take_folder, work);
+}
+
+WeightField field_of(const ViewRequest& request) {
+  return request.options.text("weights") == "blending_field" ? WeightField::kBlendingField
+                                                             : WeightField::kPerPixel;
+}
+
+std::vector<OptionSpec> lumigraph_options() {
+  std::vector<OptionSpec> all = ray_weight_options();
+  all.push_back(choice_option("proxy", "plane", "plane|mesh|depth",
+                              "where rays are looked up: on the focal plane, on a mesh and, "
+                              "beyond it, the plane, or where the method depth finds the scene"));
+  all.push_back(text_option("mesh", "",
+                            "file of the mesh (OBJ, PLY, glTF ...; world, metres), relative to "
+                            "the take's folder"));
+  all.push_back(choice_option("weights", "per_pixel", "per_pixel|blending_field",
+                              "worked out for every pixel, or every 16 pixels and interpolated"));
+  return all;
+}
+
+class LumigraphMethod final : public Method {
+ public:
+  std::string_view name() const override { return "lumigraph"; }
+  std::string_view summary() const override {
+    return "the few cameras that suit each ray best, blended where it meets the scene's proxy";
+  }
+  std::span<const OptionSpec> options() const override { return options_; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"fast", "weights=blending_field"},
+                                             {"8 cameras", "cameras=8"},
+                                             {"on depth", "proxy=depth"}};
+    return kPresets;
+  }
+
+  RenderedView render(const ViewRequest& request) const override {
+    DepthEstimationStatistics work;
+    const RaySurface surface = surface_of(request, work);
+    RenderedView image =
+        render_lumigraph(request, surface, ray_weight_settings(request.options), field_of(request));
+    image.statistics.working_bytes = std::max(image.statistics.working_bytes, work.bytes);
+    image.statistics.pixels_decoded += work.pixels_decoded;
+    return image;
+  }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    DepthEstimationStatistics work;
+    return render_lumigraph_reference(request, surface_of(request, work),
+                                      ray_weight_settings(request.options));
+  }
+
+  /// Depths would be solved by every host, of cameras that it does not hold.
+  DistributionMode distribution(const MethodOptions& options) const override {
+    return options.text("proxy") == "depth" ? DistributionMode::kNone
+                                            : DistributionMode::kContributions;
+  }
+  Contribution contribute(const ViewRequest& request) const override {
+    DepthEstimationStatistics none;
+    return contribute_lumigraph(request, surface_of(request, none),
+                                ray_weight_settings(request.options), field_of(request));
+  }
+  RenderedView combine(const ViewRequest& request, std::vector<PixelValues> planes) const override {
+    DepthEstimationStatistics none;
+    return combine_lumigraph(request, surface_of(request, none),
+                             ray_weight_settings(request.options), field_of(request),
+                             std::move(planes.at(0)));
+  }
+
+  void check(const MethodOptions& options, const Take& take) const override {
+    check_proxy(options, take);
+  }
+  std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
+                                                 const FrameSelection&) const override {
+    if (options.text("proxy") != "mesh") return {};
+    return {mesh_file(options, take)};
+  }
+
+  bool stores_data() const override { return true; }
+  std::filesystem::path stored_file(const MethodOptions& options,
+                                    const LightFieldFrame& instant) const override {
+    if (options.text("proxy") != "depth") return {};
+    return depth_file_path(instant.derived_folder(),
+                           depth_store_key(instant, solving_of(*instant.take)));
+  }
+  StoreResult store(const MethodOptions& /*options*/, const LightFieldFrame& instant,
+                    std::size_t working_bytes) const override {
+    return store_camera_depths(instant, solving_of(*instant.take), working_bytes);
+  }
+
+  RaySurface surface(const SurfaceRequest& r) const override {
+    DepthEstimationStatistics work;
+    return proxy_surface(r.options, r.focal_plane, r.instant, r.kept, r.working_bytes,
+                         r.use_take_folder, work);
+  }
+  bool has_ray_weights() const override { return true; }
+
+  /// Depths that no memory keeps would be solved for every few rows.
+  bool is_row_independent(const MethodOptions& options) const override {
+    return options.text("proxy") != "depth";
+  }
+
+ private:
+  std::vector<OptionSpec> options_ = lumigraph_options();
+};
+
+}  // namespace
+
+const Method& lumigraph_method() {
+  static const LumigraphMethod method;
+  return method;
+}
+
+}  // namespace raystage

@@ -1,0 +1,13 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include "render/common/method.h"
+
+namespace raystage {
+
+/// Returns the method `lumigraph`: render_lumigraph() on the surface that its options `proxy` and
+/// `mesh` choose (the focal plane, a mesh and the plane beyond it, or the camera depths of the
+/// method `depth`). A library of its own, so that render_lumigraph() does not depend on depths.
+const Method& lumigraph_method();
+
+}  // namespace raystage

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <span>
+
+#include "render/lumigraph/ray_chunk.h"
+
+namespace raystage {
+
+/// Unit directions of rays side by side, world.
+struct RayDirections {
+  int count = 0;
+  alignas(64) std::array<std::array<double, RayChunk::kSize>, 3> direction{};
+
+  Eigen::Vector3d operator[](int i) const {
+    const auto at = static_cast<std::size_t>(i);
+    return {direction[0][at], direction[1][at], direction[2][at]};
+  }
+};
+
+/// Rays through the centres of `count` pixels (at most RayChunk::kSize) of a view's row y, from
+/// pixel x on. `ray_from_pixel`: world_ray_from_pixel(). Run-time dispatch, as below.
+void compute_ray_directions(const Eigen::Matrix3d& ray_from_pixel, int x, int y, int count,
+                            RayDirections& row);
+
+/// As fill_chunk() with the row's rays from one eye.
+void fill_chunk(const Eigen::Vector3d& eye, const RayDirections& row,
+                std::span<const double> inverse_distance, const Eigen::Vector3d& middle,
+                RayChunk& chunk);
+
+}  // namespace raystage

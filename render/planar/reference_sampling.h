@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <optional>
+#include <vector>
+
+#include "render/common/plane_projection.h"
+#include "rig/camera_model.h"
+#include "store/processing/frames/frame_cache.h"
+
+namespace raystage {
+
+// What the slow, obvious references look rays up with, one at a time and in double.
+
+struct FrameSample {
+  std::array<double, 3> rgb{};  ///< on the scale of the blend space, full scale 1, times alpha
+  double alpha = 1;             ///< the frame's
+  double seen = 0;              ///< 1 within the frame, falling to 0 at its border
+};
+
+/// Which pixels of a camera's frame are read: 1 byte a pixel, empty where nobody asked.
+using ReadPixelMask = std::vector<std::uint8_t>;
+
+/// Bilinear look-up; pixel centres at +0.5. `read` may be empty. Rows that are read at the same
+/// time may set the same byte, to the same value.
+FrameSample sample_bilinear(const DecodedFrame& frame, const Eigen::Vector2d& pixel, double seen,
+                            ReadPixelMask& read);
+
+/// How far a camera sees along a direction, 0 to 1, and where in its image.
+double visibility(const CameraModel& model, const Eigen::Vector3d& direction_in_camera,
+                  Eigen::Vector2d& pixel);
+
+/// The point that is `n.X + c = 0` on the ray, as a direction from each camera: (X - C) for a
+/// finite plane, the ray itself for one at infinity. nullopt where the ray does not meet the plane
+/// ahead.
+class RayPlaneIntersection {
+ public:
+  RayPlaneIntersection(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
+                       const Eigen::Vector4d& plane) {
+    const Eigen::Vector3d normal = plane.head<3>();
+    if (normal.isZero(0)) {
+      direction_ = ray;
+      depth_ = std::numeric_limits<double>::infinity();
+      return;
+    }
+    depth_ = -signed_plane_distance(plane, eye) / normal.normalized().dot(ray);
+    from_eye_ = depth_ * ray;
+    eye_ = eye;
+  }
+  /// The point at a planar depth, m; may be infinite, or not-a-number for none.
+  RayPlaneIntersection(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray, double depth)
+      : from_eye_(depth * ray), eye_(eye), depth_(depth) {
+    if (std::isinf(depth)) direction_ = ray;
+  }
+  bool ahead() const { return depth_ > 0; }
+  double depth() const { return depth_; }
+  Eigen::Vector3d direction_from(const Eigen::Vector3d& centre) const {
+    return direction_ ? *direction_ : Eigen::Vector3d(from_eye_ + (eye_ - centre));
+  }
+
+ private:
+  std::optional<Eigen::Vector3d> direction_;
+  Eigen::Vector3d from_eye_ = Eigen::Vector3d::Zero(), eye_ = Eigen::Vector3d::Zero();
+  double depth_ = 0;
+};
+
+}  // namespace raystage

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "base/transfer_function.h"
+#include "render/sweep/cost_kernels.h"
+
+namespace raystage {
+namespace {
+
+/// 8-bit code, as matched.
+double code(const DecodedFrame& frame, BlendSpace space, int x, int y, std::size_t c) {
+  const auto column = static_cast<std::size_t>(std::min(x, frame.width - 1));
+  const auto row = static_cast<std::size_t>(std::min(y, frame.height - 1));
+  const std::uint16_t stored =
+      frame.rgba[(row * static_cast<std::size_t>(frame.width) + column) * 4 + c];
+  if (space == BlendSpace::kPerceptual) return stored >> 8;
+  return std::floor(srgb_from_linear(stored / 65535.0) * 255 + 0.5);
+}
+
+using Colour = std::array<double, 3>;
+
+Colour mean_of(const std::vector<Colour>& colours) {
+  Colour mean{};
+  for (const Colour& colour : colours) {
+    for (std::size_t c = 0; c < 3; ++c) mean[c] += colour[c] / static_cast<double>(colours.size());
+  }
+  return mean;
+}
+/// Mean of three channels' differences.
+double off(const Colour& a, const Colour& b) {
+  double sum = 0;
+  for (std::size_t c = 0; c < 3; ++c) sum += std::abs(a[c] - b[c]) / 3;
+  return sum;
+}
+
+}  // namespace
+
+double matching_cost_reference(std::span<const ReferenceCamera> cameras, BlendSpace space,
+                               const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
+                               double inverse_depth, double truncation, int excluded_cameras) {
+  std::vector<Colour> colours;
+  for (const ReferenceCamera& camera : cameras) {
+    const DecodedFrame& frame = *camera.frame;
+    const DepthSample at = sample_at_depth_reference(eye, ray, inverse_depth, *camera.camera, frame,
+                                                     Interpolation::kLinear);
+    if (at.seen <= 0) continue;
+    const double left = std::clamp(at.u - 0.5, 0.0, frame.width - 1.0);
+    const double top = std::clamp(at.v - 0.5, 0.0, frame.height - 1.0);
+    const int x = static_cast<int>(left), y = static_cast<int>(top);
+    Colour colour;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const auto row = [&](int of) {
+        return std::lerp(code(frame, space, x, of, c), code(frame, space, x + 1, of, c), left - x);
+      };
+      colour[c] = std::lerp(row(y), row(y + 1), top - y);
+    }
+    colours.push_back(colour);
+  }
+  if (colours.size() < 2) return kUnknownCost;
+  for (int i = 0; i < excluded_cameras && colours.size() > 2; ++i) {
+    const Colour mean = mean_of(colours);
+    colours.erase(std::ranges::max_element(
+        colours, {}, [&](const Colour& colour) { return off(colour, mean); }));
+  }
+  const Colour mean = mean_of(colours);
+  double sum = 0;
+  for (const Colour& colour : colours) sum += std::min(off(colour, mean), truncation);
+  return sum / static_cast<double>(colours.size()) * 255 / truncation;
+}
+
+}  // namespace raystage

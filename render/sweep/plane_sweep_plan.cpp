@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <set>
+
+#include "base/error.h"
+#include "render/common/scene_depth_range.h"
+#include "render/sweep/cost_kernels.h"
+#include "render/sweep/plane_sweep.h"
+
+namespace raystage {
+namespace plane_sweep {
+namespace {
+
+constexpr std::array kOptions{
+    integer_option("cameras", 4, 1, kMaxMatchedCameras, "matched and blended per ray"),
+    integer_option("planes", 0, 0, 512,
+                   "tried between near and far; 0: as many as step_px asks for"),
+    number_option("step_px", 0.5, 0.05, 16,
+                  "disparity between neighbouring cameras from plane to plane, pixels"),
+    number_option("near", 0, 0, 1e9, "nearest thing, metres in front of the array; 0: the take's"),
+    number_option("far", 0, 0, 1e12, "farthest thing, metres in front of the array; 0: the take's"),
+    choice_option("aggregation", "semi_global", "semi_global|box|none",
+                  "how neighbouring pixels help each other to a plane"),
+    integer_option("p1", 40, 0, 4000,
+                   "semi_global: penalty for one plane's change, of a cost of 255"),
+    integer_option("p2", 800, 0, 4000, "semi_global: penalty for a larger change, at least p1"),
+    integer_option("box_radius", 2, 1, 7, "box: pixels to each side that are summed over"),
+    number_option("truncation", 40, 1, 255, "difference of 8-bit codes beyond which all are alike"),
+    integer_option(
+        "left_out", 0, 0, kMaxMatchedCameras - 2,
+        "cameras that agree least at a point, neither matched nor blended there, against "
+        "occlusion; two always count"),
+    number_option(
+        "edge_scale", 0, 0, 255,
+        "semi_global: step in luma, 8-bit codes, at which p2 is halved; the picture comes "
+        "from a first pass, which doubles the time; 0: p2 is the same everywhere"),
+    flag_option("sub_plane", true, "depths between planes, by a parabola through the costs"),
+    choice_option("look_up", "cubic", "cubic|linear", "how frames are read between their pixels")};
+
+constexpr int kMostPlanes = 512;
+
+PlaneSweepSettings settings_of(const MethodOptions& options) {
+  PlaneSweepSettings s;
+  s.cameras = options.whole("cameras");
+  const std::string& aggregation = options.text("aggregation");
+  s.aggregation = aggregation == "semi_global" ? Aggregation::kSemiGlobal
+                  : aggregation == "box"       ? Aggregation::kBox
+                                               : Aggregation::kNone;
+  s.look_up = options.text("look_up") == "cubic" ? Interpolation::kCubic : Interpolation::kLinear;
+  s.subplane_refinement = options.flag("sub_plane");
+  s.p1 = options.whole("p1");
+  s.p2 = options.whole("p2");
+  s.box_radius = options.whole("box_radius");
+  s.truncation = options.number("truncation");
+  s.excluded_cameras = options.whole("left_out");
+  s.edge_scale = options.number("edge_scale");
+  if (s.p2 < s.p1) {
+    throw Error::bad_input("plane_sweep: p2 is less than p1", "method plane_sweep",
+                           "Give p2 at least p1");
+  }
+  if (s.edge_scale > 0 && s.aggregation != Aggregation::kSemiGlobal) {
+    throw Error::bad_input("plane_sweep: edge_scale lowers p2, which is semi_global's",
+                           "method plane_sweep", "Leave out edge_scale, or aggregation");
+  }
+  return s;
+}
+
+/// One and the same for many frames of a shot: the number is rounded up, by half of its first digit
+/// at most.
+std::string too_few_planes(double step_px, double needed) {
+  return fmt::format(
+      "plane_sweep: {:g} pixels from plane to plane take up to {:.0f} planes across the view; "
+      "{} are tried, and near things may show ghosts",
+      step_px, rounded_for_display(needed), kMostPlanes);
+}
+
+std::vector<int> cameras_of(const LightFieldFrame& instant, bool absent_too) {
+  std::set<int> cameras;
+  for (std::size_t i = 0; i < instant.frame_of_camera.size(); ++i) {
+    if (instant.frame_of_camera[i] >= 0) cameras.insert(static_cast<int>(i));
+  }
+  if (absent_too) {
+    for (const Topology::Cell& cell : instant.complete->cells) {
+      for (const int camera : cell) {
+        if (camera >= 0) cameras.insert(camera);
+      }
+    }
+  }
+  return {cameras.begin(), cameras.end()};
+}
+
+}  // namespace
+
+std::optional<PlaneSweepPlan> plan(const ViewRequest& request) {
+  const PlaneSweepSettings settings = settings_of(request.options);
+  const Rig& rig = *request.instant.rig;
+  const InverseDepthRange range = inverse_depth_range_in_view(
+      request.view, rig, scene_depth_range(request.options, *request.instant.take, "plane_sweep"));
+  if (range.empty()) return std::nullopt;
+  PlaneSweepPlan result{
+      settings,
+      BlendingField(request.view, rig, cameras_of(request.instant, false), range, settings.cameras),
+      std::nullopt,
+      {},
+      {}};
+  const int asked_for = request.options.whole("planes");
+  const double step_px = request.options.number("step_px");
+  const double needed = asked_for > 0
+                            ? asked_for
+                            : required_plane_count(range, request.view, rig, result.field, step_px);
+  result.planes =
+      evenly_spaced_planes(range, static_cast<int>(std::min<double>(needed, kMostPlanes)));
+  if (needed > kMostPlanes) result.notes.push_back(too_few_planes(step_px, needed));
+  if (request.instant.present != request.instant.complete) {
+    result.complete.emplace(request.view, rig, cameras_of(request.instant, true), range,
+                            settings.cameras);
+  }
+  return result;
+}
+
+SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
+                                        std::span<const std::uint8_t> guide) {
+  SemiGlobalSettings result;
+  result.p1 = settings.p1;
+  result.p2 = settings.p2;
+  result.subplane_refinement = settings.subplane_refinement;
+  result.guide = guide;
+  if (!guide.empty()) result.guide_scale = settings.edge_scale;
+  return result;
+}
+
+float absent_camera_weight(const PlaneSweepPlan& plan, const LightFieldFrame& instant, int x,
+                           int y) {
+  if (!plan.complete) return 0;
+  const BlendingField::Tile& tile =
+      plan.complete->tile(x / BlendingField::kTile, y / BlendingField::kTile);
+  float absent = 0;
+  for (const BlendingField::TileCamera& camera : tile.cameras) {
+    if (!instant.is_present(camera.camera)) absent += BlendingField::share(tile, camera, x, y);
+  }
+  return std::min(absent, 1.0F);
+}
+
+}  // namespace plane_sweep
+
+namespace {
+
+class PlaneSweepMethod final : public Method {
+ public:
+  std::string_view name() const override { return "plane_sweep"; }
+  std::string_view summary() const override {
+    return "the nearest cameras, where they agree best: depth found view by view";
+  }
+  std::span<const OptionSpec> options() const override { return plane_sweep::kOptions; }
+  std::span<const MethodPreset> presets() const override {
+    static constexpr MethodPreset kPresets[]{{"fast", "step_px=2,aggregation=box,look_up=linear"},
+                                             {"6 cameras", "cameras=6"}};
+    return kPresets;
+  }
+  RenderedView render(const ViewRequest& request) const override {
+    return plane_sweep::render(request);
+  }
+  RenderedView render_reference(const ViewRequest& request) const override {
+    return plane_sweep::render_reference(request);
+  }
+  /// What is matched are small parts of few cameras' frames; a cost volume is a hundred times as
+  /// large.
+  DistributionMode distribution(const MethodOptions&) const override {
+    return DistributionMode::kFetchFrames;
+  }
+  void check(const MethodOptions& options, const Take& take) const override {
+    plane_sweep::settings_of(options);
+    scene_depth_range(options, take, "plane_sweep");
+  }
+  /// Rays meet the scene where `depth` finds it between the same distances.
+  RayDelegate ray_delegate(const MethodOptions& options) const override {
+    return {"depth", {{"near", options.number("near")}, {"far", options.number("far")}}};
+  }
+  bool uses_focal_plane() const override { return false; }
+};
+
+}  // namespace
+
+const Method& plane_sweep_method() {
+  static const PlaneSweepMethod method;
+  return method;
+}
+
+}  // namespace raystage

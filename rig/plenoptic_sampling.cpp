@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "rig/plenoptic_sampling.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace raystage {
+namespace {
+
+double inverse_depth_range(DepthRange range) { return 1 / range.near - 1 / range.far; }
+
+}  // namespace
+
+double disparity_range(double focal_length, double spacing, DepthRange range) {
+  return focal_length * spacing * inverse_depth_range(range);
+}
+
+double max_alias_free_baseline(double focal_length, DepthRange range) {
+  const double depths = inverse_depth_range(range);
+  return depths > 0 ? kMaxAliasFreeDisparity / (focal_length * depths)
+                    : std::numeric_limits<double>::infinity();
+}
+
+double alias_free_plane_count(double disparity_range) {
+  // A range that fits exactly must not take a plane more for a rounding error.
+  return std::max(1.0, std::ceil(disparity_range / kMaxAliasFreeDisparity - 1e-9));
+}
+
+DepthRange alias_free_depth_range(double focal_length, double spacing, double focal_depth) {
+  // A point at inverse depth q moves by focal_length * spacing * q from camera to camera.
+  const double reach = kMaxAliasFreeDisparity / 2 / (focal_length * spacing);
+  const double farthest = 1 / focal_depth - reach;
+  return {1 / (1 / focal_depth + reach),
+          farthest > 0 ? 1 / farthest : std::numeric_limits<double>::infinity()};
+}
+
+double max_neighbour_baseline(const Rig& rig, const Topology& topology) {
+  const auto distance = [&](int a, int b) {
+    return (rig.cameras[static_cast<std::size_t>(a)].pose.position -
+            rig.cameras[static_cast<std::size_t>(b)].pose.position)
+        .norm();
+  };
+  double widest = 0;
+  for (const Topology::Cell& cell : topology.cells) {
+    if (cell[1] < 0) continue;
+    if (cell[2] < 0) {
+      widest = std::max(widest, distance(cell[0], cell[1]));
+      continue;
+    }
+    std::array<double, 3> sides{distance(cell[0], cell[1]), distance(cell[1], cell[2]),
+                                distance(cell[2], cell[0])};
+    std::ranges::sort(sides);
+    widest = std::max(widest, sides[1]);
+  }
+  return widest;
+}
+
+}  // namespace raystage

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is recorded to calibrate an array: a light carried about in the dark.
+#include <algorithm>
+#include <cmath>
+
+#include "rig/color_checker.h"
+#include "simulate/scene.h"
+
+namespace raystage {
+
+Scene make_moving_light_scene() {
+  using Eigen::Isometry3f;
+  using Eigen::Vector3f;
+  Scene scene;
+  scene.name = "moving light";
+  scene.focus = 2;
+  scene.light_colour = Vector3f::Zero();
+  scene.sky_colour = Vector3f::Constant(0.004F);
+  scene.ground_colour = Vector3f::Constant(0.003F);
+  scene.background = Vector3f::Constant(0.001F);
+
+  // Near and far, and into the corners of every camera's picture; no rate is a multiple of another.
+  scene.motions.push_back([](double seconds) {
+    const double distance = 1.7 + 0.85 * std::sin(0.47 * seconds + 0.4);
+    Isometry3f placement = Isometry3f::Identity();
+    placement.translation() =
+        Eigen::Vector3d(0.56 * distance * std::sin(1.31 * seconds),
+                        0.40 * distance * std::sin(1.87 * seconds + 1), -distance)
+            .cast<float>();
+    return placement;
+  });
+  constexpr float kBulb = 0.011F;
+  scene.parts.push_back(
+      {"light", make_sphere(kBulb, 24), {.colour = {0.9F, 0.86F, 0.8F}, .emission = 0.9F}, 0});
+
+  // What must not be taken for it: a window pane that mirrors it, and a lamp of some machine.
+  scene.parts.push_back({"pane",
+                         make_quad({1.5F, 1.2F, -1.2F}, {0, 0, -2.4F}, {0, -2.4F, 0}),
+                         {.colour = {0.25F, 0.25F, 0.25F}, .mirror = true}});
+  SceneMesh lamp;
+  Isometry3f at = Isometry3f::Identity();
+  at.translation() = Vector3f(-0.9F, -0.8F, -3.1F);
+  lamp.add(make_sphere(0.009F, 16), at);
+  scene.parts.push_back({"machine's lamp", lamp, {.colour = {0.1F, 0.9F, 0.2F}, .emission = 0.7F}});
+  scene.parts.push_back({"wall",
+                         make_quad({-4, 3, -3.6F}, {8, 0, 0}, {0, -6, 0}, {1, 1}, 4),
+                         {.colour = {0.6F, 0.6F, 0.6F}}});
+  return scene;
+}
+
+Scene make_flat_field_scene(float light) {
+  using Eigen::Vector3f;
+  Scene scene;
+  scene.name = "flat target";
+  scene.focus = 1;
+  scene.light_colour = scene.sky_colour = scene.ground_colour = Vector3f::Zero();
+  scene.background = Vector3f::Zero();
+  scene.parts.push_back({"target",
+                         make_quad({-20, 20, -1}, {40, 0, 0}, {0, -40, 0}),
+                         {.colour = {1, 0.96F, 0.9F}, .emission = light}});
+  return scene;
+}
+
+Scene make_color_chart_scene() {
+  using Eigen::Vector3f;
+  Scene scene;
+  scene.name = "color chart";
+  scene.focus = 0.9;
+  scene.light_colour = scene.sky_colour = scene.ground_colour = Vector3f::Zero();
+  scene.background = Vector3f::Constant(0.25F);
+  scene.textures.emplace_back(2048, 1024, [](float u, float v) -> Vector3f {
+    constexpr float kPatch = 2.5F, kBetween = 0.25F, kBorder = 0.5F, kPitch = kPatch + kBetween;
+    const float x = u * (kChartColumns * kPitch + kBetween + 2 * kBorder) - kBorder - kBetween;
+    const float y = v * (kChartRows * kPitch + kBetween + 2 * kBorder) - kBorder - kBetween;
+    const int column = static_cast<int>(std::floor(x / kPitch));
+    const int row = static_cast<int>(std::floor(y / kPitch));
+    const bool is_patch = column >= 0 && row >= 0 && column < kChartColumns && row < kChartRows &&
+                          x - static_cast<float>(column) * kPitch < kPatch &&
+                          y - static_cast<float>(row) * kPitch < kPatch;
+    if (!is_patch) return Vector3f::Constant(0.02F);
+    static const PatchColors light = color_checker_reference();
+    const Rgb& patch = light[static_cast<std::size_t>(row * kChartColumns + column)];
+    return {std::max(0.0F, static_cast<float>(patch[0])), static_cast<float>(patch[1]),
+            static_cast<float>(patch[2])};
+  });
+  constexpr float kExposure = 0.75F;  // white stays below full scale
+  constexpr float kWidth = 0.45F, kHeight = 0.3F;
+  scene.parts.push_back(
+      {"chart",
+       make_quad({-kWidth / 2, kHeight / 2, -0.9F}, {kWidth, 0, 0}, {0, -kHeight, 0}),
+       {.texture = 0, .colour = {1, 1, 1}, .emission = kExposure}});
+  return scene;
+}
+
+Scene make_checkerboard_scene() {
+  using Eigen::Isometry3f;
+  using Eigen::Vector3f;
+  Scene scene;
+  scene.name = "board";
+  scene.focus = 0.7;
+  scene.light_colour = Vector3f::Zero();
+  scene.sky_colour = Vector3f::Constant(0.75F);
+  scene.ground_colour = Vector3f::Constant(0.7F);
+  scene.background = Vector3f::Constant(0.1F);
+  constexpr int kColumns = kSimulatedBoardColumns, kRows = kSimulatedBoardRows;
+  scene.textures.emplace_back(1024, 1024, [](float u, float v) -> Vector3f {
+    const float x = u * (kColumns + 2) - 1, y = v * (kRows + 2) - 1;
+    const bool inside = x >= 0 && y >= 0 && x < kColumns && y < kRows;
+    const bool is_black = inside && (static_cast<int>(x) + static_cast<int>(y)) % 2 == 0;
+    return Vector3f::Constant(is_black ? 0.03F : 0.9F);
+  });
+  // Carried about, near enough to fill a third of the picture, and tilted to every side.
+  scene.motions.push_back([](double seconds) {
+    Isometry3f placement = Isometry3f::Identity();
+    placement.translation() =
+        Vector3f(0.2F * static_cast<float>(std::sin(1.1 * seconds)),
+                 0.12F * static_cast<float>(std::sin(1.7 * seconds + 1)),
+                 -0.62F - 0.14F * static_cast<float>(std::sin(0.6 * seconds)));
+    placement.rotate(
+        Eigen::AngleAxisf(0.65F * static_cast<float>(std::sin(0.9 * seconds + 0.3)),
+                          Vector3f::UnitY()) *
+        Eigen::AngleAxisf(0.6F * static_cast<float>(std::sin(1.3 * seconds + 2)),
+                          Vector3f::UnitX()) *
+        Eigen::AngleAxisf(0.3F * static_cast<float>(std::sin(0.5 * seconds)), Vector3f::UnitZ()));
+    return placement;
+  });
+  constexpr float kSquare = kSimulatedSquareSize;
+  const float width = kSquare * (kColumns + 2), height = kSquare * (kRows + 2);
+  scene.parts.push_back({"board",
+                         make_quad({-width / 2, height / 2, 0}, {width, 0, 0}, {0, -height, 0}),
+                         {.texture = 0, .colour = {1, 1, 1}},
+                         0});
+  return scene;
+}
+
+}  // namespace raystage

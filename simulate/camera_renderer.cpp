@@ -1,0 +1,285 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "simulate/camera_renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+#include "base/transfer_function.h"
+#include "simulate/hash_random.h"
+
+namespace raystage {
+namespace {
+
+using Eigen::Vector2f;
+using Eigen::Vector3f;
+
+constexpr int kTile = 16;
+constexpr std::size_t kBatch = 256;
+
+// Whether two neighbouring pixels may hide an edge between them.
+bool differ(const LightSample& a, const LightSample& b) {
+  if (a.part != b.part || a.reflected_part != b.reflected_part || a.lit != b.lit) return true;
+  if (a.part < 0) return false;
+  if (a.normal.dot(b.normal) < 0.7F) return true;
+  const float nearer = std::min(a.distance, b.distance), farther = std::max(a.distance, b.distance);
+  // The cosine tells a fold from a surface seen at a grazing angle only roughly, which is enough.
+  return farther - nearer > 0.02F * nearer;
+}
+
+}  // namespace
+
+PixelRays::PixelRays(const CameraModel& model, const Pose& pose)
+    : width_(model.width()),
+      height_(model.height()),
+      footprint_(static_cast<float>(2 / (model.intrinsics().fx + model.intrinsics().fy))),
+      world_from_camera_(pose.world_from_camera_rotation.cast<float>()),
+      position_(pose.position.cast<float>()),
+      forward_(pose.viewing_direction().cast<float>()) {
+  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+  for (int row = -1; row <= height_; ++row) {
+    for (int column = -1; column <= width_; ++column) {
+      const auto point = model.ideal_from_pixel({column + 0.5, row + 0.5});
+      ideal_.push_back(point ? Vector2f(point->cast<float>()) : Vector2f(kNone, kNone));
+    }
+  }
+}
+
+bool PixelRays::sees(int column, int row) const { return !std::isnan(ideal(column, row).x()); }
+
+Ray PixelRays::ray(int column, int row, float x, float y) const {
+  Vector2f point = ideal(column, row);
+  // Between pixel centres by the slope there: within 1e-3 px for any lens that is a lens.
+  const auto step = [&](const Vector2f& before, const Vector2f& after) -> Vector2f {
+    if (std::isnan(before.x())) return after - point;
+    if (std::isnan(after.x())) return point - before;
+    return (after - before) / 2;
+  };
+  if (x != 0.5F || y != 0.5F) {
+    const Vector2f across = step(ideal(column - 1, row), ideal(column + 1, row));
+    const Vector2f down = step(ideal(column, row - 1), ideal(column, row + 1));
+    point += across * (x - 0.5F) + down * (y - 0.5F);
+  }
+  return {position_, world_from_camera_ * Vector3f(point.x(), -point.y(), -1).normalized()};
+}
+
+void CameraRenderer::render_centres(const World& world, const PixelRays& rays,
+                                    StaticSampleCache& cache, LinearImage& image) {
+  image.width = rays.width();
+  image.height = rays.height();
+  const auto width = static_cast<std::size_t>(image.width);
+  const std::size_t count = width * static_cast<std::size_t>(image.height);
+  image.light.assign(count, Vector3f::Zero());
+  image.centre.assign(count, LightSample{});
+  is_dynamic_.assign(count, 0);
+  const bool first_time = cache.centres_.empty();
+  std::size_t start = 0;
+  for (int top = 0; top < image.height; top += kTile) {
+    for (int left = 0; left < image.width; left += kTile) {
+      pixels_.clear();
+      for (int block = 0; block < 16; ++block) {
+        for (int i = 0; i < 16; ++i) {
+          const int column = left + 4 * (block % 4) + i % 4, row = top + 4 * (block / 4) + i / 4;
+          if (column >= image.width || row >= image.height || !rays.sees(column, row)) continue;
+          pixels_.push_back(
+              {column, row,
+               static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column)});
+          if (first_time) cache.rays_.push_back(rays.ray(column, row, 0.5F, 0.5F));
+        }
+      }
+      const std::size_t size = pixels_.size();
+      const auto batch = std::span(cache.rays_).subspan(start, size);
+      if (first_time) {
+        cache.centres_.resize(start + size);
+        radiance_.sample_static(world, batch, rays.footprint(),
+                                std::span(cache.centres_).subspan(start, size));
+      }
+      const auto still = std::span(cache.centres_).subspan(start, size);
+      samples_.resize(size);
+      static_.clear();
+      for (const StaticSample& sample : still) static_.push_back(&sample);
+      radiance_.sample(world, batch, rays.footprint(), static_, samples_);
+      for (std::size_t i = 0; i < size; ++i) {
+        const std::size_t at = pixels_[i].index;
+        const LightSample& sample = samples_[i];
+        image.centre[at] = sample;
+        image.light[at] = sample.light.cwiseMin(1);
+        is_dynamic_[at] = sample.part != still[i].part ||
+                          sample.reflected_part != still[i].reflected_part ||
+                          sample.lit == still[i].lamp.isZero(0);
+      }
+      start += size;
+    }
+  }
+}
+
+void CameraRenderer::make_batch(const PixelRays& rays, std::span<const Pixel> group, int samples) {
+  const int side = static_cast<int>(std::lround(std::sqrt(samples)));
+  assert(side * side == samples);
+  batch_.clear();
+  for (const Pixel& pixel : group) {
+    for (int i = 0; i < samples; ++i) {
+      // A lattice sheared both ways: no two samples in one row or column of the pixel.
+      const int column = i % side, row = i / side;
+      const auto a = static_cast<float>(column), b = static_cast<float>(row);
+      const auto n = static_cast<float>(side);
+      const float x = (a + (b + 0.5F) / n) / n, y = (b + (n - a - 0.5F) / n) / n;
+      batch_.push_back(rays.ray(pixel.column, pixel.row, x, y));
+    }
+  }
+}
+
+// Fills static_ for the rays in batch_: from the cache where it has a pixel's samples.
+void CameraRenderer::find_static(const World& world, std::span<const Pixel> group, float footprint,
+                                 StaticSampleCache* cache) {
+  const std::size_t per_pixel = batch_.size() / group.size();
+  missing_.clear();
+  missing_rays_.clear();
+  for (std::size_t p = 0; p < group.size(); ++p) {
+    if (cache != nullptr && cache->block_of_[group[p].index] >= 0) continue;
+    missing_.push_back(p);
+    const auto rays = std::span(batch_).subspan(p * per_pixel, per_pixel);
+    missing_rays_.insert(missing_rays_.end(), rays.begin(), rays.end());
+  }
+  found_.resize(missing_rays_.size());
+  radiance_.sample_static(world, missing_rays_, footprint, found_);
+  static_.assign(batch_.size(), nullptr);
+  for (std::size_t m = 0; m < missing_.size(); ++m) {
+    const auto found = std::span(found_).subspan(m * per_pixel, per_pixel);
+    for (std::size_t i = 0; i < per_pixel; ++i) static_[missing_[m] * per_pixel + i] = &found[i];
+    if (cache == nullptr ||
+        (cache->blocks_.size() + per_pixel) * sizeof(StaticSample) > cache->most_bytes_) {
+      continue;
+    }
+    cache->block_of_[group[missing_[m]].index] =
+        static_cast<std::int32_t>(cache->blocks_.size() / per_pixel);
+    cache->blocks_.insert(cache->blocks_.end(), found.begin(), found.end());
+  }
+  // Only now: the cache may have moved in memory.
+  for (std::size_t i = 0; i < static_.size(); ++i) {
+    if (static_[i] != nullptr) continue;
+    const std::int32_t block = cache->block_of_[group[i / per_pixel].index];
+    static_[i] = &cache->blocks_[static_cast<std::size_t>(block) * per_pixel + i % per_pixel];
+  }
+}
+
+void CameraRenderer::supersample(const World& world, const PixelRays& rays,
+                                 std::span<const Pixel> pixels, int samples,
+                                 StaticSampleCache* cache, LinearImage& image) {
+  const auto per_pixel = static_cast<std::size_t>(samples);
+  const float footprint = rays.footprint() / std::sqrt(static_cast<float>(samples));
+  const std::size_t at_once = std::max<std::size_t>(1, kBatch / per_pixel);
+  for (std::size_t first = 0; first < pixels.size(); first += at_once) {
+    const auto group = pixels.subspan(first, std::min(at_once, pixels.size() - first));
+    make_batch(rays, group, samples);
+    find_static(world, group, footprint, cache);
+    samples_.resize(batch_.size());
+    radiance_.sample(world, batch_, footprint, static_, samples_);
+    for (std::size_t p = 0; p < group.size(); ++p) {
+      Vector3f sum = Vector3f::Zero();
+      // Light above full scale is cut per sample, as a highlight's edge would else stay jagged.
+      for (std::size_t i = 0; i < per_pixel; ++i) {
+        sum += samples_[p * per_pixel + i].light.cwiseMin(1);
+      }
+      image.light[group[p].index] = sum / static_cast<float>(samples);
+    }
+  }
+}
+
+void CameraRenderer::supersample_static(const World& world, const PixelRays& rays,
+                                        std::span<const Pixel> pixels, int samples,
+                                        StaticSampleCache& cache) {
+  const auto per_pixel = static_cast<std::size_t>(samples);
+  const float footprint = rays.footprint() / std::sqrt(static_cast<float>(samples));
+  const std::size_t at_once = std::max<std::size_t>(1, kBatch / per_pixel);
+  for (std::size_t first = 0; first < pixels.size(); first += at_once) {
+    const auto group = pixels.subspan(first, std::min(at_once, pixels.size() - first));
+    make_batch(rays, group, samples);
+    find_static(world, group, footprint, nullptr);
+    for (std::size_t p = 0; p < group.size(); ++p) {
+      Vector3f sum = Vector3f::Zero();
+      for (std::size_t i = 0; i < per_pixel; ++i) {
+        const StaticSample& sample = *static_[p * per_pixel + i];
+        sum += (sample.unlit + sample.lamp).cwiseMin(1);
+      }
+      cache.supersampled_[group[p].index] = sum / static_cast<float>(samples);
+    }
+  }
+}
+
+// Edge pixels: those with something that moves around them in pixels_, the others in
+// static_pixels_.
+void CameraRenderer::find_edges(const LinearImage& image, const PixelRays& rays) {
+  const auto width = static_cast<std::size_t>(image.width);
+  const auto height = static_cast<std::size_t>(image.height);
+  edge_.assign(image.light.size(), 0);
+  const auto compare = [&](std::size_t a, std::size_t b) {
+    if (differ(image.centre[a], image.centre[b])) edge_[a] = edge_[b] = 1;
+  };
+  for (std::size_t row = 0; row < height; ++row) {
+    for (std::size_t column = 0; column < width; ++column) {
+      const std::size_t at = row * width + column;
+      if (column + 1 < width) compare(at, at + 1);
+      if (row + 1 < height) compare(at, at + width);
+    }
+  }
+  const auto moved = [&](std::size_t row, std::size_t column) {
+    const std::size_t at = row * width + column;
+    return is_dynamic_[at] != 0 || (column > 0 && is_dynamic_[at - 1] != 0) ||
+           (column + 1 < width && is_dynamic_[at + 1] != 0) ||
+           (row > 0 && is_dynamic_[at - width] != 0) ||
+           (row + 1 < height && is_dynamic_[at + width] != 0);
+  };
+  pixels_.clear();
+  static_pixels_.clear();
+  // In small tiles, so that rays that are traced together are neighbours.
+  constexpr std::size_t kBlock = 8;
+  for (std::size_t top = 0; top < height; top += kBlock) {
+    for (std::size_t left = 0; left < width; left += kBlock) {
+      for (std::size_t row = top; row < std::min(top + kBlock, height); ++row) {
+        for (std::size_t column = left; column < std::min(left + kBlock, width); ++column) {
+          const std::size_t at = row * width + column;
+          const Pixel pixel{static_cast<int>(column), static_cast<int>(row), at};
+          if (edge_[at] == 0 || !rays.sees(pixel.column, pixel.row)) continue;
+          (moved(row, column) ? pixels_ : static_pixels_).push_back(pixel);
+        }
+      }
+    }
+  }
+}
+
+void CameraRenderer::render(const World& world, const PixelRays& rays, int edge_samples,
+                            StaticSampleCache& cache, LinearImage& image) {
+  render_centres(world, rays, cache, image);
+  if (edge_samples <= 1) return;
+  if (cache.block_of_.empty()) {
+    constexpr float kUnknown = std::numeric_limits<float>::quiet_NaN();
+    cache.block_of_.assign(image.light.size(), -1);
+    cache.supersampled_.assign(image.light.size(), Vector3f::Constant(kUnknown));
+  }
+  find_edges(image, rays);
+  supersample(world, rays, pixels_, edge_samples, &cache, image);
+  const std::vector<Pixel> known = static_pixels_;
+  std::erase_if(static_pixels_, [&](const Pixel& pixel) {
+    return !std::isnan(cache.supersampled_[pixel.index].x());
+  });
+  supersample_static(world, rays, static_pixels_, edge_samples, cache);
+  for (const Pixel& pixel : known) image.light[pixel.index] = cache.supersampled_[pixel.index];
+}
+
+void CameraRenderer::render_supersampled(const World& world, const PixelRays& rays, int samples,
+                                         LinearImage& image) {
+  StaticSampleCache once;
+  render_centres(world, rays, once, image);
+  pixels_.clear();
+  for (std::size_t index = 0; index < image.light.size(); ++index) {
+    const int column = static_cast<int>(index % static_cast<std::size_t>(image.width));
+    const int row = static_cast<int>(index / static_cast<std::size_t>(image.width));
+    if (rays.sees(column, row)) pixels_.push_back({column, row, index});
+  }
+  supersample(world, rays, pixels_, samples, nullptr, image);
+}
+
+}  // namespace raystage

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <vector>
+
+#include "base/time.h"
+#include "simulate/simulation_settings.h"
+#include "store/archive.h"
+
+namespace raystage {
+
+/// When each camera exposes, what its node's clock says of it, and which frames are lost.
+struct ExposureSchedule {
+  struct Frame {
+    Nanoseconds true_time = 0;     ///< middle of the exposure, since the take's epoch
+    Nanoseconds stamped_time = 0;  ///< by the clock of the camera's node
+    FrameStatus status = FrameStatus::kStored;
+  };
+  struct Camera {
+    int node = 0;
+    Nanoseconds phase = 0;  ///< true time of frame 0, jitter aside
+    double period_ns = 0;   ///< between its exposures, true
+    std::vector<Frame> frames;
+  };
+  std::vector<Nanoseconds> clock_offset;  ///< per node: stamped - true
+  std::vector<Camera> cameras;
+};
+
+ExposureSchedule make_exposure_schedule(const SimulationSettings& settings);
+
+}  // namespace raystage

@@ -1,0 +1,118 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "simulate/exposure_schedule.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <set>
+
+#include "base/error.h"
+#include "rig/pose.h"
+#include "rig/rig.h"
+#include "simulate/simulated_rig.h"
+
+namespace raystage {
+namespace {
+
+constexpr double kFrame = 1e9 / 15;
+
+TEST(ExposureSchedule, StampsAreTrueTimesByTheClockOfTheNode) {
+  SimulationSettings settings;
+  settings.seconds = 4;
+  const ExposureSchedule schedule = make_exposure_schedule(settings);
+  ASSERT_EQ(schedule.cameras.size(), 64U);
+  ASSERT_EQ(schedule.clock_offset.size(), 4U);
+  for (const Nanoseconds offset : schedule.clock_offset) EXPECT_LE(std::abs(offset), 5'000'000);
+  std::set<Nanoseconds> phases;
+  for (const ExposureSchedule::Camera& camera : schedule.cameras) {
+    ASSERT_EQ(camera.frames.size(), 60U);
+    phases.insert(camera.phase);
+    EXPECT_NEAR(camera.period_ns, kFrame, kFrame * 300e-6);
+    for (std::size_t i = 0; i < camera.frames.size(); ++i) {
+      const ExposureSchedule::Frame& frame = camera.frames[i];
+      EXPECT_EQ(frame.stamped_time - frame.true_time,
+                schedule.clock_offset[static_cast<std::size_t>(camera.node)]);
+      EXPECT_GE(frame.stamped_time, 0);
+      EXPECT_NEAR(static_cast<double>(frame.true_time),
+                  static_cast<double>(camera.phase) + static_cast<double>(i) * camera.period_ns,
+                  1.0e6);
+      if (i > 0) {
+        EXPECT_GT(frame.stamped_time, camera.frames[i - 1].stamped_time);
+      }
+      EXPECT_EQ(frame.status == FrameStatus::kStartUp, frame.true_time < 500'000'000);
+    }
+  }
+  EXPECT_EQ(phases.size(), 64U) << "free running";
+}
+
+TEST(ExposureSchedule, DropsAsOftenAsAsked) {
+  SimulationSettings settings;
+  settings.seconds = 40;
+  settings.drop_probability = 0.1;
+  int dropped = 0, due = 0;
+  for (const ExposureSchedule::Camera& camera : make_exposure_schedule(settings).cameras) {
+    for (const ExposureSchedule::Frame& frame : camera.frames) {
+      due += frame.status != FrameStatus::kStartUp ? 1 : 0;
+      dropped += frame.status == FrameStatus::kDroppedBySource ? 1 : 0;
+    }
+  }
+  EXPECT_NEAR(dropped / static_cast<double>(due), 0.1, 0.01);
+}
+
+TEST(ExposureSchedule, FollowsTheSeedAlone) {
+  SimulationSettings settings;
+  const ExposureSchedule first = make_exposure_schedule(settings),
+                         second = make_exposure_schedule(settings);
+  settings.seed = 2;
+  const ExposureSchedule other = make_exposure_schedule(settings);
+  EXPECT_EQ(first.cameras[7].frames[9].true_time, second.cameras[7].frames[9].true_time);
+  EXPECT_NE(first.cameras[7].frames[9].true_time, other.cameras[7].frames[9].true_time);
+}
+
+TEST(Array, IsBuiltWithinItsErrors) {
+  SimulationSettings settings;
+  settings.photometric_deviation = 0.05;
+  const SimulatedRig array = make_simulated_rig(settings);
+  const Rig nominal = rig_from_document(array.nominal), truth = rig_from_document(array.truth);
+  ASSERT_EQ(truth.cameras.size(), 64U);
+  double farthest = 0, most_turned = 0;
+  for (std::size_t i = 0; i < 64; ++i) {
+    farthest = std::max(farthest,
+                        (truth.cameras[i].pose.position - nominal.cameras[i].pose.position).norm());
+    const double cosine = ((truth.cameras[i].pose.world_from_camera_rotation.trace() - 1) / 2);
+    most_turned = std::max(most_turned, std::acos(std::min(1.0, cosine)) * 180 / M_PI);
+    EXPECT_NE(truth.cameras[i].photometric, PhotometricResponse{});
+    EXPECT_EQ(nominal.cameras[i].photometric, PhotometricResponse{});
+  }
+  EXPECT_LE(farthest, 0.003);
+  EXPECT_GT(farthest, 0.002);
+  EXPECT_LE(most_turned, 0.6 + 1e-6);
+  EXPECT_GT(most_turned, 0.4);
+  // Row 0 on top, column 0 on the left; the array's middle at the origin.
+  EXPECT_NEAR((nominal.cameras[0].pose.position - Eigen::Vector3d(-0.21, 0.21, 0)).norm(), 0,
+              1e-12);
+  EXPECT_NEAR(nominal.centre().norm(), 0, 1e-12);
+}
+
+TEST(Settings, RefusesWhatCannotBe) {
+  const auto refused = [](const auto& change) {
+    SimulationSettings settings;
+    change(settings);
+    try {
+      check_simulation_settings(settings);
+    } catch (const Error& error) {
+      return error.exit_code() == ExitCode::kBadInput;
+    }
+    return false;
+  };
+  EXPECT_FALSE(refused([](SimulationSettings&) {}));
+  EXPECT_TRUE(refused([](SimulationSettings& s) { s.rows = 0; }));
+  EXPECT_TRUE(refused([](SimulationSettings& s) { s.fps = std::nan(""); }));
+  EXPECT_TRUE(refused([](SimulationSettings& s) { s.seconds = 0; }));
+  EXPECT_TRUE(refused([](SimulationSettings& s) { s.edge_samples = 5; }));
+  EXPECT_TRUE(refused([](SimulationSettings& s) { s.horizontal_fov_deg = 180; }));
+  EXPECT_TRUE(refused([](SimulationSettings& s) { s.drop_probability = -0.1; }));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "simulate/simulate.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "base/parallel.h"
+#include "images/image_file.h"
+#include "rig/rig.h"
+#include "simulate/camera_renderer.h"
+#include "simulate/exposure_schedule.h"
+#include "simulate/hash_random.h"
+#include "simulate/sensor_model.h"
+#include "simulate/simulated_rig.h"
+#include "simulate/simulated_shot.h"
+#include "simulate/truth_document.h"
+#include "store/jpeg/encode.h"
+#include "store/take.h"
+
+namespace raystage {
+namespace {
+
+constexpr std::uint64_t kNoiseSalt = 21;
+// 2026-01-01T00:00:00Z: a simulation has no date, and the same settings must give the same bytes.
+constexpr Nanoseconds kEpoch = 1'767'225'600 * kNanosecondsPerSecond;
+
+double seconds_of(Nanoseconds time) { return static_cast<double>(time) * 1e-9; }
+
+// What one thread needs to render.
+struct Worker {
+  explicit Worker(const SceneGeometry& geometry) : world(geometry) {}
+  World world;
+  CameraRenderer renderer;
+  LinearImage image;
+};
+
+// Lends out workers: as many are made as are in use at once.
+class WorkerPool {
+ public:
+  explicit WorkerPool(const SceneGeometry& geometry) : geometry_(geometry) {}
+
+  class Loan {
+   public:
+    Loan(WorkerPool& pool, std::unique_ptr<Worker> worker)
+        : pool_(pool), worker_(std::move(worker)) {}
+    ~Loan() {
+      const std::scoped_lock lock(pool_.mutex_);
+      pool_.idle_.push_back(std::move(worker_));
+    }
+    Loan(const Loan&) = delete;
+    Loan& operator=(const Loan&) = delete;
+    Worker* operator->() const { return worker_.get(); }
+
+   private:
+    WorkerPool& pool_;
+    std::unique_ptr<Worker> worker_;
+  };
+
+  Loan borrow() {
+    std::unique_ptr<Worker> worker;
+    {
+      const std::scoped_lock lock(mutex_);
+      if (!idle_.empty()) {
+        worker = std::move(idle_.back());
+        idle_.pop_back();
+      }
+    }
+    if (!worker) worker = std::make_unique<Worker>(geometry_);
+    return {*this, std::move(worker)};
+  }
+
+ private:
+  const SceneGeometry& geometry_;
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Worker>> idle_;
+};
+
+class Simulation {
+ public:
+  Simulation(const SimulationSettings& settings, const std::function<void(double)>& progress,
+             std::stop_token stop)
+      : settings_(settings),
+        progress_(progress),
+        stop_(std::move(stop)),
+        scene_(make_scene(settings.scene)),
+        geometry_(scene_),
+        workers_(geometry_),
+        array_(make_simulated_rig(settings)),
+        schedule_(make_exposure_schedule(settings)),
+        path_(make_simulated_shot(settings, schedule_, scene_.focus)),
+        true_rig_(rig_from_document(array_.truth)) {
+    // A truth image costs about what half its samples cost in frames.
+    truth_cost_ = std::max(1.0, settings.truth_samples / 2.0) * settings.view_width() *
+                  settings.view_height() / settings.width / settings.height;
+    total_cost_ = settings.truth_views * truth_cost_ +
+                  static_cast<double>(settings.camera_count()) * settings.frames_per_camera();
+  }
+
+  SimulationReport run(const std::filesystem::path& folder, const std::string& created_by) {
+    // Refuses a folder that cannot be written before anything is rendered.
+    TakeWriter writer(folder, take_document(created_by),
+                      settings_.nominal_calibration ? array_.nominal : array_.truth);
+    SimulationReport report;
+    report.cameras = settings_.camera_count();
+    report.truth_views = settings_.truth_views;
+    raystage::parallel_for(0, settings_.camera_count(), [&](int index, const ParallelLoop& loop) {
+      record(writer, index, loop);
+    });
+    for (const ExposureSchedule::Camera& camera : schedule_.cameras) {
+      for (const ExposureSchedule::Frame& frame : camera.frames) {
+        (frame.status == FrameStatus::kStored ? report.frames_stored : report.frames_missing)++;
+      }
+    }
+    if (settings_.truth_views > 0) {
+      write_truth_images(writer.working_folder());
+      write_views(path_.views, writer.working_folder() / "views.json");
+    }
+    write_shot(path_.shot, writer.working_folder() / "shot.json");
+    write_file_atomically(writer.working_folder() / "truth.json",
+                          format_truth_document(settings_, array_, schedule_));
+    writer.commit();
+    return report;
+  }
+
+ private:
+  // Also when another camera failed, and the work at hand is for nothing.
+  void check_stop(const ParallelLoop& loop) const {
+    if (stop_.stop_requested() || loop.failed()) {
+      throw Error::failed("the simulation was stopped", settings_.scene,
+                          "Start it again to have the take");
+    }
+  }
+
+  void advance(double cost) {
+    if (!progress_) return;
+    const std::scoped_lock lock(progress_mutex_);
+    done_cost_ += cost;
+    progress_(std::min(1.0, done_cost_ / total_cost_));
+  }
+
+  TakeDocument take_document(const std::string& created_by) {
+    TakeDocument take;
+    take.name = "simulated " + scene_.name;
+    take.created_by = created_by;
+    take.epoch_utc = kEpoch;
+    take.nominal_fps = settings_.fps;
+    take.color_space = "srgb_texture";
+    take.clock = "simulated";
+    take.timestamp_event = "exposure_middle";
+    take.depth_range = visible_depths();
+    for (std::size_t i = 0; i < array_.truth.cameras.size(); ++i) {
+      TakeDocument::Camera camera;
+      camera.id = array_.truth.cameras[i].geometry.id;
+      camera.node = "node" + std::to_string(schedule_.cameras[i].node);
+      take.cameras.push_back(std::move(camera));
+    }
+    return take;
+  }
+
+  // Nearest and farthest surface that the corner cameras and the middle one see in the course of
+  // the take, rounded outwards to a centimetre.
+  std::optional<DepthRange> visible_depths() {
+    const int last_row = settings_.rows - 1, last_column = settings_.columns - 1;
+    const std::vector<int> cameras{0, last_column, last_row * settings_.columns,
+                                   settings_.camera_count() - 1, settings_.camera_count() / 2};
+    constexpr int kInstants = 12;
+    constexpr int kStride = 2;
+    const Eigen::Vector3f centre = true_rig_.centre().cast<float>();
+    const Eigen::Vector3f forward = true_rig_.mean_viewing_direction().cast<float>();
+    std::mutex mutex;
+    float nearest = std::numeric_limits<float>::infinity(), farthest = 0;
+    const auto look = [&](std::size_t index, const ParallelLoop& loop) {
+      const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(cameras[index])];
+      const PixelRays pixels(camera.model, camera.pose);
+      const auto worker = workers_.borrow();
+      std::vector<Ray> rays;
+      for (int row = 0; row < pixels.height(); row += kStride) {
+        for (int column = 0; column < pixels.width(); column += kStride) {
+          if (pixels.sees(column, row)) rays.push_back(pixels.ray(column, row, 0.5F, 0.5F));
+        }
+      }
+      std::vector<Hit> hits(rays.size()), moving_hits(rays.size());
+      worker->world.trace_static(rays, hits);
+      std::vector<float> limits;
+      for (const Hit& hit : hits) limits.push_back(hit.distance);
+      for (int instant = 0; instant < kInstants; ++instant) {
+        check_stop(loop);
+        worker->world.set_time(settings_.seconds * instant / (kInstants - 1));
+        worker->world.trace_moving(rays, limits, moving_hits);
+        const std::scoped_lock lock(mutex);
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+          const float distance = std::min(hits[i].distance, moving_hits[i].distance);
+          if (!std::isfinite(distance)) continue;
+          const float depth = forward.dot(rays[i].origin + rays[i].direction * distance - centre);
+          nearest = std::min(nearest, depth);
+          farthest = std::max(farthest, depth);
+        }
+      }
+    };
+    raystage::parallel_for(std::size_t{0}, cameras.size(), look);
+    if (!(nearest > 0 && farthest >= nearest)) return std::nullopt;
+    return DepthRange{std::max(0.01, std::floor(static_cast<double>(nearest) * 100) / 100),
+                      std::ceil(static_cast<double>(farthest) * 100) / 100};
+  }
+
+  // All frames of one camera, in the order of time.
+  void record(TakeWriter& writer, int index, const ParallelLoop& loop) {
+    const Rig::Camera& camera = true_rig_.cameras[static_cast<std::size_t>(index)];
+    const ExposureSchedule::Camera& times = schedule_.cameras[static_cast<std::size_t>(index)];
+    const PixelRays rays(camera.model, camera.pose);
+    const SensorModel developer(camera.photometric, {rays.width(), rays.height()}, settings_.noise);
+    ArchiveWriter& archive = writer.archive(index);
+    const auto worker = workers_.borrow();
+    StaticSampleCache cache;
+    for (std::size_t number = 0; number < times.frames.size(); ++number) {
+      const ExposureSchedule::Frame& frame = times.frames[number];
+      if (frame.status != FrameStatus::kStored) {
+        archive.append_missing(frame.status, frame.stamped_time);
+      } else {
+        check_stop(loop);
+        worker->world.set_time(seconds_of(frame.true_time));
+        worker->renderer.render(worker->world, rays, settings_.edge_samples, cache, worker->image);
+        const RgbImage picture = developer.develop(
+            worker->image,
+            hash_keys({settings_.seed, kNoiseSalt, static_cast<std::uint64_t>(index), number}));
+        archive.append(encode_jpeg(picture, settings_.jpeg), frame.stamped_time);
+      }
+      advance(1);
+    }
+    archive.close();
+  }
+
+  void write_truth_images(const std::filesystem::path& folder) {
+    create_folder(folder / "truth");
+    const auto render = [&](std::size_t index, const ParallelLoop& loop) {
+      check_stop(loop);
+      const ViewsDocument::View& view = path_.views.views[index];
+      const PixelRays rays(CameraModel(view.geometry),
+                           pose_from_matrix(view.geometry.world_from_camera));
+      const auto worker = workers_.borrow();
+      worker->world.set_time(seconds_of(view.time_ns));
+      worker->renderer.render_supersampled(worker->world, rays, settings_.truth_samples,
+                                           worker->image);
+      write_image(develop(worker->image), folder / view.file);
+      advance(truth_cost_);
+    };
+    raystage::parallel_for(std::size_t{0}, path_.views.views.size(), render);
+  }
+
+  const SimulationSettings& settings_;
+  const std::function<void(double)>& progress_;
+  std::stop_token stop_;
+  Scene scene_;
+  SceneGeometry geometry_;
+  WorkerPool workers_;
+  SimulatedRig array_;
+  ExposureSchedule schedule_;
+  SimulatedShot path_;
+  Rig true_rig_;
+  double truth_cost_ = 0, total_cost_ = 0, done_cost_ = 0;
+  std::mutex progress_mutex_;
+};
+
+}  // namespace
+
+SimulationReport simulate(const SimulationSettings& settings, const std::filesystem::path& folder,
+                          const std::string& created_by,
+                          const std::function<void(double)>& progress, std::stop_token stop) {
+  check_simulation_settings(settings);
+  return Simulation(settings, progress, std::move(stop)).run(folder, created_by);
+}
+
+}  // namespace raystage

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "simulate/simulated_shot.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "base/frame_rate.h"
+#include "rig/pose.h"
+#include "simulate/simulated_rig.h"
+#include "store/timeline.h"
+
+namespace raystage {
+namespace {
+
+constexpr double kDegrees = std::numbers::pi / 180;
+constexpr int kFewestKeys = 8;
+
+// `u`: 0 at the first frame, 1 at the last.
+ShotDocument::CameraKey key_at(const SimulationSettings& s, double frame, double u) {
+  constexpr double kTurn = 2 * std::numbers::pi;
+  // Narrower than the cameras, and never out of the frame that all of them see.
+  const double widest = std::min(s.horizontal_fov_deg, 120.0);
+  const double fov = widest * (0.71 + 0.05 * std::cos(kTurn * u));
+  const double half_x = s.spacing * (s.columns - 1) / 2, half_y = s.spacing * (s.rows - 1) / 2;
+  // Forth and back as far as the corner rays still pass between the outer cameras.
+  const double slope = std::tan(fov / 2 * kDegrees);
+  const double depth = 0.35 * std::min(half_x, half_y * s.view_width() / s.view_height()) / slope;
+  const double yaw = 0.03 * widest * std::sin(kTurn * u) * kDegrees;
+  const double pitch = 0.015 * widest * std::sin(kTurn * u + 1) * kDegrees;
+  const Pose of_array = simulated_rig_pose(s);
+  const Eigen::Quaterniond orientation(Eigen::Quaterniond(of_array.world_from_camera_rotation) *
+                                       Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) *
+                                       Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()));
+  ShotDocument::CameraKey key;
+  key.frame = frame;
+  const Eigen::Vector3d place = of_array.world_from_camera(Eigen::Vector3d(
+      0.5 * half_x * std::sin(kTurn * (0.9 * u - 0.2)),
+      0.4 * half_y * std::sin(kTurn * (0.6 * u + 0.1)), depth * std::cos(kTurn * 0.7 * u)));
+  key.position = {{place.x(), place.y(), place.z()}};
+  key.orientation = {{orientation.w(), orientation.x(), orientation.y(), orientation.z()}};
+  key.horizontal_fov_deg = fov;
+  return key;
+}
+
+ViewsDocument::View view_of(const SimulationSettings& s, const ShotDocument::CameraKey& key,
+                            int number, Nanoseconds time) {
+  ViewsDocument::View view;
+  view.geometry.id = fmt::format("view{:03}", number);
+  view.geometry.width = s.view_width();
+  view.geometry.height = s.view_height();
+  const double focal = s.view_width() / 2.0 / std::tan(*key.horizontal_fov_deg / 2 * kDegrees);
+  view.geometry.intrinsics = {focal, focal, s.view_width() / 2.0, s.view_height() / 2.0, {}};
+  Pose pose;
+  const auto& q = *key.orientation;
+  pose.world_from_camera_rotation =
+      Eigen::Quaterniond(q[0], q[1], q[2], q[3]).normalized().toRotationMatrix();
+  const auto& position = *key.position;
+  pose.position = {position[0], position[1], position[2]};
+  view.geometry.world_from_camera = matrix_from_pose(pose);
+  view.file = "truth/" + view.geometry.id + ".png";
+  view.time_ns = time;
+  return view;
+}
+
+struct Span {
+  Nanoseconds first_tick = 0;
+  double seconds = 0;
+};
+
+// What the take's timeline covers.
+Span usable_span(const SimulationSettings& s, const ExposureSchedule& schedule) {
+  std::vector<std::vector<Nanoseconds>> times;
+  bool any = false;
+  for (const ExposureSchedule::Camera& camera : schedule.cameras) {
+    auto& column = times.emplace_back();
+    for (const ExposureSchedule::Frame& frame : camera.frames) {
+      if (frame.status == FrameStatus::kStored) column.push_back(frame.stamped_time);
+    }
+    any = any || !column.empty();
+  }
+  if (!any) return {};
+  const Timeline timeline = build_timeline(times, s.fps, 0, 0, "simulated take");
+  const Nanoseconds first = timeline.ticks.front().time_ns;
+  return {first, static_cast<double>(timeline.ticks.back().time_ns - first) * 1e-9};
+}
+
+}  // namespace
+
+SimulatedShot make_simulated_shot(const SimulationSettings& s, const ExposureSchedule& schedule,
+                                  double focus) {
+  SimulatedShot path;
+  ShotDocument& shot = path.shot;
+  shot.name = "virtual path through " + s.scene;
+  shot.width = s.view_width();
+  shot.height = s.view_height();
+  const FrameRate rate = frame_rate_from(std::round(s.fps * 1000) / 1000).value_or(FrameRate{});
+  shot.fps = rate.fps();
+  shot.fps_numerator = rate.numerator;
+  shot.fps_denominator = rate.denominator;
+  shot.first_frame = 1;
+  shot.last_frame = s.shot_frames;
+  const int steps = s.shot_frames - 1;
+
+  // At its own speed where the take is long enough, in its middle; slowed down otherwise.
+  const Span usable = usable_span(s, schedule);
+  const double duration = steps / rate.fps();
+  ShotDocument::Layer layer;
+  layer.name = "take";
+  layer.take = ".";
+  layer.focal_plane.kind = ShotDocument::FocalPlane::Kind::kDepth;
+  layer.focal_plane.depth = focus;
+  layer.speed = duration > usable.seconds ? usable.seconds / duration : 1;
+  const double unused = std::max(0.0, usable.seconds - duration * layer.speed);
+  layer.start_seconds = std::floor(unused / 2 * 1000) / 1000;
+  shot.layers.push_back(layer);
+
+  const auto frame_of = [&](int index, int count) {
+    if (count < 2) return shot.first_frame + steps / 2;
+    return shot.first_frame +
+           static_cast<int>(std::lround(static_cast<double>(index) * steps / (count - 1)));
+  };
+  const auto key_of = [&](int frame) {
+    return key_at(s, frame, steps > 0 ? static_cast<double>(frame - shot.first_frame) / steps : 0);
+  };
+  std::set<int> key_frames;
+  for (int i = 0; i < kFewestKeys; ++i) key_frames.insert(frame_of(i, kFewestKeys));
+  path.views.color_space = "srgb_texture";
+  for (int i = 0; i < s.truth_views; ++i) {
+    const int frame = frame_of(i, s.truth_views);
+    key_frames.insert(frame);
+    const double since_first_tick =
+        layer.start_seconds + (frame - shot.first_frame) / rate.fps() * layer.speed;
+    const Nanoseconds time =
+        usable.first_tick +
+        static_cast<Nanoseconds>(std::llround(since_first_tick * kNanosecondsPerSecond));
+    path.views.views.push_back(view_of(s, key_of(frame), i, time));
+  }
+  for (const int frame : key_frames) shot.camera.keys.push_back(key_of(frame));
+  return path;
+}
+
+}  // namespace raystage

@@ -1,0 +1,17 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <string>
+
+#include "simulate/exposure_schedule.h"
+#include "simulate/simulated_rig.h"
+#include "simulate/simulation_settings.h"
+
+namespace raystage {
+
+/// TAKE/truth.json, schema "raystage/simulation-truth/1": settings, true calibration, true times
+/// and clock errors. Layout in docs/simulation.md.
+std::string format_truth_document(const SimulationSettings& settings, const SimulatedRig& array,
+                                  const ExposureSchedule& schedule);
+
+}  // namespace raystage

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <embree3/rtcore.h>
+
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <span>
+#include <type_traits>
+#include <vector>
+
+#include "simulate/scene.h"
+
+namespace raystage {
+
+struct Ray {
+  Eigen::Vector3f origin = Eigen::Vector3f::Zero();
+  Eigen::Vector3f direction = -Eigen::Vector3f::UnitZ();  ///< unit
+};
+
+/// What a ray meets first.
+struct Hit {
+  float distance = std::numeric_limits<float>::infinity();  ///< metres along the ray
+  int part = -1;                                            ///< index into Scene::parts
+  int triangle = -1;
+  float u = 0, v = 0;  ///< barycentric coordinates of the second and third corner
+};
+
+/// What shading needs to know of a triangle; coordinates of the part.
+struct TriangleShape {
+  Eigen::Vector3f corner[3], normal[3];
+  Eigen::Vector2f uv[3];
+  Eigen::Vector3f gradient_u, gradient_v;  ///< of the texture coordinates, in the triangle's plane
+  Eigen::Vector3f flat_normal;
+  bool smooth = false;  ///< the corners' normals differ
+};
+
+/// A scene's triangles in Embree, made once and shared by all worlds. Mirrors must not move.
+class SceneGeometry {
+ public:
+  explicit SceneGeometry(const Scene& scene);
+
+  const Scene& scene() const { return scene_; }
+  const TriangleShape& triangle(int part, int index) const {
+    return triangles_[static_cast<std::size_t>(part)][static_cast<std::size_t>(index)];
+  }
+
+ private:
+  friend class World;
+  struct Release {
+    void operator()(RTCDevice device) const { rtcReleaseDevice(device); }
+    void operator()(RTCScene scene) const { rtcReleaseScene(scene); }
+    void operator()(RTCGeometry geometry) const { rtcReleaseGeometry(geometry); }
+  };
+  template <typename Handle>
+  using Owned = std::unique_ptr<std::remove_pointer_t<Handle>, Release>;
+
+  Owned<RTCScene> make_scene(std::span<const int> parts) const;
+
+  const Scene& scene_;
+  Owned<RTCDevice> device_;
+  std::vector<int> static_;               ///< parts of static_scene_, by geometry id
+  std::vector<std::vector<int>> moving_;  ///< parts that move as one, by geometry id
+  Owned<RTCScene> static_scene_;
+  std::vector<Owned<RTCScene>> moving_scenes_;
+  std::vector<std::vector<TriangleShape>> triangles_;  ///< per part
+};
+
+/// The scene at one instant: what stands still, and what moves. One per thread: moving to another
+/// instant takes microseconds. Rays that are neighbours in a span should be neighbours in space.
+class World {
+ public:
+  explicit World(const SceneGeometry& geometry);
+
+  const SceneGeometry& geometry() const { return geometry_; }
+  void set_time(double seconds);
+  /// World placement of a part at the time set.
+  const Eigen::Isometry3f& world_from_part(int part) const {
+    return world_from_part_[static_cast<std::size_t>(part)];
+  }
+
+  /// First hit of each ray among the still parts.
+  void trace_static(std::span<const Ray> rays, std::span<Hit> hits) const;
+  /// First hit of each ray among the moving parts nearer than `limits`, metres along the ray.
+  void trace_moving(std::span<const Ray> rays, std::span<const float> limits,
+                    std::span<Hit> hits) const;
+  /// Sets `occluded` where a still part stands between a ray's origin and its limit; entries that
+  /// are set already are left alone.
+  void occlude_static(std::span<const Ray> rays, std::span<const float> limits,
+                      std::span<std::uint8_t> occluded) const;
+  /// Likewise for the moving parts.
+  void occlude_moving(std::span<const Ray> rays, std::span<const float> limits,
+                      std::span<std::uint8_t> occluded) const;
+
+ private:
+  const SceneGeometry& geometry_;
+  SceneGeometry::Owned<RTCScene> moving_;                     ///< instances of the moving groups
+  std::vector<SceneGeometry::Owned<RTCGeometry>> instances_;  ///< one per moving group
+  std::vector<Eigen::Isometry3f> world_from_part_;
+};
+
+}  // namespace raystage

@@ -1,0 +1,411 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/frames/frame_cache.h"
+
+#include <tbb/enumerable_thread_specific.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <deque>
+#include <list>
+#include <map>
+#include <mutex>
+#include <span>
+#include <utility>
+
+#include "base/error.h"
+#include "store/processing/frames/added_mcus.h"
+#include "store/processing/frames/photometric_correction.h"
+
+namespace raystage {
+namespace {
+
+using Key = std::pair<int, int>;  // camera, frame
+
+struct Entry {
+  std::mutex decoding;
+  std::shared_ptr<const JpegLayout> layout;
+  std::shared_ptr<const DecodedFrame> frame;
+  FrameCache::Look look = FrameCache::kByItself;  // that asked for it, where it is held in part
+  std::list<Key>::iterator place;                 // in the order of use
+};
+
+/// What was asked for of a camera before it was fetched.
+struct ReadAhead {
+  static constexpr std::size_t kMost = 16;  // as many frames as are in flight at most
+  bool is_in_use = false;                   // a frame was fetched
+  std::deque<int> asked;                    // not held since then, the newest last; few
+};
+
+PictureSize size_of(const Rig::Camera& camera) {
+  return {camera.model.width(), camera.model.height()};
+}
+
+double brightest(const Take& take) {
+  double most = 1;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    most = std::max(most, brightest_light(camera.photometric, size_of(camera), take.document()));
+  }
+  return most;
+}
+
+bool holds(const DecodedFrame& frame, const McuMask& wanted) {
+  if (frame.decoded.empty()) return true;
+  if (wanted.empty()) return false;
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    if (wanted[i] && !frame.decoded[i]) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
+struct FrameCache::State {
+  State(const Take& of_take, std::size_t budget_bytes, double brightest_linear, BlendSpace in_space,
+        std::shared_ptr<const FrameMatte> with_matte)
+      : take(of_take),
+        budget(budget_bytes),
+        full_scale(brightest_linear),
+        space(in_space),
+        matte(std::move(with_matte)) {}
+
+  const Take& take;
+  std::size_t budget;
+  double full_scale;
+  BlendSpace space;
+  std::shared_ptr<const FrameMatte> matte;
+  bool is_white = false;  // see white()
+  std::vector<PhotometricCorrection> corrections;
+  tbb::enumerable_thread_specific<JpegDecoder> decoders;
+  std::atomic<Look> looks = kByItself;
+  std::atomic<std::int64_t> decode_nanoseconds = 0, jpeg_bytes = 0;
+
+  std::mutex mutex;  // guards what follows
+  std::map<Key, std::shared_ptr<Entry>> entries;
+  std::list<Key> by_use;  // most recent first
+  std::size_t bytes = 0;
+  std::vector<ReadAhead> ahead;  // per camera
+  int read_ahead = 0;
+  /// Memory of frames thrown out, by size: fresh pages cost more than decoding into old ones.
+  std::multimap<std::size_t, std::unique_ptr<std::uint16_t[]>> spare;
+  std::size_t spare_bytes = 0;
+  std::map<std::pair<int, int>, std::shared_ptr<const DecodedFrame>> white_frames;  // by size
+
+  JpegLayout white_layout(int camera) const {
+    const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(camera)].model;
+    JpegLayout layout;
+    layout.width = model.width();
+    layout.height = model.height();
+    layout.mcus_per_row = (layout.width + layout.mcu_width - 1) / layout.mcu_width;
+    layout.mcu_rows = (layout.height + layout.mcu_height - 1) / layout.mcu_height;
+    return layout;
+  }
+
+  std::shared_ptr<const DecodedFrame> white_frame(int camera) {
+    const JpegLayout layout = white_layout(camera);
+    const std::scoped_lock lock(mutex);
+    auto& known = white_frames[{layout.width, layout.height}];
+    if (known) return known;
+    auto frame = std::make_shared<DecodedFrame>();
+    frame->width = layout.width;
+    frame->height = layout.height;
+    const std::size_t pixels = static_cast<std::size_t>(layout.width) * (layout.height + 1) + 1;
+    frame->rgba = std::make_unique_for_overwrite<std::uint16_t[]>(pixels * 4);
+    std::fill_n(frame->rgba.get(), pixels * 4, std::uint16_t{65535});
+    known = std::move(frame);
+    return known;
+  }
+
+  std::shared_ptr<Entry> entry(const Key& key) {
+    const std::scoped_lock lock(mutex);
+    auto& found = entries[key];
+    if (!found) {
+      found = std::make_shared<Entry>();
+      by_use.push_front(key);
+      found->place = by_use.begin();
+    } else {
+      by_use.splice(by_use.begin(), by_use, found->place);
+    }
+    return found;
+  }
+
+  std::string name_of(const Key& key) const {
+    return take.document().cameras[static_cast<std::size_t>(key.first)].archive + " frame " +
+           std::to_string(key.second);
+  }
+
+  const JpegLayout& layout_of(const Key& key, Entry& held) {
+    if (!held.layout) {
+      auto layout =
+          std::make_shared<JpegLayout>(take.archive(key.first).layout(key.second, name_of(key)));
+      const CameraModel& model = take.rig().cameras[static_cast<std::size_t>(key.first)].model;
+      if (layout->width != model.width() || layout->height != model.height()) {
+        throw Error::bad_input("the frame is " + std::to_string(layout->width) + "x" +
+                                   std::to_string(layout->height) + ", its camera " +
+                                   std::to_string(model.width()) + "x" +
+                                   std::to_string(model.height()),
+                               name_of(key), "Import the take again with the right camera sizes");
+      }
+      held.layout = std::move(layout);
+    }
+    return *held.layout;
+  }
+
+  std::unique_ptr<std::uint16_t[]> allocate(std::size_t bytes_wanted) {
+    const std::scoped_lock lock(mutex);
+    const auto found = spare.find(bytes_wanted);
+    if (found == spare.end()) {
+      return std::make_unique_for_overwrite<std::uint16_t[]>(bytes_wanted / 2);
+    }
+    auto memory = std::move(found->second);
+    spare.erase(found);
+    spare_bytes -= bytes_wanted;
+    return memory;
+  }
+
+  /// Frames return their memory here when the last user lets go.
+  std::shared_ptr<const DecodedFrame> share(DecodedFrame&& frame,
+                                            const std::shared_ptr<State>& self) {
+    return {new DecodedFrame(std::move(frame)),
+            [weak = std::weak_ptr<State>(self)](DecodedFrame* dead) {
+              const std::unique_ptr<DecodedFrame> owner(dead);
+              if (const auto state = weak.lock()) state->recycle(*owner);
+            }};
+  }
+
+  void recycle(DecodedFrame& frame) {
+    const std::scoped_lock lock(mutex);
+    if (spare_bytes + frame.bytes > most_spare()) return;
+    spare_bytes += frame.bytes;
+    spare.emplace(frame.bytes, std::move(frame.rgba));
+  }
+
+  std::span<std::uint16_t> pixels_of(const DecodedFrame& frame) const {
+    return {frame.rgba.get(), static_cast<std::size_t>(frame.width) * frame.height * 4};
+  }
+
+  DecodedFrame unset_frame(const JpegLayout& layout) {
+    DecodedFrame frame;
+    frame.width = layout.width;
+    frame.height = layout.height;
+    const std::size_t pixels = static_cast<std::size_t>(layout.width) * (layout.height + 1) + 1;
+    frame.bytes = pixels * 4 * sizeof(std::uint16_t);
+    frame.rgba = allocate(frame.bytes);
+    const std::size_t used = pixels_of(frame).size();
+    std::fill_n(frame.rgba.get() + used, pixels * 4 - used, std::uint16_t{0});
+    return frame;
+  }
+
+  std::int64_t decode_into(const DecodedFrame& frame, const Key& key, const JpegLayout& layout,
+                           const McuMask& mcus) {
+    const auto start = std::chrono::steady_clock::now();
+    const PhotometricCorrection& correction = corrections[static_cast<std::size_t>(key.first)];
+    const FrameBytes jpeg = take.archive(key.first).jpeg_part(key.second, layout, mcus);
+    const std::int64_t decoded = decoders.local().decode_region(
+        jpeg, layout, mcus, correction.table(), pixels_of(frame), name_of(key));
+    correction.correct(pixels_of(frame), layout, mcus);
+    if (matte) {
+      key_mcus(*matte->key_of(key.first, key.second, {space, full_scale}), frame, layout, mcus);
+    }
+    decode_nanoseconds += std::chrono::duration_cast<std::chrono::nanoseconds>(
+                              std::chrono::steady_clock::now() - start)
+                              .count();
+    jpeg_bytes += static_cast<std::int64_t>(jpeg.size());
+    return decoded;
+  }
+
+  void key_mcus(const FrameKey& key, const DecodedFrame& frame, const JpegLayout& layout,
+                const McuMask& mcus) const {
+    const auto columns = static_cast<std::size_t>(layout.mcus_per_row);
+    for (int y = 0; y < frame.height; ++y) {
+      const auto row =
+          mcus.begin() +
+          static_cast<std::ptrdiff_t>(static_cast<std::size_t>(y / layout.mcu_height) * columns);
+      for (std::size_t begin = 0; begin < columns;) {
+        const auto end =
+            static_cast<std::size_t>(std::find(row + static_cast<std::ptrdiff_t>(begin),
+                                               row + static_cast<std::ptrdiff_t>(columns), 0) -
+                                     row);
+        if (end > begin) {
+          const int left = static_cast<int>(begin) * layout.mcu_width;
+          const int right = std::min(frame.width, static_cast<int>(end) * layout.mcu_width);
+          const auto first = static_cast<std::size_t>(y) * static_cast<std::size_t>(frame.width) +
+                             static_cast<std::size_t>(left);
+          key.key_row(
+              left, y,
+              pixels_of(frame).subspan(first * 4, static_cast<std::size_t>(right - left) * 4));
+        }
+        begin = end + 1;
+      }
+    }
+  }
+
+  DecodedFrame decode(const Key& key, const JpegLayout& layout, const McuMask& wanted,
+                      std::int64_t& pixels_decoded) {
+    DecodedFrame frame = unset_frame(layout);
+    if (std::ranges::find(wanted, 0) != wanted.end()) frame.decoded = wanted;
+    pixels_decoded += decode_into(frame, key, layout, wanted);
+    return frame;
+  }
+
+  /// What is held, which others may be looking at, with the `wanted` MCUs added.
+  DecodedFrame decode_more(const Key& key, const JpegLayout& layout, const DecodedFrame& held,
+                           const McuMask& wanted, std::int64_t& pixels_decoded) {
+    const AddedMcus added(layout, held.decoded, wanted);
+    DecodedFrame frame = unset_frame(layout);
+    if (std::ranges::find(added.together(), 0) != added.together().end()) {
+      frame.decoded = added.together();
+    }
+    pixels_decoded += decode_into(frame, key, layout, added.to_decode());
+    added.copy_held(pixels_of(held), pixels_of(frame));
+    return frame;
+  }
+
+  /// A camera is in use from the first frame on that is fetched of it.
+  void read_what_waits_for(int camera, int fetched) {
+    std::deque<int> waiting;
+    {
+      const std::scoped_lock lock(mutex);
+      ReadAhead& of_camera = ahead[static_cast<std::size_t>(camera)];
+      if (std::exchange(of_camera.is_in_use, true)) return;
+      waiting = of_camera.asked;
+      std::erase(waiting, fetched);
+      read_ahead += static_cast<int>(waiting.size());
+    }
+    for (const int frame : waiting) take.archive(camera).read_ahead(frame);
+  }
+
+  std::size_t most_spare() const { return budget / 8; }
+
+  /// Lets go of the least recently used frames; those still in use keep their memory until done.
+  void make_room() {
+    std::vector<std::shared_ptr<const DecodedFrame>> dropped;  // freed after the lock
+    const std::scoped_lock lock(mutex);
+    while (bytes > budget - most_spare() && by_use.size() > 1) {
+      const auto oldest = entries.find(by_use.back());
+      if (oldest->second->frame) {
+        bytes -= oldest->second->frame->bytes;
+        dropped.push_back(std::move(oldest->second->frame));
+      }
+      by_use.pop_back();
+      entries.erase(oldest);
+    }
+  }
+};
+
+FrameCache::FrameCache(const Take& take, std::size_t budget_bytes, BlendSpace space,
+                       std::shared_ptr<const FrameMatte> matte)
+    : state_(
+          std::make_shared<State>(take, budget_bytes, brightest(take), space, std::move(matte))) {
+  LevelTable levels;
+  for (const Rig::Camera& camera : take.rig().cameras) {
+    if (!levels && needs_pixels(camera.photometric)) levels = make_level_table(space);
+    state_->corrections.emplace_back(camera.photometric, size_of(camera), take.document(),
+                                     CodeScale{space, state_->full_scale}, levels);
+  }
+  state_->ahead.resize(take.rig().cameras.size());
+}
+
+FrameCache FrameCache::white(const Take& take, BlendSpace space) {
+  auto state = std::make_shared<State>(take, 0, 1, space, nullptr);
+  state->is_white = true;
+  state->ahead.resize(take.rig().cameras.size());
+  return FrameCache(std::move(state));
+}
+
+FrameCache::FrameCache(FrameCache&&) noexcept = default;
+FrameCache::~FrameCache() = default;
+
+std::shared_ptr<const JpegLayout> FrameCache::layout(int camera, int frame) {
+  if (state_->is_white) return std::make_shared<const JpegLayout>(state_->white_layout(camera));
+  const Key key{camera, frame};
+  const auto entry = state_->entry(key);
+  const std::scoped_lock decoding(entry->decoding);
+  state_->layout_of(key, *entry);
+  return entry->layout;
+}
+
+FrameCache::Look FrameCache::new_look() { return ++state_->looks; }
+
+std::shared_ptr<const DecodedFrame> FrameCache::fetch(int camera, int frame, const McuMask& wanted,
+                                                      std::int64_t& pixels_decoded, Look look) {
+  if (state_->is_white) return state_->white_frame(camera);
+  const Key key{camera, frame};
+  const auto entry = state_->entry(key);
+  const std::scoped_lock decoding(entry->decoding);
+  state_->read_what_waits_for(camera, frame);
+  std::shared_ptr<const DecodedFrame> held;
+  {
+    const std::scoped_lock lock(state_->mutex);
+    held = entry->frame;
+  }
+  if (held && holds(*held, wanted)) return held;
+
+  const JpegLayout& layout = state_->layout_of(key, *entry);
+  const bool adds = held && look != kByItself && look == entry->look && layout.regions_decodable();
+  const bool whole = wanted.empty() || (held && !adds);
+  const McuMask all(whole ? static_cast<std::size_t>(layout.mcu_count()) : 0, 1);
+  auto fresh = state_->share(
+      adds && !whole ? state_->decode_more(key, layout, *held, wanted, pixels_decoded)
+                     : state_->decode(key, layout, whole ? all : wanted, pixels_decoded),
+      state_);
+  entry->look = look;
+  {
+    const std::scoped_lock lock(state_->mutex);
+    const auto kept = state_->entries.find(key);
+    if (kept != state_->entries.end() && kept->second == entry) {  // not thrown out meanwhile
+      state_->bytes += fresh->bytes;
+      if (entry->frame) state_->bytes -= entry->frame->bytes;
+      entry->frame = fresh;
+      std::erase(state_->ahead[static_cast<std::size_t>(camera)].asked, frame);
+    }
+  }
+  held.reset();
+  state_->make_room();
+  return fresh;
+}
+
+void FrameCache::read_ahead(int camera, int frame) {
+  {
+    const std::scoped_lock lock(state_->mutex);
+    const auto found = state_->entries.find({camera, frame});
+    if (found != state_->entries.end() && found->second->frame) return;
+    ReadAhead& ahead = state_->ahead[static_cast<std::size_t>(camera)];
+    if (std::ranges::find(ahead.asked, frame) != ahead.asked.end()) return;
+    ahead.asked.push_back(frame);
+    if (ahead.asked.size() > ReadAhead::kMost) ahead.asked.pop_front();
+    if (!ahead.is_in_use) return;
+    ++state_->read_ahead;
+  }
+  state_->take.archive(camera).read_ahead(frame);
+}
+
+bool FrameCache::holds_whole(int camera, int frame) {
+  if (state_->is_white) return true;
+  const std::scoped_lock lock(state_->mutex);
+  const auto found = state_->entries.find({camera, frame});
+  return found != state_->entries.end() && found->second->frame &&
+         found->second->frame->decoded.empty();
+}
+
+BlendSpace FrameCache::blend_space() const { return state_->space; }
+
+bool FrameCache::has_matte() const { return state_->matte != nullptr; }
+
+double FrameCache::full_scale() const { return state_->full_scale; }
+
+int FrameCache::frames_read_ahead() const {
+  const std::scoped_lock lock(state_->mutex);
+  return state_->read_ahead;
+}
+
+DecodeCosts FrameCache::decode_costs() const {
+  return {1e-9 * static_cast<double>(state_->decode_nanoseconds), state_->jpeg_bytes};
+}
+
+std::size_t FrameCache::bytes_held() const {
+  const std::scoped_lock lock(state_->mutex);
+  return state_->bytes;
+}
+
+}  // namespace raystage

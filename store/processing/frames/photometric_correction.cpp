@@ -1,0 +1,331 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/frames/photometric_correction.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "base/transfer_function.h"
+#include "store/code_light.h"
+
+namespace raystage {
+namespace {
+
+constexpr int kCodes = 256;
+constexpr std::size_t kLevels = 65536;
+
+double straight_light(const PhotometricResponse& response, const TakeDocument& take, std::size_t c,
+                      int code) {
+  const double straight = evaluate_response_curve(response.curve[c], code / double{kCodes - 1});
+  return linear_of_code(take, straight * (kCodes - 1));
+}
+
+std::uint16_t level_of(double light, const CodeScale& scale) {
+  const double part = std::clamp(light / scale.full_scale, 0.0, 1.0);
+  const double value = scale.space == BlendSpace::kPerceptual ? srgb_from_linear(part) : part;
+  return static_cast<std::uint16_t>(value * (kLevels - 1) + 0.5);
+}
+
+bool is_lost(const HotPixel& pixel) {
+  return std::ranges::max(pixel.light) > PhotometricResponse::kMaxHotPixelLevel;
+}
+
+}  // namespace
+
+double brightest_light(const PhotometricResponse& response, PictureSize size,
+                       const TakeDocument& take) {
+  Rgb brightest{}, most_gain{1, 1, 1};
+  if (response.gain_map) {
+    for (const Rgb& node : response.gain_map->gain) {
+      for (std::size_t c = 0; c < 3; ++c) most_gain[c] = std::max(most_gain[c], node[c]);
+    }
+  }
+  if (response.vignetting) {
+    PhotometricResponse lens;
+    lens.vignetting = response.vignetting;
+    double most = 0;
+    constexpr int kSteps = 16;  // it is smooth
+    for (int j = 0; j <= kSteps; ++j) {
+      for (int i = 0; i <= kSteps; ++i) {
+        const double x = 1.0 * i * size.width / kSteps, y = 1.0 * j * size.height / kSteps;
+        most = std::max(most, gain_at(lens, size, x, y)[0]);
+      }
+    }
+    for (double& gain : most_gain) gain *= most;
+  }
+  for (std::size_t c = 0; c < 3; ++c) {
+    brightest[c] =
+        most_gain[c] * (response.brightness[c] +
+                        response.contrast[c] * straight_light(response, take, c, kCodes - 1));
+  }
+  double most = 0;
+  for (const Rgb& row : response.matrix) {
+    double sum = 0;
+    for (std::size_t c = 0; c < 3; ++c) sum += std::max(0.0, row[c]) * std::max(0.0, brightest[c]);
+    most = std::max(most, sum);
+  }
+  return most;
+}
+
+/// Gains of a picture, row by row.
+class PhotometricCorrection::Gains {
+ public:
+  Gains(const PhotometricResponse& response, PictureSize size)
+      : size_(size), map_(response.gain_map), vignetting_(response.vignetting) {}
+
+  /// Of the pixels of row y, channel after channel.
+  void of_row(int y, std::vector<float>& gains) const {
+    const auto width = static_cast<std::size_t>(size_.width);
+    if (map_) {
+      gains.resize(3 * width);
+      stretch_map(y, gains);
+    } else {
+      gains.assign(3 * width, 1.0F);
+    }
+    if (vignetting_) {
+      for (std::size_t c = 0; c < 3; ++c) multiply_vignetting(y, &gains[c * width]);
+    }
+  }
+
+ private:
+  void stretch_map(int y, std::vector<float>& gains) const {
+    const double down = (y + 0.5) / size_.height * (map_->rows - 1);
+    const int row = std::min(static_cast<int>(down), map_->rows - 2);
+    const auto share = static_cast<float>(down - row);
+    const Rgb* const above =
+        &map_->gain[static_cast<std::size_t>(row) * static_cast<std::size_t>(map_->columns)];
+    const Rgb* const below = above + map_->columns;
+    const float step = static_cast<float>(map_->columns - 1) / static_cast<float>(size_.width);
+    for (int c = 0; c < 3; ++c) {
+      for (int x = 0; x < size_.width; ++x) {
+        const float along = (static_cast<float>(x) + 0.5F) * step;
+        const int column = std::min(static_cast<int>(along), map_->columns - 2);
+        const float part = along - static_cast<float>(column);
+        const auto node = [&](const Rgb* row_of, int i) {
+          return static_cast<float>(row_of[i][static_cast<std::size_t>(c)]);
+        };
+        const float left = std::lerp(node(above, column), node(below, column), share);
+        const float right = std::lerp(node(above, column + 1), node(below, column + 1), share);
+        gains[static_cast<std::size_t>(c * size_.width + x)] = left + part * (right - left);
+      }
+    }
+  }
+
+  void multiply_vignetting(int y, float* gains) const {
+    const double half_diagonal = std::hypot(size_.width, size_.height) / 2;
+    const auto down = static_cast<float>((y + 0.5 - vignetting_->cy) / half_diagonal);
+    const auto start = static_cast<float>((0.5 - vignetting_->cx) / half_diagonal);
+    const auto step = static_cast<float>(1 / half_diagonal);
+    const auto a0 = static_cast<float>(vignetting_->a[0]);
+    const auto a1 = static_cast<float>(vignetting_->a[1]);
+    const auto a2 = static_cast<float>(vignetting_->a[2]);
+    for (int x = 0; x < size_.width; ++x) {
+      const float across = start + static_cast<float>(x) * step;
+      const float r2 = across * across + down * down;
+      gains[x] *= 1 + r2 * (a0 + r2 * (a1 + r2 * a2));
+    }
+  }
+
+  PictureSize size_;
+  std::optional<GainMap> map_;
+  std::optional<Vignetting> vignetting_;
+};
+
+/// The look at every pixel.
+class PhotometricCorrection::Pixels {
+ public:
+  Pixels(const PhotometricResponse& response, PictureSize size, const TakeDocument& take,
+         const CodeScale& scale, LevelTable levels)
+      : dark_(response.hot_pixels), levels_(std::move(levels)) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      contrast_[c] = static_cast<float>(response.contrast[c]);
+      for (int code = 0; code < kCodes; ++code) {
+        light_[c][static_cast<std::size_t>(code)] =
+            static_cast<float>(response.brightness[c] +
+                               response.contrast[c] * straight_light(response, take, c, code));
+      }
+      for (std::size_t k = 0; k < 3; ++k) {
+        matrix_[c][k] = static_cast<float>(response.matrix[c][k] / scale.full_scale);
+      }
+    }
+    if (response.vignetting || response.gain_map) gains_.emplace(response, size);
+  }
+
+  void correct(std::span<std::uint16_t> rgba, const JpegLayout& layout,
+               const McuMask& wanted) const {
+    auto dark = dark_.begin();
+    std::vector<float> gains;
+    for (int row = 0; row < layout.mcu_rows; ++row) {
+      const std::uint8_t* const mine =
+          wanted.data() + static_cast<std::ptrdiff_t>(row) * layout.mcus_per_row;
+      const int top = row * layout.mcu_height;
+      const int bottom = std::min(top + layout.mcu_height, layout.height);
+      const auto first_dark = dark;
+      dark = std::find_if(dark, dark_.end(), [&](const HotPixel& p) { return p.y >= bottom; });
+      if (std::all_of(mine, mine + layout.mcus_per_row, [](auto is) { return is == 0; })) continue;
+      auto of_row = first_dark;
+      for (int y = top; y < bottom; ++y) {
+        if (gains_) gains_->of_row(y, gains);
+        const auto begin = of_row;
+        of_row = std::find_if(of_row, dark, [&](const HotPixel& p) { return p.y > y; });
+        correct_row(&rgba[4 * static_cast<std::size_t>(y) * static_cast<std::size_t>(layout.width)],
+                    layout, mine, gains, {begin, of_row});
+      }
+      for (const HotPixel& pixel : std::span(first_dark, dark)) {
+        if (mine[pixel.x / layout.mcu_width] != 0 && is_lost(pixel)) {
+          show_neighbours(rgba, layout, pixel, {first_dark, dark});
+        }
+      }
+    }
+  }
+
+ private:
+  static constexpr int kChunk = 128;  // pixels at a time: their values stay in the first cache
+  using Values = std::array<float, kChunk>;
+
+  void correct_row(std::uint16_t* row, const JpegLayout& layout, const std::uint8_t* wanted,
+                   const std::vector<float>& gains, std::span<const HotPixel> dark) const {
+    for (int mcu = 0; mcu < layout.mcus_per_row;) {
+      int end = mcu;
+      while (end < layout.mcus_per_row && wanted[end] != 0) ++end;
+      const int right = std::min(end * layout.mcu_width, layout.width);
+      for (int x = mcu * layout.mcu_width; x < right; x += kChunk) {
+        correct_chunk(row, x, std::min(kChunk, right - x), gains, dark);
+      }
+      mcu = end + 1;
+    }
+  }
+
+  void correct_chunk(std::uint16_t* row, int x, int count, const std::vector<float>& gains,
+                     std::span<const HotPixel> dark) const {
+    std::array<Values, 3> shown, light;
+    std::uint16_t* const pixels = row + 4 * static_cast<std::ptrdiff_t>(x);
+    for (int i = 0; i < count; ++i) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        shown[c][static_cast<std::size_t>(i)] =
+            light_[c][pixels[4 * i + static_cast<std::ptrdiff_t>(c)]];
+      }
+    }
+    for (const HotPixel& pixel : dark) {
+      if (pixel.x < x || pixel.x >= x + count) continue;
+      for (std::size_t c = 0; c < 3; ++c) {
+        shown[c][static_cast<std::size_t>(pixel.x - x)] -=
+            contrast_[c] * static_cast<float>(pixel.light[c]);
+      }
+    }
+    const std::size_t width = gains.size() / 3;
+    for (std::size_t c = 0; gains_ && c < 3; ++c) {
+      const float* const gain = &gains[c * width + static_cast<std::size_t>(x)];
+      for (int i = 0; i < count; ++i) shown[c][static_cast<std::size_t>(i)] *= gain[i];
+    }
+    for (std::size_t c = 0; c < 3; ++c) {
+      const auto [r, g, b] = matrix_[c];
+      for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+        const float part =
+            std::clamp(r * shown[0][i] + g * shown[1][i] + b * shown[2][i], 0.F, 1.F);
+        light[c][i] = std::sqrt(part) * static_cast<float>(kLevels - 1) + 0.5F;
+      }
+    }
+    for (int i = 0; i < count; ++i) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        pixels[4 * i + static_cast<std::ptrdiff_t>(c)] = (*levels_)[static_cast<std::size_t>(
+            static_cast<int>(light[c][static_cast<std::size_t>(i)]))];
+      }
+    }
+  }
+
+  /// The mean of the neighbours that are no nearer to the edge of their common MCU, so that it is
+  /// the same however much is decoded around it. `dark`: of this row of MCUs.
+  static void show_neighbours(std::span<std::uint16_t> rgba, const JpegLayout& layout,
+                              const HotPixel& pixel, std::span<const HotPixel> dark) {
+    const int left = pixel.x / layout.mcu_width * layout.mcu_width;
+    const int top = pixel.y / layout.mcu_height * layout.mcu_height;
+    const int right = std::min(left + layout.mcu_width, layout.width) - 1;
+    const int bottom = std::min(top + layout.mcu_height, layout.height) - 1;
+    const auto from_edge = [&](int x, int y) {
+      return std::min(std::min(x - left, right - x), std::min(y - top, bottom - y));
+    };
+    const auto is_usable = [&](int x, int y) {
+      if (x < left || x > right || y < top || y > bottom) return false;
+      if (from_edge(x, y) < from_edge(pixel.x, pixel.y)) return false;
+      return std::ranges::none_of(
+          dark, [&](const HotPixel& p) { return p.x == x && p.y == y && is_lost(p); });
+    };
+    std::array<std::uint32_t, 3> sum{};
+    std::uint32_t count = 0;
+    const auto at = [&](int x, int y) {
+      return 4 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(layout.width) +
+                  static_cast<std::size_t>(x));
+    };
+    for (int y = pixel.y - 1; y <= pixel.y + 1; ++y) {
+      for (int x = pixel.x - 1; x <= pixel.x + 1; ++x) {
+        if (!is_usable(x, y)) continue;
+        for (std::size_t c = 0; c < 3; ++c) sum[c] += rgba[at(x, y) + c];
+        ++count;
+      }
+    }
+    if (count == 0) return;  // a cluster: what is left of it by subtraction
+    for (std::size_t c = 0; c < 3; ++c) {
+      rgba[at(pixel.x, pixel.y) + c] = static_cast<std::uint16_t>((sum[c] + count / 2) / count);
+    }
+  }
+
+  std::vector<HotPixel> dark_;
+  std::array<float, 3> contrast_{};
+  std::array<std::array<float, kCodes>, 3> light_{};  ///< of codes, before gain and matrix
+  std::array<std::array<float, 3>, 3> matrix_{};      ///< to full scale 1
+  LevelTable levels_;
+  std::optional<Gains> gains_;
+};
+
+LevelTable make_level_table(BlendSpace space) {
+  std::vector<std::uint16_t> levels(kLevels);
+  for (std::size_t i = 0; i < kLevels; ++i) {
+    const double root = static_cast<double>(i) / (kLevels - 1);
+    levels[i] = level_of(root * root, {space, 1});
+  }
+  return std::make_shared<const std::vector<std::uint16_t>>(std::move(levels));
+}
+
+bool needs_pixels(const PhotometricResponse& response) {
+  return response.vignetting || response.gain_map || response.matrix != kIdentityColorMatrix ||
+         !response.hot_pixels.empty();
+}
+
+PhotometricCorrection::PhotometricCorrection(const PhotometricResponse& response, PictureSize size,
+                                             const TakeDocument& take, const CodeScale& scale,
+                                             LevelTable levels) {
+  const bool by_pixel = needs_pixels(response);
+  for (std::size_t c = 0; c < 3; ++c) {
+    for (int code = 0; code < kCodes; ++code) {
+      const double light =
+          response.brightness[c] + response.contrast[c] * straight_light(response, take, c, code);
+      table_.code[c][code] = by_pixel ? static_cast<std::uint16_t>(code) : level_of(light, scale);
+    }
+  }
+  if (!by_pixel) return;
+  if (!levels) levels = make_level_table(scale.space);
+  pixels_ = std::make_shared<const Pixels>(response, size, take, scale, std::move(levels));
+}
+
+void PhotometricCorrection::correct(std::span<std::uint16_t> rgba, const JpegLayout& layout,
+                                    const McuMask& wanted) const {
+  if (pixels_) pixels_->correct(rgba, layout, wanted);
+}
+
+std::array<std::uint16_t, 3> PhotometricCorrection::reference(
+    const PhotometricResponse& response, PictureSize size, const TakeDocument& take,
+    const CodeScale& scale, int x, int y, const std::array<std::uint8_t, 3>& code) {
+  Rgb shown{}, dark{};
+  for (std::size_t c = 0; c < 3; ++c) shown[c] = straight_light(response, take, c, code[c]);
+  for (const HotPixel& pixel : response.hot_pixels) {
+    if (pixel.x == x && pixel.y == y) dark = pixel.light;
+  }
+  const Rgb light = apply_photometric_correction(response, size, x, y, shown, dark);
+  std::array<std::uint16_t, 3> levels{};
+  for (std::size_t c = 0; c < 3; ++c) levels[c] = level_of(light[c], scale);
+  return levels;
+}
+
+}  // namespace raystage

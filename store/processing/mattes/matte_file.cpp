@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/mattes/matte_file.h"
+
+#include <fmt/format.h>
+#include <png.h>
+
+#include <string>
+
+#include "base/error.h"
+
+namespace raystage {
+
+std::filesystem::path matte_file(const Take& take, int camera, int frame) {
+  return take.folder() / "mattes" / take.document().cameras[static_cast<std::size_t>(camera)].id /
+         fmt::format("{:06}.png", frame);
+}
+
+std::vector<std::uint8_t> read_matte_codes(const std::filesystem::path& file, int width,
+                                           int height) {
+  png_image image{};
+  image.version = PNG_IMAGE_VERSION;
+  const auto refuse = [&](const std::string& what) {
+    png_image_free(&image);
+    return Error::bad_input(what, file.string(),
+                            fmt::format("Write a PNG of {}x{} pixels, 8 bits, grey, see "
+                                        "docs/formats/mattes.md",
+                                        width, height));
+  };
+  if (png_image_begin_read_from_file(&image, file.c_str()) == 0) {
+    throw refuse(std::string("the matte cannot be read: ") + image.message);
+  }
+  if (static_cast<int>(image.width) != width || static_cast<int>(image.height) != height) {
+    throw refuse(fmt::format("the matte has {}x{} pixels, its camera {}x{}", image.width,
+                             image.height, width, height));
+  }
+  // Codes as they are: grey, without alpha and without a change of curve.
+  image.format = PNG_FORMAT_GRAY;
+  std::vector<std::uint8_t> codes(PNG_IMAGE_SIZE(image));
+  const png_color black{0, 0, 0};
+  if (png_image_finish_read(&image, &black, codes.data(), 0, nullptr) == 0) {
+    throw refuse(std::string("the matte cannot be read: ") + image.message);
+  }
+  return codes;
+}
+
+}  // namespace raystage

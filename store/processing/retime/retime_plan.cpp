@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/retime/retime_plan.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace raystage {
+namespace {
+
+constexpr double kLongestGapInTicks = 2.5;
+
+struct Usable {
+  std::int32_t frame;
+  Nanoseconds time;
+};
+
+std::vector<Usable> usable_frames(const std::vector<Nanoseconds>& times) {
+  std::vector<Usable> usable;
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    if (times[i] == kNoTime) continue;
+    if (!usable.empty() && times[i] <= usable.back().time) continue;
+    usable.push_back({static_cast<std::int32_t>(i), times[i]});
+  }
+  return usable;
+}
+
+}  // namespace
+
+std::vector<RetimedFrame> plan_retiming(const Timeline& timeline, std::size_t camera,
+                                        const std::vector<Nanoseconds>& times,
+                                        const RetimeSettings& settings) {
+  const double period = static_cast<double>(kNanosecondsPerSecond) / timeline.fps;
+  const auto near_enough = static_cast<Nanoseconds>(kNearEnough * period);
+  const Nanoseconds longest =
+      settings.longest_gap > 0
+          ? settings.longest_gap
+          : static_cast<Nanoseconds>(std::llround(kLongestGapInTicks * period));
+  const std::vector<Usable> usable = usable_frames(times);
+
+  std::vector<RetimedFrame> plan;
+  plan.reserve(timeline.ticks.size());
+  for (const FrameSelection& tick : timeline.ticks) {
+    RetimedFrame planned;
+    const std::int32_t nearest = tick.frame[camera];
+    if (nearest >= 0) {
+      planned = {RetimedFrame::Kind::kAsItIs, nearest, -1, 0,
+                 tick.time_ns + tick.difference[camera]};
+    }
+    const bool stays = nearest >= 0 && std::abs(tick.difference[camera]) <= near_enough;
+    if (settings.method != RetimeMethod::kNearest && !stays) {
+      const auto after = std::ranges::upper_bound(usable, tick.time_ns, {}, &Usable::time);
+      if (after != usable.begin() && after != usable.end()) {
+        const Usable &a = *(after - 1), &b = *after;
+        if (b.time - a.time <= longest) {
+          planned = {
+              RetimedFrame::Kind::kBetween, a.frame, b.frame,
+              static_cast<double>(tick.time_ns - a.time) / static_cast<double>(b.time - a.time),
+              tick.time_ns};
+        }
+      }
+    }
+    plan.push_back(planned);
+  }
+  return plan;
+}
+
+}  // namespace raystage

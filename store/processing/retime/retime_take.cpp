@@ -1,0 +1,253 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/retime/retime_take.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cmath>
+#include <map>
+#include <mutex>
+#include <numeric>
+#include <optional>
+
+#include "base/error.h"
+#include "base/parallel.h"
+#include "base/resources.h"
+#include "schemas/rig_document.h"
+#include "store/jpeg/encode.h"
+
+namespace raystage {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using Kind = RetimedFrame::Kind;
+
+const char* name_of(RetimeMethod method) {
+  switch (method) {
+    case RetimeMethod::kNearest:
+      return "nearest";
+    case RetimeMethod::kBlend:
+      return "blend";
+    case RetimeMethod::kFlow:
+      return "flow";
+  }
+  return "";
+}
+
+TakeDocument retimed_document(const TakeDocument& original, RetimeMethod method, Nanoseconds later,
+                              const std::string& created_by) {
+  TakeDocument document = original;
+  document.created_by = created_by;
+  document.epoch_utc -= later;
+  document.derived_from = {original.name, std::string("retime ") + name_of(method)};
+  for (TakeDocument::Camera& camera : document.cameras) {
+    camera.archive.clear();
+    camera.journal.clear();
+    camera.node.clear();  // all stand on the array's clock now
+  }
+  return document;
+}
+
+// Why a camera has nothing at an instant, as its journal says of the time around it.
+class MissingReasons {
+ public:
+  MissingReasons(const ArchiveReader& archive, const CameraClock& clock) {
+    for (const FrameRecord& record : archive.records()) {
+      if (record.status != FrameStatus::kStored) {
+        by_time_[clock.corrected(record.time_ns)] = record.status;
+      }
+    }
+  }
+  std::optional<FrameStatus> near(Nanoseconds time, Nanoseconds within) const {
+    const auto found = by_time_.lower_bound(time - within);
+    if (found == by_time_.end() || found->first > time + within) return std::nullopt;
+    return found->second;
+  }
+
+ private:
+  std::map<Nanoseconds, FrameStatus> by_time_;
+};
+
+// Rot must not become a picture that is as good as any other.
+void check_frame(const ArchiveReader& archive, std::int32_t frame, const std::string& name) {
+  if (archive.frames()[static_cast<std::size_t>(frame)].xxh3 == 0) return;  // of a torn journal
+  if (archive.verify_frame(frame)) return;
+  throw Error::bad_input(fmt::format("frame {} is damaged: its hash is another", frame), name,
+                         "Run raystage verify, and raystage repair on it");
+}
+
+// Makes pictures between the frames of one camera, in order of time: of a frame wanted again
+// nothing is done twice.
+class Retimer {
+ public:
+  Retimer(const ArchiveReader& archive, std::string name, const RetimeSettings& settings)
+      : archive_(archive), name_(std::move(name)), settings_(settings) {}
+
+  std::vector<std::byte> make(const RetimedFrame& frame) {
+    load(frame.first, frame.second);
+    const Picture &a = side_[0].picture, &b = side_[1].picture;
+    RgbImage image;
+    if (settings_.method == RetimeMethod::kBlend) {
+      image = blend(a.rgb, b.rgb, frame.part);
+    } else {
+      if (!motion_known_) {
+        parallel_for(0, 2, [&](int side) {
+          const auto from = static_cast<std::size_t>(side);
+          side_[from].motion =
+              estimators_[from].estimate(side_[from].picture, side_[1 - from].picture);
+        });
+        motion_known_ = true;
+      }
+      image = in_between(a, b, side_[0].motion, side_[1].motion, frame.part);
+    }
+    JpegEncodeSettings encode;
+    encode.quality = settings_.quality;
+    return encode_jpeg(image, encode);
+  }
+
+ private:
+  struct Side {
+    std::int32_t frame = -1;
+    Picture picture;
+    MotionField motion;  // to the other side
+  };
+
+  void load(std::int32_t first, std::int32_t second) {
+    if (side_[0].frame == first && side_[1].frame == second) return;
+    motion_known_ = false;
+    if (side_[1].frame == first) std::swap(side_[0], side_[1]);
+    load(side_[0], first);
+    load(side_[1], second);
+    const RgbImage &a = side_[0].picture.rgb, &b = side_[1].picture.rgb;
+    if (a.width != b.width || a.height != b.height) {
+      throw Error::bad_input(fmt::format("frames {} and {} differ in size", first, second), name_,
+                             "Verify the take, and decode its frames meanwhile");
+    }
+  }
+  void load(Side& side, std::int32_t frame) {
+    if (side.frame == frame) return;
+    check_frame(archive_, frame, name_);
+    side.picture = picture_of(
+        decoder_.decode(archive_.jpeg(frame), fmt::format("{}, frame {}", name_, frame)));
+    side.frame = frame;
+  }
+
+  const ArchiveReader& archive_;
+  const std::string name_;
+  const RetimeSettings& settings_;
+  JpegDecoder decoder_;
+  std::array<Side, 2> side_;
+  std::array<MotionEstimator, 2> estimators_;
+  bool motion_known_ = false;
+};
+
+struct CameraResult {
+  RetimeReport report;
+  double moving_ms = 0;
+};
+
+}  // namespace
+
+RetimeReport retime_take(const Take& take, const Timeline& timeline,
+                         const std::vector<std::vector<Nanoseconds>>& times,
+                         const RetimeSettings& settings, const std::filesystem::path& folder,
+                         const std::string& created_by, const std::function<void(double)>& progress,
+                         const std::stop_token& stop) {
+  if (settings.quality < 1 || settings.quality > 100) {
+    throw Error::bad_input(fmt::format("a JPEG quality of {}", settings.quality), "quality",
+                           "Give 1 to 100");
+  }
+  take.refuse_inside(folder);
+  use_one_opencv_thread();
+  const auto cameras = static_cast<std::size_t>(take.camera_count());
+  // Archives start at 0; corrected times may lie before it.
+  const Nanoseconds half = timeline.tolerance + 1;
+  const Nanoseconds later = std::max<Nanoseconds>(0, half - timeline.ticks.front().time_ns);
+
+  TakeWriter writer(folder, retimed_document(take.document(), settings.method, later, created_by),
+                    read_rig(take.folder() / "rig.json"));
+  Timeline retimed;
+  retimed.fps = timeline.fps;
+  retimed.tolerance = timeline.tolerance;
+  retimed.ticks.resize(timeline.ticks.size());
+  for (std::size_t k = 0; k < retimed.ticks.size(); ++k) {
+    retimed.ticks[k].time_ns = timeline.ticks[k].time_ns + later;
+    retimed.ticks[k].frame.assign(cameras, -1);
+    retimed.ticks[k].difference.assign(cameras, 0);
+  }
+
+  std::vector<CameraResult> results(cameras);
+  std::atomic<std::size_t> done = 0;
+  const auto retime_camera = [&](std::size_t c) {
+    const auto index = static_cast<int>(c);
+    const ArchiveReader& from = take.archive(index);
+    ArchiveWriter& to = writer.archive(index);
+    const std::string name = take.folder().string() + ", camera " + take.document().cameras[c].id;
+    const CameraClock clock = timeline.clocks.empty() ? CameraClock{} : timeline.clocks[c];
+    const MissingReasons reasons(from, clock);
+    Retimer retimer(from, name, settings);
+    RetimeReport& report = results[c].report;
+    std::int32_t stored = 0;
+    const std::vector<RetimedFrame> plan = plan_retiming(timeline, c, times[c], settings);
+    for (std::size_t k = 0; k < plan.size(); ++k) {
+      if (stop.stop_requested()) {
+        throw Error::failed("retiming was stopped", folder.string(),
+                            "Start it again; no take was left behind");
+      }
+      const RetimedFrame& frame = plan[k];
+      const Nanoseconds tick = timeline.ticks[k].time_ns;
+      const auto sequence = [&](std::int32_t i) {
+        return FrameOrigin{kUnknownTime, static_cast<std::uint64_t>(i)};
+      };
+      if (frame.kind == Kind::kMissing) {
+        // Where nobody recorded a loss there is none to record: the timeline says "absent".
+        if (const auto reason = reasons.near(tick, half)) {
+          to.append_missing(*reason, tick + later, sequence(0));
+        }
+        ++report.missing;
+      } else {
+        if (frame.kind == Kind::kAsItIs) {
+          check_frame(from, frame.first, name);
+          to.append(from.jpeg(frame.first), frame.time + later, sequence(frame.first));
+          ++report.as_were;
+        } else {
+          const auto start = Clock::now();
+          const std::vector<std::byte> jpeg = retimer.make(frame);
+          results[c].moving_ms +=
+              std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+          to.append(jpeg, tick + later, sequence(frame.part <= 0.5 ? frame.first : frame.second));
+          ++report.moved;
+        }
+        retimed.ticks[k].frame[c] = stored++;
+        retimed.ticks[k].difference[c] = frame.time - tick;
+      }
+      progress(static_cast<double>(++done) / static_cast<double>(cameras * plan.size()));
+    }
+    to.close();
+  };
+  parallel_for_in_order(
+      cameras, static_cast<std::size_t>(available_threads()), [&] { return stop.stop_requested(); },
+      retime_camera);
+  if (stop.stop_requested()) {
+    throw Error::failed("retiming was stopped", folder.string(),
+                        "Start it again; no take was left behind");
+  }
+  writer.finish();
+  write_timeline(retimed, writer.working_folder());
+  writer.commit();
+
+  RetimeReport sum;
+  double moving_ms = 0;
+  for (const CameraResult& result : results) {
+    sum.moved += result.report.moved;
+    sum.as_were += result.report.as_were;
+    sum.missing += result.report.missing;
+    moving_ms += result.moving_ms;
+  }
+  if (sum.moved > 0) sum.ms_per_moved = moving_ms / static_cast<double>(sum.moved);
+  return sum;
+}
+
+}  // namespace raystage

@@ -1,0 +1,275 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/retime/retime_take.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <optional>
+
+#include "base/atomic_file.h"
+#include "base/error.h"
+#include "store/jpeg/encode.h"
+#include "store/processing/sync/resync.h"
+#include "testing/store/take_test_data.h"
+#include "testing/store/test_scene.h"
+#include "testing/test_folder.h"
+
+namespace raystage {
+namespace {
+
+constexpr Nanoseconds kPeriod = 100'000'000;
+
+// Three cameras at 10 Hz see the board move, each at a phase of its own. Camera 1 loses frame 4,
+// camera 2 frames 3 and 4; the journals say so where `recorded`. Their clock is `ahead`.
+struct RetimeTake : testing::Test {
+  void write(Nanoseconds ahead = 0, bool recorded = true) {
+    TakeDocument document = test::take_document(3, 10);
+    document.name = "board";
+    RigDocument rig = test::rig_document(3);
+    for (RigDocument::Camera& camera : rig.cameras) {
+      camera.geometry.width = board.width;
+      camera.geometry.height = board.height;
+    }
+    TakeWriter writer(folder.path() / "take", document, rig);
+    for (int c = 0; c < 3; ++c) {
+      for (int i = 0; i < 8; ++i) {
+        const Nanoseconds time = exposed(c, i);
+        if ((c == 1 && i == 4) || (c == 2 && (i == 3 || i == 4))) {
+          if (recorded) writer.archive(c).append_missing(FrameStatus::kTorn, time + ahead);
+        } else {
+          writer.archive(c).append(encode_jpeg(board.at(seconds(time)), {.quality = 97}),
+                                   time + ahead);
+        }
+      }
+    }
+    writer.commit();
+    take.emplace(folder.path() / "take");
+    ResyncSettings settings;
+    settings.exact_stamps = true;
+    settings.fps = 10;
+    settings.offsets = std::vector<Nanoseconds>(3, ahead);
+    settings.tick_at = 2 * kPeriod;
+    resync = resynchronise(stamps_of(*take), settings, "board");
+  }
+  static Nanoseconds exposed(int camera, int frame) {
+    return kPeriod + frame * kPeriod + (camera - 1) * 30'000'000;
+  }
+  static double seconds(Nanoseconds time) { return static_cast<double>(time) * 1e-9 * 4; }
+
+  RetimeReport retime(
+      RetimeMethod method, const std::string& name,
+      const std::function<void(double)>& progress = [](double) {}) {
+    RetimeSettings settings;
+    settings.method = method;
+    settings.quality = 97;
+    return retime_take(*take, resync.timeline, resync.times, settings, folder.path() / name,
+                       "test 1", progress, stop.get_token());
+  }
+  double psnr_of(const Take& of, int camera, int frame, Nanoseconds time) {
+    const RgbImage image = JpegDecoder().decode(of.archive(camera).jpeg(frame), "test");
+    return test::psnr(image, board.at(seconds(time)));
+  }
+
+  test::MovingBoard board{.left = 20, .top = 20, .speed_x = 25, .speed_y = 9};
+  TestFolder folder;
+  std::optional<Take> take;
+  Resync resync;
+  std::stop_source stop;
+};
+
+TEST_F(RetimeTake, MovesFramesToTheirTicks) {
+  write();
+  const RetimeReport report = retime(RetimeMethod::kFlow, "flow");
+  EXPECT_GT(report.moved, 10U);
+  EXPECT_GT(report.ms_per_moved, 0);
+  const Take retimed(folder.path() / "flow");
+  const Timeline timeline = read_timeline(retimed);
+  ASSERT_EQ(timeline.ticks.size(), resync.timeline.ticks.size());
+  std::uint64_t present = 0, missing = 0;
+  for (const FrameSelection& tick : timeline.ticks) {
+    for (int c = 0; c < 3; ++c) {
+      const auto i = static_cast<std::size_t>(c);
+      if (tick.frame[i] < 0) {
+        ++missing;
+        continue;
+      }
+      const FrameRecord& frame =
+          retimed.archive(c).frames()[static_cast<std::size_t>(tick.frame[i])];
+      EXPECT_EQ(frame.time_ns, tick.time_ns + tick.difference[i]);
+      EXPECT_TRUE(retimed.archive(c).verify_frame(tick.frame[i]));
+      ++present;
+      // A frame was lost in camera 1, and twice the motion is bridged.
+      const bool bridged = c == 1 && tick.time_ns == exposed(1, 4);
+      EXPECT_GT(psnr_of(retimed, c, tick.frame[i], frame.time_ns), bridged ? 26 : 31)
+          << tick.time_ns << " " << c;
+    }
+  }
+  EXPECT_EQ(missing, report.missing);
+  EXPECT_EQ(present, report.moved + report.as_were);
+  const TakeDocument& document = retimed.document();
+  ASSERT_TRUE(document.derived_from);
+  EXPECT_EQ(document.derived_from->take, "board");
+  EXPECT_EQ(document.derived_from->by, "retime flow");
+  EXPECT_EQ(document.created_by, "test 1");
+}
+
+TEST_F(RetimeTake, IsNearerToTheTruthThanTheNearestFrame) {
+  write();
+  retime(RetimeMethod::kNearest, "nearest");
+  retime(RetimeMethod::kBlend, "blend");
+  retime(RetimeMethod::kFlow, "flow");
+  const auto mean_psnr = [&](const char* name) {
+    const Take retimed(folder.path() / name);
+    const Timeline timeline = read_timeline(retimed);
+    double sum = 0;
+    int count = 0;
+    for (std::size_t k = 1; k + 1 < timeline.ticks.size(); ++k) {
+      const FrameSelection& tick = timeline.ticks[k];
+      if (tick.frame[0] < 0) continue;
+      sum += psnr_of(retimed, 0, tick.frame[0], tick.time_ns);
+      ++count;
+    }
+    return sum / count;
+  };
+  const double nearest = mean_psnr("nearest"), blended = mean_psnr("blend");
+  const double flow = mean_psnr("flow");
+  EXPECT_GT(blended, nearest);
+  EXPECT_GT(flow, blended + 5);
+}
+
+TEST_F(RetimeTake, FramesOnTheirTickAreTakenByteForByte) {
+  write();
+  retime(RetimeMethod::kFlow, "flow");
+  const Take retimed(folder.path() / "flow");
+  // Camera 1 exposes on the ticks; its lost frame is bridged.
+  const auto& from = take->archive(1);
+  const auto& to = retimed.archive(1);
+  int same = 0;
+  for (std::size_t i = 0; i < to.frames().size(); ++i) {
+    for (std::size_t j = 0; j < from.frames().size(); ++j) {
+      if (from.frames()[j].time_ns != to.frames()[i].time_ns) continue;
+      EXPECT_EQ(to.frames()[i].xxh3, from.frames()[j].xxh3);
+      EXPECT_EQ(to.frames()[i].sequence, j);
+      ++same;
+    }
+  }
+  EXPECT_EQ(same, 7);
+  EXPECT_EQ(to.frames().size(), 8U);
+}
+
+TEST_F(RetimeTake, WhatIsMissingKeepsItsReason) {
+  write();
+  retime(RetimeMethod::kFlow, "flow");
+  const Take retimed(folder.path() / "flow");
+  int torn = 0;
+  for (const FrameRecord& record : retimed.archive(2).records()) {
+    torn += record.status == FrameStatus::kTorn ? 1 : 0;
+  }
+  EXPECT_GE(torn, 1);
+}
+
+TEST_F(RetimeTake, OfWhatNobodyRecordedNoLossIsInvented) {
+  write(0, false);
+  const RetimeReport report = retime(RetimeMethod::kNearest, "nearest");
+  EXPECT_GE(report.missing, 3U);
+  const Take retimed(folder.path() / "nearest");
+  std::uint64_t absent = 0;
+  for (const FrameSelection& tick : read_timeline(retimed).ticks) {
+    absent += static_cast<std::uint64_t>(std::ranges::count(tick.frame, -1));
+  }
+  EXPECT_EQ(absent, report.missing);
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_EQ(retimed.archive(c).records().size(), retimed.archive(c).frames().size());
+  }
+}
+
+TEST_F(RetimeTake, ClocksAheadAndTimesBeforeTheEpochAreHandled) {
+  write(350'000'000);  // true times of the first frames lie before the epoch
+  retime(RetimeMethod::kNearest, "nearest");
+  const Take retimed(folder.path() / "nearest");
+  const Nanoseconds epochs = take->document().epoch_utc - retimed.document().epoch_utc;
+  EXPECT_GE(epochs, 0);
+  for (const FrameRecord& frame : retimed.archive(1).frames()) {
+    const double place = static_cast<double>(frame.time_ns - epochs) / kPeriod;
+    EXPECT_NEAR(place, std::round(place), 1e-6);
+  }
+  EXPECT_NO_THROW(read_timeline(retimed));
+}
+
+TEST_F(RetimeTake, BytesDoNotDependOnThreads) {
+  write();
+  retime(RetimeMethod::kFlow, "many");
+  {
+    const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+    retime(RetimeMethod::kFlow, "one");
+  }
+  for (const char* camera : {"c0", "c1", "c2"}) {
+    for (const char* end : {".mkv", ".journal"}) {
+      const std::string file = std::string("archive/") + camera + end;
+      EXPECT_EQ(read_file(folder.path() / "many" / file), read_file(folder.path() / "one" / file));
+    }
+  }
+}
+
+TEST_F(RetimeTake, StopLeavesNothing) {
+  write();
+  EXPECT_THROW(retime(RetimeMethod::kBlend, "stopped", [&](double) { stop.request_stop(); }),
+               Error);
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "stopped"));
+  int entries = 0;
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder.path())) {
+    ++entries;
+  }
+  EXPECT_EQ(entries, 1);
+}
+
+TEST_F(RetimeTake, RefusesDamagedFramesAndNamesThem) {
+  write();
+  const std::filesystem::path archive = folder.path() / "take/archive/c0.mkv";
+  std::string bytes = read_file(archive);
+  const auto frame = take->archive(0).frames()[2];
+  for (std::size_t i = 0; i < 200; ++i) bytes[frame.offset + i] = '\0';
+  test::overwrite(archive, std::as_bytes(std::span(bytes)));
+  take.emplace(folder.path() / "take");
+  try {
+    retime(RetimeMethod::kFlow, "flow");
+    FAIL() << "took a damaged frame";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("c0"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("frame 2"), std::string::npos) << error.what();
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder.path() / "flow"));
+}
+
+TEST_F(RetimeTake, RefusesAFrameWithOneBitFlipped) {
+  write();
+  const std::filesystem::path archive = folder.path() / "take/archive/c1.mkv";
+  std::string bytes = read_file(archive);
+  const FrameRecord frame = take->archive(1).frames()[2];
+  bytes[frame.offset + frame.size * 2 / 3] ^= 4;
+  test::overwrite(archive, std::as_bytes(std::span(bytes)));
+  take.emplace(folder.path() / "take");
+  for (const auto method : {RetimeMethod::kNearest, RetimeMethod::kBlend, RetimeMethod::kFlow}) {
+    EXPECT_THROW(retime(method, "new"), Error);
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / "new"));
+  }
+}
+
+TEST_F(RetimeTake, RefusesAFolderThatIsThere) {
+  write();
+  EXPECT_THROW(retime(RetimeMethod::kBlend, "take"), Error);
+}
+
+TEST_F(RetimeTake, RefusesAFolderWithinTheTake) {
+  write();
+  std::filesystem::create_directory_symlink(folder.path() / "take", folder.path() / "link");
+  for (const char* inside : {"take/new", "take/archive/new", "link/new"}) {
+    EXPECT_THROW(retime(RetimeMethod::kNearest, inside), Error) << inside;
+    EXPECT_FALSE(std::filesystem::exists(folder.path() / inside));
+  }
+  EXPECT_NO_THROW(retime(RetimeMethod::kNearest, "take2"));
+}
+
+}  // namespace
+}  // namespace raystage

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/sync/clock_steps.h"
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numbers>
+#include <numeric>
+#include <optional>
+
+#include "store/processing/sync/lattice.h"
+
+namespace raystage {
+namespace {
+
+using Phasor = std::complex<double>;
+
+constexpr double kTurn = 2 * std::numbers::pi;
+constexpr std::size_t kWindow = 24, kLeastFrames = 12;  // frames to either side
+constexpr std::size_t kGuard = 6;  // frames next to a shift that is not yet placed exactly
+constexpr double kGridStep = 2;    // periods between the instants looked at
+constexpr double kSamePeriod = 0.01;
+constexpr double kAgreeingShare = 0.75;
+
+// Sums over the frames before an index make any window's mean phase one subtraction.
+class PhaseSums {
+ public:
+  PhaseSums(std::span<const double> times, double period) : times_(times), period_(period) {
+    sums_.reserve(times.size() + 1);
+    sums_.emplace_back(0);
+    for (const double time : times) {
+      const double cycles = (time - times[0]) / period;
+      sums_.push_back(sums_.back() + std::polar(1.0, kTurn * (cycles - std::round(cycles))));
+    }
+  }
+  std::size_t size() const { return times_.size(); }
+  double time(std::size_t i) const { return times_[i]; }
+  double period() const { return period_; }
+  bool runs_at(double time) const { return times_.front() <= time && time <= times_.back(); }
+  std::size_t first_at(double time) const {
+    return static_cast<std::size_t>(std::ranges::lower_bound(times_, time) - times_.begin());
+  }
+  Phasor sum(std::size_t begin, std::size_t end) const { return sums_[end] - sums_[begin]; }
+
+  // Windows up to the frame `at` and from it on; they must not reach over long gaps.
+  struct Windows {
+    std::size_t begin = 0, at = 0, end = 0;
+  };
+  std::optional<Windows> windows(std::size_t at) const {
+    const Windows w{at - std::min(at, kWindow), at, std::min(size(), at + kWindow)};
+    if (w.at - w.begin < kLeastFrames || w.end - w.at < kLeastFrames) return std::nullopt;
+    const double longest = 4.0 * kWindow * period_;
+    if (times_[w.end - 1] - times_[w.begin] > longest) return std::nullopt;
+    return w;
+  }
+
+ private:
+  std::span<const double> times_;
+  double period_;
+  std::vector<Phasor> sums_;
+};
+
+struct Difference {
+  double angle = 0, variance = 0;  // radians
+};
+
+// Variance of the angle of a mean phasor (Mardia: circular variance over n), with a floor against
+// windows that happen to scatter little.
+double angle_variance(Phasor sum, double count) {
+  const double length = std::min(std::abs(sum) / count, 1.0);
+  const double one = length > 1e-3 ? -2 * std::log(length) : 14.0;
+  return (one + 1e-8) / count;
+}
+
+std::optional<Difference> difference_at(const PhaseSums& camera, double time) {
+  const auto w = camera.windows(camera.first_at(time));
+  if (!w) return std::nullopt;
+  const Phasor before = camera.sum(w->begin, w->at), after = camera.sum(w->at, w->end);
+  return Difference{std::arg(after * std::conj(before)),
+                    angle_variance(before, static_cast<double>(w->at - w->begin)) +
+                        angle_variance(after, static_cast<double>(w->end - w->at))};
+}
+
+struct Pooled {
+  double angle = 0, score = 0;
+  bool agreed = false;
+};
+
+Pooled pool(std::span<const PhaseSums> cameras, double time) {
+  std::vector<Difference> differences;
+  std::size_t running = 0;
+  Phasor sum = 0;
+  double weight = 0;
+  for (const PhaseSums& camera : cameras) {
+    running += camera.runs_at(time) ? 1 : 0;
+    const auto d = difference_at(camera, time);
+    if (!d) continue;
+    differences.push_back(*d);
+    sum += std::polar(1 / d->variance, d->angle);
+    weight += 1 / d->variance;
+  }
+  // A few cameras that happen to have frames speak for the group; one of many does not.
+  if (2 * differences.size() < running || differences.empty()) return {};
+  if (cameras.size() > 1 && differences.size() == 1) return {};
+  Pooled pooled;
+  pooled.angle = std::arg(sum);
+  pooled.score = std::abs(pooled.angle) * std::sqrt(weight);
+  const auto agree = std::ranges::count_if(differences, [&](const Difference& d) {
+    return std::abs(std::remainder(d.angle - pooled.angle, kTurn)) < 4 * std::sqrt(d.variance);
+  });
+  pooled.agreed =
+      static_cast<double>(agree) >= kAgreeingShare * static_cast<double>(differences.size());
+  return pooled;
+}
+
+// Phases of a camera before and after a shift near `time`, without the frames next to it.
+struct Sides {
+  double before = 0, after = 0;  // radians, as PhaseSums counts them
+};
+Sides sides_of(const PhaseSums& camera, std::size_t at, double angle) {
+  const std::size_t left = at - std::min(at, kGuard);
+  const std::size_t right = std::min(camera.size(), at + kGuard);
+  const Phasor before = camera.sum(left - std::min(left, kWindow), left);
+  const Phasor after = camera.sum(right, std::min(camera.size(), right + kWindow));
+  if (std::abs(before) < 1) return {std::arg(after) - angle, std::arg(after)};
+  return {std::arg(before), std::arg(before) + angle};
+}
+
+// How much better a frame fits the phase before than the one after; negative: after.
+double preference(const PhaseSums& camera, std::size_t frame, const Sides& sides) {
+  const double angle = std::arg(camera.sum(frame, frame + 1));
+  const double before = std::remainder(angle - sides.before, kTurn);
+  const double after = std::remainder(angle - sides.after, kTurn);
+  return after * after - before * before;
+}
+
+// The instant that parts the group's frames best.
+double parting_time(std::span<const PhaseSums> cameras, double time, double angle) {
+  struct Vote {
+    double time, preference;
+  };
+  std::vector<Vote> votes;
+  for (const PhaseSums& camera : cameras) {
+    const std::size_t at = camera.first_at(time);
+    const Sides sides = sides_of(camera, at, angle);
+    const std::size_t end = std::min(camera.size(), at + kWindow / 2);
+    for (std::size_t i = at - std::min(at, kWindow / 2); i < end; ++i) {
+      votes.push_back({camera.time(i), preference(camera, i, sides)});
+    }
+  }
+  std::ranges::sort(votes, {}, &Vote::time);
+  double sum = 0, best = -std::numeric_limits<double>::infinity(), best_time = time;
+  for (const Vote& vote : votes) {
+    if (sum > best) {
+      best = sum;
+      best_time = vote.time;
+    }
+    sum += vote.preference;
+  }
+  return best_time;
+}
+
+// A clock that jumps back stamps frames of the next camera before those of the last one, so each
+// camera chooses among its frames within 1.5 periods of the group's instant.
+std::size_t parting_frame(const PhaseSums& camera, double time, double angle) {
+  const std::size_t at = camera.first_at(time);
+  const Sides sides = sides_of(camera, at, angle);
+  const double reach = 1.5 * camera.period();
+  const std::size_t begin = camera.first_at(time - reach), end = camera.first_at(time + reach);
+  double sum = 0, best = 0;
+  std::size_t best_frame = begin;
+  for (std::size_t i = begin; i < end; ++i) {
+    sum += preference(camera, i, sides);
+    if (sum > best) {
+      best = sum;
+      best_frame = i + 1;
+    }
+  }
+  return best_frame;
+}
+
+// A coarse period may be wrong by what a step adds over the whole time; the median of the local
+// drifts is not.
+double settled_period(std::span<const double> times, double period) {
+  const PhaseSums camera(times, period);
+  std::vector<double> drifts;  // cycles per ns
+  for (std::size_t at = kLeastFrames; at < times.size(); at += kLeastFrames / 2) {
+    const auto w = camera.windows(at);
+    if (!w) continue;
+    const auto mean = [&](std::size_t begin, std::size_t end) {
+      return std::reduce(times.begin() + static_cast<std::ptrdiff_t>(begin),
+                         times.begin() + static_cast<std::ptrdiff_t>(end), 0.0) /
+             static_cast<double>(end - begin);
+    };
+    const double angle =
+        std::arg(camera.sum(w->at, w->end) * std::conj(camera.sum(w->begin, w->at)));
+    drifts.push_back(angle / kTurn / (mean(w->at, w->end) - mean(w->begin, w->at)));
+  }
+  return 1 / (1 / period - quantile(drifts, 0.5));
+}
+
+}  // namespace
+
+std::vector<PhaseShift> find_phase_shifts(std::span<const std::vector<double>> times,
+                                          std::span<const double> periods,
+                                          const PhaseShiftSettings& settings) {
+  std::vector<double> known(periods.begin(), periods.end());
+  std::erase(known, 0.0);
+  if (known.empty()) return {};
+  const double period = quantile(known, 0.5);
+  std::vector<PhaseSums> cameras;
+  std::vector<bool> usable(times.size());
+  double begin = std::numeric_limits<double>::max(), end = std::numeric_limits<double>::lowest();
+  for (std::size_t c = 0; c < times.size(); ++c) {
+    if (periods[c] <= 0 || std::abs(periods[c] / period - 1) > kSamePeriod) continue;
+    usable[c] = true;
+    cameras.emplace_back(times[c], settled_period(times[c], periods[c]));
+    begin = std::min(begin, times[c].front());
+    end = std::max(end, times[c].back());
+  }
+
+  struct Candidate {
+    double time, angle, score;
+  };
+  std::vector<Candidate> candidates;
+  for (double time = begin; time <= end; time += kGridStep * period) {
+    const Pooled pooled = pool(cameras, time);
+    if (pooled.score < settings.least_score || !pooled.agreed) continue;
+    if (std::abs(pooled.angle) < kTurn * settings.least_share) continue;
+    candidates.push_back({time, pooled.angle, pooled.score});
+  }
+  // The clearest first; what overlaps its windows is the same shift seen from aside.
+  std::ranges::stable_sort(candidates, std::greater(), &Candidate::score);
+  std::vector<Candidate> chosen;
+  for (const Candidate& candidate : candidates) {
+    const bool same = std::ranges::any_of(chosen, [&](const Candidate& other) {
+      return std::abs(other.time - candidate.time) < 1.25 * kWindow * period;
+    });
+    if (!same) chosen.push_back(candidate);
+  }
+  std::ranges::sort(chosen, {}, &Candidate::time);
+
+  std::vector<PhaseShift> shifts;
+  for (const Candidate& candidate : chosen) {
+    const double time = parting_time(cameras, candidate.time, candidate.angle);
+    PhaseShift shift;
+    shift.step = candidate.angle / kTurn * period;
+    std::size_t next = 0;
+    for (std::size_t c = 0; c < times.size(); ++c) {
+      const auto at =
+          static_cast<std::size_t>(std::ranges::lower_bound(times[c], time) - times[c].begin());
+      shift.first_frame.push_back(usable[c] ? parting_frame(cameras[next++], time, candidate.angle)
+                                            : at);
+    }
+    shifts.push_back(std::move(shift));
+  }
+  return shifts;
+}
+
+}  // namespace raystage

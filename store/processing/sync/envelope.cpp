@@ -1,0 +1,278 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "store/processing/sync/line_fit.h"
+
+namespace raystage {
+namespace {
+
+// Frames that count, without their breaks.
+struct Points {
+  std::vector<double> slots, times;
+  std::vector<std::size_t> frames;
+};
+
+Points points_of(const CameraLine& camera) {
+  const ClockFit& fit = *camera.fit;
+  Points points;
+  points.slots.reserve(fit.slots.size());
+  points.times.reserve(fit.slots.size());
+  points.frames.reserve(fit.slots.size());
+  double shift = 0;
+  std::size_t next = 0;
+  const double edge = lower_edge(fit);
+  for (std::size_t i = 0; i < fit.slots.size(); ++i) {
+    for (; next < fit.breaks.size() && fit.breaks[next].first_frame <= i; ++next) {
+      shift += fit.breaks[next].step;
+    }
+    if (fit.slots[i] == kNoSlot || fit.residual[i] < edge) continue;
+    points.slots.push_back(static_cast<double>(fit.slots[i]));
+    points.times.push_back(camera.times[i] - shift);
+    points.frames.push_back(i);
+  }
+  return points;
+}
+
+// Least of a convex function in [low, high].
+template <typename Function>
+double golden_section(double low, double high, const Function& function) {
+  constexpr double kGolden = 0.6180339887498949;
+  double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
+  double at_a = function(a), at_b = function(b);
+  while (high - low > 1000) {  // ns
+    if (at_a <= at_b) {
+      high = b;
+      b = a;
+      at_b = at_a;
+      a = high - kGolden * (high - low);
+      at_a = function(a);
+    } else {
+      low = a;
+      a = b;
+      at_a = at_b;
+      b = low + kGolden * (high - low);
+      at_b = function(b);
+    }
+  }
+  return (low + high) / 2;
+}
+
+// Indices of the lower hull of points with increasing slots.
+std::vector<std::size_t> lower_hull(std::span<const double> slots, std::span<const double> times) {
+  std::vector<std::size_t> hull;
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    while (hull.size() >= 2) {
+      const std::size_t a = hull[hull.size() - 2], b = hull.back();
+      const double turn = (slots[b] - slots[a]) * (times[i] - times[a]) -
+                          (times[b] - times[a]) * (slots[i] - slots[a]);
+      if (turn > 0) break;
+      hull.pop_back();
+    }
+    hull.push_back(i);
+  }
+  return hull;
+}
+
+// The hull's edge over `slot`: index of its right end.
+std::size_t edge_over(std::span<const std::size_t> hull, std::span<const double> slots,
+                      double slot) {
+  std::size_t edge = 1;
+  while (edge + 1 < hull.size() && slots[hull[edge]] < slot) ++edge;
+  return edge;
+}
+
+// A camera's points on both sides of a break, reduced to what an envelope can touch: the hull of
+// all is the hull of both sides' hulls, however they are moved against each other.
+struct TwoSides {
+  std::vector<double> slots, times;
+  std::size_t left = 0;  // points before the break
+  double count = 0, count_right = 0, mean_slot = 0, mean_time = 0;
+
+  TwoSides(const Points& points, std::size_t first_frame) {
+    const auto split = static_cast<std::size_t>(
+        std::ranges::lower_bound(points.frames, first_frame) - points.frames.begin());
+    count = static_cast<double>(points.slots.size());
+    count_right = count - static_cast<double>(split);
+    for (std::size_t i = 0; i < points.slots.size(); ++i) {
+      mean_slot += points.slots[i] / count;
+      mean_time += points.times[i] / count;
+    }
+    const auto add = [&](std::size_t begin, std::size_t end) {
+      const auto s = std::span(points.slots).subspan(begin, end - begin);
+      const auto t = std::span(points.times).subspan(begin, end - begin);
+      for (const std::size_t i : lower_hull(s, t)) {
+        slots.push_back(s[i]);
+        times.push_back(t[i]);
+      }
+    };
+    add(0, split);
+    left = slots.size();
+    add(split, points.slots.size());
+  }
+  /// Sum of residuals over the envelope where the right side is moved down by `delta`.
+  double misfit(double delta) const {
+    if (slots.size() < 2) return 0;
+    std::vector<double> moved = times;
+    for (std::size_t i = left; i < moved.size(); ++i) moved[i] -= delta;
+    const auto hull = lower_hull(slots, moved);
+    if (hull.size() < 2) return 0;
+    const std::size_t edge = edge_over(hull, slots, mean_slot);
+    const std::size_t a = hull[edge - 1], b = hull[edge];
+    const double height =
+        moved[a] + (moved[b] - moved[a]) / (slots[b] - slots[a]) * (mean_slot - slots[a]);
+    return count * (mean_time - height) - count_right * delta;
+  }
+};
+
+// How far the steps of breaks[index_of[c]] of the cameras must move together for their envelopes to
+// fit best.
+double step_correction(std::span<const CameraLine> cameras, std::span<const std::size_t> index_of) {
+  std::vector<TwoSides> sides;
+  double jitter = 0;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    sides.emplace_back(points_of(cameras[c]), cameras[c].fit->breaks[index_of[c]].first_frame);
+    jitter = std::max(jitter, cameras[c].fit->jitter);
+  }
+  const auto misfit = [&](double delta) {  // minus the log likelihood
+    double sum = 0;
+    for (const TwoSides& camera : sides) sum += camera.misfit(delta);
+    return sum;
+  };
+  const double best = golden_section(-jitter, jitter, misfit);
+  if (jitter == 0) return best;
+
+  // As for the line, the mean over what is likely beats the most likely. For exponential delays the
+  // jitter as it is measured is 0.83 of the mean delay.
+  constexpr double kMeanDelay = 1.2, kUnlikely = 8;
+  const double scale = kMeanDelay * jitter, least = misfit(best);
+  double reach = jitter / 256;
+  while (reach < jitter &&
+         std::min(misfit(best - reach), misfit(best + reach)) - least < kUnlikely * scale) {
+    reach *= 2;
+  }
+  constexpr int kSamples = 32;
+  double weight = 0, mean = 0;
+  for (int k = -kSamples; k <= kSamples; ++k) {
+    const double delta = best + reach * k / kSamples;
+    const double w = std::exp(-(misfit(delta) - least) / scale);
+    weight += w;
+    mean += w * delta;
+  }
+  return mean / weight;
+}
+
+}  // namespace
+
+double lower_edge(const ClockFit& fit) {
+  constexpr std::size_t kMost = 3, kNext = 20;
+  constexpr double kGap = 15;  // one in three million where delays are exponential
+  std::vector<double> values;
+  for (std::size_t i = 0; i < fit.slots.size(); ++i) {
+    if (fit.slots[i] != kNoSlot && fit.residual[i] >= fit.early_limit) {
+      values.push_back(fit.residual[i]);
+    }
+  }
+  double edge = fit.early_limit;
+  if (values.size() < kMost + kNext + 1) return edge;
+  std::ranges::partial_sort(values, values.begin() + kMost + kNext + 1);
+  for (std::size_t k = 0; k < kMost; ++k) {
+    const double spacing = (values[k + 1 + kNext] - values[k + 1]) / static_cast<double>(kNext);
+    if (values[k + 1] - values[k] > kGap * spacing) edge = (values[k] + values[k + 1]) / 2;
+  }
+  return edge;
+}
+
+Envelope lower_envelope(std::span<const double> slots, std::span<const double> times,
+                        bool posterior_mean) {
+  if (slots.size() < 2) return {};
+  // The hull's edge over the mean slot has the least sum of residuals among all lines below.
+  const std::vector<std::size_t> hull = lower_hull(slots, times);
+  const double mean =
+      std::reduce(slots.begin(), slots.end(), 0.0) / static_cast<double>(slots.size());
+  const std::size_t edge = edge_over(hull, slots, mean);
+  const auto slope = [&](std::size_t e) {
+    const std::size_t a = hull[e - 1], b = hull[e];
+    return (times[b] - times[a]) / (slots[b] - slots[a]);
+  };
+  Envelope envelope;
+  const std::size_t a = hull[edge - 1];
+  envelope.line.period = slope(edge);
+  envelope.line.origin = times[a] - envelope.line.period * slots[a];
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    envelope.sum += times[i] - envelope.line.origin - envelope.line.period * slots[i];
+  }
+  if (!posterior_mean || envelope.sum <= 0) return envelope;
+
+  // With exponential delays of mean m the likelihood of a line under all points is
+  // exp(n / m * its height at the mean slot). Lines of slope s touch the hull at one vertex:
+  // between the slopes of two edges the logarithm of the posterior of s is a straight line.
+  const auto count = static_cast<double>(slots.size());
+  const double rate = count * std::max(count - 2, 1.0) / envelope.sum;
+  const auto height = [&](std::size_t vertex, double s) {
+    return times[hull[vertex]] + s * (mean - slots[hull[vertex]]);
+  };
+  const double top = height(edge, slope(edge));
+  double weight = 0, mean_slope = 0, mean_height = 0;
+  for (std::size_t v = 0; v < hull.size(); ++v) {
+    // d(log posterior)/ds; the slopes about the best edge's, so that differences stay exact.
+    const double gain = rate * (mean - slots[hull[v]]);
+    if (gain == 0) continue;
+    const double low = v > 0 ? slope(v) - envelope.line.period : 0;
+    const double high = v + 1 < hull.size() ? slope(v + 1) - envelope.line.period : 0;
+    const double from = v > 0 ? low : high - 40 / std::abs(gain);
+    const double to = v + 1 < hull.size() ? high : low + 40 / std::abs(gain);
+    const auto log_posterior = [&](double s) {
+      return rate * (height(v, s + envelope.line.period) - top);
+    };
+    // Integral of exp(gain s), s exp(gain s) between from and to, without overflow.
+    const double at_from = std::exp(log_posterior(from)), at_to = std::exp(log_posterior(to));
+    const double integral = (at_to - at_from) / gain;
+    const double moment = (to * at_to - from * at_from) / gain - integral / gain;
+    const double log_moment =
+        (at_to * log_posterior(to) - at_from * log_posterior(from)) / gain - integral;
+    weight += integral;
+    mean_slope += moment;
+    // The height itself lies one mean of its own exponential below the hull.
+    mean_height += (log_moment - integral) / rate;
+  }
+  if (!(weight > 0)) return envelope;
+  envelope.line.period += mean_slope / weight;
+  envelope.line.origin = top + mean_height / weight - envelope.line.period * mean;
+  return envelope;
+}
+
+void fit_envelope(std::span<const CameraLine> group) {
+  // Twice, as each step is moved with the others held.
+  for (int round = 0; round < 2; ++round) {
+    for (int step = 0; step < group_steps_of(group); ++step) {
+      std::vector<CameraLine> cameras;
+      std::vector<std::size_t> index_of;
+      for (const CameraLine& camera : group) {
+        const auto found = std::ranges::find(camera.fit->breaks, step, &PhaseBreak::group_step);
+        if (found == camera.fit->breaks.end() || !camera.fit->regular) continue;
+        cameras.push_back(camera);
+        index_of.push_back(static_cast<std::size_t>(found - camera.fit->breaks.begin()));
+      }
+      const double correction = step_correction(cameras, index_of);
+      for (const CameraLine& camera : group) {
+        for (PhaseBreak& b : camera.fit->breaks) b.step += b.group_step == step ? correction : 0;
+      }
+    }
+    for (const CameraLine& camera : group) {
+      for (std::size_t b = 0; b < camera.fit->breaks.size(); ++b) {
+        if (camera.fit->breaks[b].group_step >= 0) continue;
+        camera.fit->breaks[b].step += step_correction({&camera, 1}, {&b, 1});
+      }
+    }
+  }
+  for (const CameraLine& camera : group) {
+    if (!camera.fit->regular) continue;
+    const Points points = points_of(camera);
+    if (points.slots.size() < 3) continue;
+    camera.fit->lattice = lower_envelope(points.slots, points.times, true).line;
+  }
+}
+
+}  // namespace raystage

@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/processing/sync/losses.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace raystage {
+namespace {
+
+constexpr double kLeastGain = 12;  // of log likelihood
+constexpr double kLeastLoss = 0.1, kLeastRatio = 3, kLeastLost = 5;
+constexpr double kMostBins = 10'000'000;
+
+// Log likelihood of `lost` of `all` at the rate they show.
+double log_likelihood(double lost, double all) {
+  if (lost <= 0 || lost >= all) return 0;
+  return lost * std::log(lost / all) + (all - lost) * std::log(1 - lost / all);
+}
+
+std::int64_t recorded_in(const CameraStamps& camera, const CameraClock& clock, const LostRun& run) {
+  const double end =
+      static_cast<double>(run.time) + (static_cast<double>(run.count) - 0.5) * clock.period_ns;
+  const auto begin = std::ranges::partition_point(camera.missing, [&](const FrameRecord& record) {
+    return static_cast<double>(clock.corrected(record.time_ns)) <
+           static_cast<double>(run.time) - 0.5 * clock.period_ns;
+  });
+  std::int64_t count = 0;
+  for (auto record = begin; record != camera.missing.end(); ++record) {
+    if (static_cast<double>(clock.corrected(record->time_ns)) >= end) break;
+    ++count;
+  }
+  return std::min(count, run.count);
+}
+
+// A start-up loses frames from its beginning on; a hole later in the take is none, however much it
+// lost.
+bool begins_with_losses(std::span<const double> lost, std::span<const double> present,
+                        std::size_t split) {
+  const std::size_t quarter = std::max<std::size_t>(1, split / 4);
+  const auto sum = [&](std::span<const double> bins, std::size_t end) {
+    return std::reduce(bins.begin(), bins.begin() + static_cast<std::ptrdiff_t>(end));
+  };
+  const auto rate = [&](std::size_t end) {
+    const double away = sum(lost, end);
+    return away / std::max(1.0, away + sum(present, end));
+  };
+  return rate(quarter) >= rate(split) / kLeastRatio;
+}
+
+}  // namespace
+
+std::vector<LostRun> lost_runs(const CameraStamps& camera, const ClockFit& fit,
+                               const CameraClock& clock, Nanoseconds base) {
+  std::vector<LostRun> runs;
+  std::int64_t first = kNoSlot, previous = kNoSlot;
+  for (std::size_t i = 0; i < fit.slots.size(); ++i) {
+    const std::int64_t slot = fit.slots[i];
+    if (slot == kNoSlot) continue;
+    if (first == kNoSlot) first = slot;
+    if (previous != kNoSlot && slot > previous + 1) {
+      LostRun run;
+      run.first = previous + 1 - first;
+      run.count = slot - previous - 1;
+      run.time = base - clock.offset_ns +
+                 std::llround(fit.lattice.at(previous + 1) + fit.own_shift(i - 1));
+      run.recorded = recorded_in(camera, clock, run);
+      runs.push_back(run);
+    }
+    previous = slot;
+  }
+  return runs;
+}
+
+LostRun lost_between(const CameraStamps& camera, const CameraClock& clock, Nanoseconds last,
+                     Nanoseconds next) {
+  LostRun run;
+  run.count = std::llround(static_cast<double>(next - last) / clock.period_ns) - 1;
+  run.time = last + std::llround(clock.period_ns);
+  if (run.count > 0) run.recorded = recorded_in(camera, clock, run);
+  return run;
+}
+
+std::optional<Nanoseconds> find_start_up_end(std::span<const CameraSync> cameras,
+                                             const std::vector<CameraClock>& clocks,
+                                             const std::vector<std::vector<Nanoseconds>>& times,
+                                             const TimeRange& range, double period) {
+  const double length = static_cast<double>(range.end - range.begin) / period;
+  if (!(length >= 3) || length > kMostBins) return std::nullopt;
+  const auto bins = static_cast<std::size_t>(length);
+  std::vector<double> lost(bins, 0), present(bins, 0);
+  const auto bin_of = [&](double time) {
+    return std::floor((time - static_cast<double>(range.begin)) / period);
+  };
+  const auto add = [&](std::vector<double>& to, double time) {
+    const double bin = bin_of(time);
+    if (bin >= 0 && bin < static_cast<double>(bins)) to[static_cast<std::size_t>(bin)] += 1;
+  };
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    if (!cameras[c].regular) continue;
+    const double own = clocks[c].period_ns;
+    std::optional<Nanoseconds> first;
+    for (const Nanoseconds time : times[c]) {
+      if (time == kNoTime) continue;
+      if (!first) first = time;
+      add(present, static_cast<double>(time));
+    }
+    if (!first) continue;
+    for (double time = static_cast<double>(*first) - own; time >= static_cast<double>(range.begin);
+         time -= own) {
+      add(lost, time);
+    }
+    for (const LostRun& run : cameras[c].lost) {
+      for (std::int64_t k = 0; k < run.count; ++k) {
+        const double time = static_cast<double>(run.time) + static_cast<double>(k) * own;
+        if (time > static_cast<double>(range.end)) break;
+        add(lost, time);
+      }
+    }
+  }
+
+  double all_lost = 0, all = 0;
+  for (std::size_t b = 0; b < bins; ++b) {
+    all_lost += lost[b];
+    all += lost[b] + present[b];
+  }
+  double before_lost = 0, before = 0, best = kLeastGain;
+  std::optional<std::size_t> split;
+  for (std::size_t b = 0; b + 1 < bins && b < 2 * bins / 3; ++b) {
+    before_lost += lost[b];
+    before += lost[b] + present[b];
+    const double after_lost = all_lost - before_lost, after = all - before;
+    if (before_lost < kLeastLost || after <= 0) continue;
+    const double rate = before_lost / before, rate_after = after_lost / after;
+    if (rate < kLeastLoss || rate < kLeastRatio * rate_after) continue;
+    const double gain = log_likelihood(before_lost, before) + log_likelihood(after_lost, after) -
+                        log_likelihood(all_lost, all);
+    if (gain > best) {
+      best = gain;
+      split = b + 1;
+    }
+  }
+  if (!split || !begins_with_losses(lost, present, *split)) return std::nullopt;
+  return range.begin + std::llround(static_cast<double>(*split) * period);
+}
+
+}  // namespace raystage

@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "store/scene_depth_range.h"
+
+#include <string>
+
+#include "base/error.h"
+
+namespace raystage {
+
+DepthRange scene_depth_range(const Take& of, const DepthRange& given, std::string_view what,
+                             std::string_view what_to_do) {
+  DepthRange scene = of.document().depth_range.value_or(DepthRange{});
+  if (given.near > 0) scene.near = given.near;
+  if (given.far > 0) scene.far = given.far;
+  const std::string take = of.folder().string();
+  if (!(scene.near > 0 && scene.far > 0)) {
+    throw Error::bad_input(std::string(what) + " does not know how deep the scene is", take,
+                           std::string(what_to_do));
+  }
+  if (scene.far < scene.near) {
+    throw Error::bad_input(std::string(what) + ": far is nearer than near", take,
+                           "Give near and far in metres, near first");
+  }
+  return scene;
+}
+
+}  // namespace raystage

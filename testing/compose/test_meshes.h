@@ -1,0 +1,66 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <cmath>
+#include <numbers>
+
+#include "compose/geometry/geometry_scene.h"
+
+namespace raystage::testing {
+
+inline Material make_material(Material::Kind kind, float color = 1) {
+  Material material;
+  material.kind = kind;
+  material.color.setConstant(color);
+  return material;
+}
+
+/// A square in the plane z = 0 that looks along +z, x and y from -half to half.
+inline Mesh square(double half, const Material& material) {
+  Mesh mesh;
+  mesh.positions = {{-half, -half, 0}, {half, -half, 0}, {half, half, 0}, {-half, half, 0}};
+  mesh.uvs = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
+  mesh.corners = {{0, 1, 2}, {0, 2, 3}};
+  mesh.triangle_objects = {0, 0};
+  mesh.objects = {{"square", 0}};
+  mesh.materials = {material};
+  return mesh;
+}
+
+/// A sphere about the origin, with its normals.
+inline Mesh ball(double radius, const Material& material, int steps = 48) {
+  Mesh mesh;
+  for (int row = 0; row <= steps; ++row) {
+    for (int column = 0; column <= 2 * steps; ++column) {
+      const double polar = std::numbers::pi * row / steps, turn = std::numbers::pi * column / steps;
+      const Eigen::Vector3d normal(std::sin(polar) * std::cos(turn), std::cos(polar),
+                                   std::sin(polar) * std::sin(turn));
+      mesh.positions.emplace_back(radius * normal);
+      mesh.normals.emplace_back(normal.cast<float>());
+    }
+  }
+  const auto at = [&](int row, int column) {
+    return static_cast<std::uint32_t>(row * (2 * steps + 1) + column);
+  };
+  for (int row = 0; row < steps; ++row) {
+    for (int column = 0; column < 2 * steps; ++column) {
+      mesh.corners.push_back({at(row, column), at(row + 1, column), at(row + 1, column + 1)});
+      mesh.corners.push_back({at(row, column), at(row + 1, column + 1), at(row, column + 1)});
+    }
+  }
+  mesh.triangle_objects.assign(mesh.corners.size(), 0);
+  mesh.objects = {{"ball", 0}};
+  mesh.materials = {material};
+  return mesh;
+}
+
+inline MeshInstance make_instance(const EmbreeMesh& scene, const Eigen::Vector3d& position,
+                                  double scale = 1) {
+  MeshInstance mesh;
+  mesh.scene = &scene;
+  mesh.world_from_object.translate(position).scale(scale);
+  mesh.object_from_world = mesh.world_from_object.inverse();
+  return mesh;
+}
+
+}  // namespace raystage::testing

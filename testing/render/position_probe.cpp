@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "testing/render/position_probe.h"
+
+#include <cstddef>
+#include <cstdint>
+
+#undef HWY_TARGET_INCLUDE
+#define HWY_TARGET_INCLUDE "testing/render/position_probe.cpp"
+// The order matters.
+// clang-format off
+#include <hwy/foreach_target.h>  // IWYU pragma: keep
+#include <hwy/highway.h>
+#include "render/sweep/block_positions-inl.h"
+// clang-format on
+
+HWY_BEFORE_NAMESPACE();
+namespace raystage {
+namespace HWY_NAMESPACE {
+namespace {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+using testing::ProbedPosition;
+
+/// As sample_even() and sample_exactly() of the cost kernels.
+void probe(const MatchingCamera& camera, const CostRun& run, int begin, int count,
+           std::vector<ProbedPosition>& found) {
+  const hn::ScalableTag<float> d;
+  const int lanes = static_cast<int>(hn::Lanes(d));
+  CostScratch scratch(run.planes.count, 1);
+  const BlockPositions positions = scratch.positions(0);
+  const BlockProjection sight(camera, run, begin, count);
+  PositionFit(sight, count).fit(run.planes.count, positions);
+  const double left = camera.frame->box().left + sight.column() + 0.5;
+  const double top = camera.frame->box().top + sight.row() + 0.5;
+  for (int plane = 0; plane < run.planes.count; ++plane) {
+    for (int x = 0; x < count; ++x) {
+      const auto at = hn::Set(d, static_cast<float>(x));
+      ProbedPosition position;
+      position.by_fit = positions.even[plane] != 0;
+      if (position.by_fit) {
+        const auto nearest = [&](const float* c0, const float* c1, const float* c2) HWY_ATTR {
+          using V = hn::Vec<decltype(d)>;
+          const Curve<V> curve{hn::Set(d, *c0), hn::Set(d, *c1), hn::Set(d, *c2)};
+          return hn::GetLane(evaluate_rounded(curve, at));
+        };
+        const std::ptrdiff_t part = x / lanes * positions.stride + plane;
+        const std::int32_t u =
+            nearest(positions.u[0] + plane, positions.u[1] + plane, positions.u[2] + plane);
+        const std::int32_t v =
+            nearest(positions.v[0] + part, positions.v[1] + plane, positions.v[2] + plane);
+        position.u = left + static_cast<double>(u) / (1 << kColumnBits);
+        position.v = top + (positions.row[part] >> 2) + static_cast<double>(v) / (1 << kRowBits);
+        position.seen = true;
+      } else {
+        const auto place = sight.along_row(d, at, plane);
+        position.seen = hn::AllTrue(d, place.seen);
+        const auto rounded = [&](auto value, int bits) HWY_ATTR {
+          const auto unit = hn::Set(d, static_cast<float>(1 << bits));
+          return static_cast<double>(hn::GetLane(hn::NearestInt(hn::Mul(value, unit)))) /
+                 (1 << bits);
+        };
+        position.u = left + rounded(hn::IfThenElseZero(place.seen, place.u), kColumnBits);
+        position.v = top + rounded(hn::IfThenElseZero(place.seen, place.v), kRowBits);
+      }
+      found.push_back(position);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace HWY_NAMESPACE
+}  // namespace raystage
+HWY_AFTER_NAMESPACE();
+
+#if HWY_ONCE
+namespace raystage {
+
+HWY_EXPORT(probe);
+
+std::vector<testing::ProbedPosition> testing::probe_positions(const MatchingCamera& camera,
+                                                              const CostRun& run, int begin,
+                                                              int count) {
+  std::vector<ProbedPosition> found;
+  HWY_DYNAMIC_DISPATCH(probe)(camera, run, begin, count, found);
+  return found;
+}
+
+}  // namespace raystage
+#endif

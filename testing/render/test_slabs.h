@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+#include "render/renderer.h"
+#include "testing/render/synthetic_take.h"
+#include "testing/render/test_poses.h"
+
+namespace raystage::testing {
+
+inline const Eigen::Vector4d kPaintedPlane(0, 0, 1, 4);
+
+/// A view, rendered either way.
+struct FastAndReference {
+  RenderedView fast, reference;
+};
+
+struct RenderCase {
+  Eigen::Vector4d plane = kPaintedPlane;
+  OptionValues options = {};
+  int frame = 0;
+  BlendSpace space = BlendSpace::kPerceptual;
+};
+
+inline FastAndReference render_both(const Take& take, const VirtualCamera& view,
+                                    const RenderCase& asked = {}) {
+  const FrameSelection frames =
+      select_frames(take, asked.frame * kNanosecondsPerSecond / 15, 30'000'000);
+  RendererSettings settings;
+  settings.blend_space = asked.space;
+  const ReconstructionSettings how{"slabs", asked.plane, asked.options};
+  FastAndReference pair;
+  pair.fast = LightFieldRenderer(take, settings).render(view, frames, how);
+  settings.reference = true;
+  pair.reference = LightFieldRenderer(take, settings).render(view, frames, how);
+  return pair;
+}
+
+/// `least_alpha`: only pixels that both see at least so much; `tolerance` of the colour.
+inline void expect_equal(const FastAndReference& pair, double tolerance = 1e-3,
+                         double alpha_tolerance = 1e-3) {
+  double worst = 0;
+  for (std::size_t i = 0; i < pair.fast.coverage.size(); ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      worst = std::max(worst, std::abs(static_cast<double>(pair.fast.rgba[i * 4 + c]) -
+                                       static_cast<double>(pair.reference.rgba[i * 4 + c])));
+    }
+    ASSERT_NEAR(pair.fast.rgba[i * 4 + 3], pair.reference.rgba[i * 4 + 3], alpha_tolerance) << i;
+    ASSERT_NEAR(pair.fast.coverage[i], pair.reference.coverage[i], alpha_tolerance) << i;
+    if (std::isfinite(pair.fast.z[i]) && std::isfinite(pair.reference.z[i])) {
+      ASSERT_NEAR(pair.fast.z[i] / pair.reference.z[i], 1, 1e-4) << "pixel " << i;
+    }
+  }
+  EXPECT_LT(worst, tolerance);
+}
+
+inline double mean_alpha(const RenderedView& view) {
+  double sum = 0;
+  for (std::size_t i = 3; i < view.rgba.size(); i += 4) sum += static_cast<double>(view.rgba[i]);
+  return sum / static_cast<double>(view.coverage.size());
+}
+
+}  // namespace raystage::testing

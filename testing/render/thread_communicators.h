@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <barrier>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "render/common/rank_communicator.h"
+
+namespace raystage::testing {
+
+/// Hosts that are threads of this process: each thread has a Group of its own.
+class ThreadCommunicators {
+ public:
+  explicit ThreadCommunicators(int hosts)
+      : boxes_(static_cast<std::size_t>(hosts)), barrier_(hosts), hosts_(hosts) {}
+
+  class Group : public RankCommunicator {
+   public:
+    Group(ThreadCommunicators& all, int host) : all_(all), host_(host) {}
+    int host() const override { return host_; }
+    int hosts() const override { return all_.hosts_; }
+    std::vector<Message> exchange(std::vector<Message> messages) const override {
+      all_.boxes_[static_cast<std::size_t>(host_)] = std::move(messages);
+      all_.barrier_.arrive_and_wait();
+      std::vector<Message> received;
+      for (const auto& box : all_.boxes_) received.push_back(box[static_cast<std::size_t>(host_)]);
+      all_.barrier_.arrive_and_wait();
+      return received;
+    }
+
+   private:
+    ThreadCommunicators& all_;
+    int host_;
+  };
+
+ private:
+  std::vector<std::vector<RankCommunicator::Message>> boxes_;  // by sender and receiver
+  std::barrier<> barrier_;
+  int hosts_;
+};
+
+}  // namespace raystage::testing

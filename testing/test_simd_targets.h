@@ -1,0 +1,61 @@
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <cstdint>
+#include <iostream>
+#include <set>
+#include <string>
+
+namespace raystage::testing {
+
+/// While it lives, kernels run under the instruction set chosen last.
+class ScopedSimdTarget {
+ public:
+  ScopedSimdTarget() = default;
+  ~ScopedSimdTarget() {
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().DeInit();
+  }
+  ScopedSimdTarget(const ScopedSimdTarget&) = delete;
+  ScopedSimdTarget& operator=(const ScopedSimdTarget&) = delete;
+
+  void choose(std::int64_t target) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+  }
+};
+
+/// For tests of kernels: calls `check` under every instruction set that they are compiled for and
+/// this machine has. `name_of_target` says what the kernels' own dispatch picks (HWY_TARGET's
+/// name): what it picks twice is checked once. Fails unless on x86 SSE4 and AVX2 were among them,
+/// and AVX-512 where the processor has it; where it has not, says so.
+template <class NameOfTarget, class Check>
+void for_each_simd_target(const NameOfTarget& name_of_target, const Check& check) {
+  std::set<std::string> seen;
+  {
+    ScopedSimdTarget chosen;
+    for (const auto target : hwy::SupportedAndGeneratedTargets()) {
+      chosen.choose(target);
+      const std::string name = name_of_target();
+      if (!seen.insert(name).second) continue;
+      SCOPED_TRACE(name);
+      check();
+    }
+  }
+#if HWY_ARCH_X86
+  EXPECT_THAT(seen, ::testing::IsSupersetOf({"SSE4", "AVX2"})) << "not every kernel was tested";
+  if ((hwy::SupportedTargets() & HWY_AVX3) != 0) {
+    EXPECT_THAT(seen, ::testing::Contains("AVX3")) << "AVX-512 was not tested";
+  } else {
+    std::cout << "AVX-512 not tested: this processor does not have it\n";
+  }
+#else
+  EXPECT_FALSE(seen.empty());
+#endif
+}
+
+}  // namespace raystage::testing

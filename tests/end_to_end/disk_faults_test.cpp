@@ -1,0 +1,159 @@
+// SPDX-License-Identifier: Apache-2.0
+// Recording while the disk is slow, stalls, refuses or lies: bad_disk.cpp stands between the
+// command and the kernel.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/end_to_end/disk_recording.h"
+
+namespace raystage {
+namespace {
+
+using nlohmann::json;
+using testing::CommandResult;
+using ::testing::HasSubstr;
+
+class BadDisk : public testing::DiskRecordingTest {
+ protected:
+  CommandResult record(const std::string& fault, double seconds,
+                       const std::string& options = "--status json") const {
+    return here(
+        "export BAD_DISK_FOLDER=" + take().string() + " BAD_DISK='" + fault + "'" + kSanitizer +
+        "; LD_PRELOAD='" RAYSTAGE_BAD_DISK "' raystage record record.json -o take --duration " +
+        std::to_string(seconds) + " " + options);
+  }
+  std::filesystem::path take() const { return folder() / "take"; }
+
+  /// That a disk out of order for two of five seconds is waited for, and what memory could not keep
+  /// meanwhile is recorded as dropped.
+  void expect_recovery(const CommandResult& result, const std::string& trouble) const {
+    EXPECT_EQ(result.exit_code, 3) << result.err;
+    const json account = session(take());
+    expect_valid_audit(account, 5);
+    std::string said;
+    const auto lines = status_lines(result);
+    for (const json& line : lines) {
+      said += line.at("trouble");
+      EXPECT_LE(line.at("memory_used_bytes"), line.at("memory_limit_bytes"));
+    }
+    EXPECT_THAT(said, HasSubstr(trouble));
+    EXPECT_EQ(said.empty(), trouble.empty());
+    EXPECT_EQ(lines.back().at("trouble"), "");
+    for (int camera = 0; camera < kCameras; ++camera) {
+      const auto all = records(take(), camera);
+      EXPECT_GT(count(all, FrameStatus::kDroppedRamFull), 3);
+      EXPECT_EQ(static_cast<long>(all.size()),
+                count(all, FrameStatus::kStored) + count(all, FrameStatus::kDroppedRamFull));
+      ASSERT_GT(all.size(), 30U);
+      for (const auto& part : {std::span(all).first(3), std::span(all).last(10)}) {
+        for (const FrameRecord& frame : part) EXPECT_EQ(frame.status, FrameStatus::kStored);
+      }
+    }
+    EXPECT_EQ(here("raystage verify -q --decode take").exit_code, 0);
+  }
+
+ private:
+#ifdef __SANITIZE_ADDRESS__
+  // The preloaded library comes before the sanitizer's; that is meant here.
+  static constexpr const char* kSanitizer =
+      " ASAN_OPTIONS=\"$ASAN_OPTIONS:verify_asan_link_order=0\"";
+#else
+  static constexpr const char* kSanitizer = "";
+#endif
+};
+
+TEST_F(BadDisk, ASlowOneFillsMemoryAndEveryDropIsRecorded) {
+  for (const bool oldest : {false, true}) {
+    SCOPED_TRACE(oldest);
+    std::filesystem::remove_all(take());
+    write_config(oldest ? "drop_oldest" : "drop_newest");
+    const CommandResult result = record("SLOW 400000", 4);
+    EXPECT_EQ(result.exit_code, 3) << result.err;
+    expect_valid_audit(session(take()), 4);
+    bool full = false;
+    for (const json& line : status_lines(result)) {
+      const auto used = line.at("memory_used_bytes").get<double>();
+      const auto limit = line.at("memory_limit_bytes").get<double>();
+      EXPECT_LE(used, limit);
+      // Seen once a second; what a batch held goes free at one moment.
+      full = full || used > 0.5 * limit;
+    }
+    EXPECT_TRUE(full);
+    for (int camera = 0; camera < kCameras; ++camera) {
+      const auto all = records(take(), camera);
+      EXPECT_EQ(session(take()).at("cameras")[camera].at("dropped"),
+                json({{"dropped, memory full", count(all, FrameStatus::kDroppedRamFull)}}));
+      // What the policy keeps: those that memory held first, or those that it held last.
+      ASSERT_GT(all.size(), 10U);
+      for (const FrameRecord& frame : oldest ? std::span(all).last(3) : std::span(all).first(5)) {
+        EXPECT_EQ(frame.status, FrameStatus::kStored);
+      }
+      for (std::size_t i = 1; i < all.size(); ++i) {
+        EXPECT_EQ(all[i].sequence, all[i - 1].sequence + 1);
+      }
+    }
+    EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
+  }
+}
+
+TEST_F(BadDisk, OneThatStallsIsWaitedFor) { expect_recovery(record("STALL 500000 2", 5), ""); }
+
+TEST_F(BadDisk, OneThatIsFullForAWhileIsWaitedFor) {
+  expect_recovery(record("ENOSPC 500000 2", 5), "No space left on device");
+}
+
+TEST_F(BadDisk, OneThatIsReadOnlyForAWhileIsWaitedFor) {
+  expect_recovery(record("EROFS 500000 2", 5), "Read-only file system");
+}
+
+// Whether what it took before is there, nobody knows: the audit must not hold.
+TEST_F(BadDisk, OneThatCouldNotKeepWhatItTookFailsTheAudit) {
+  const CommandResult result = record("SYNC 500000 1.2", 3);
+  EXPECT_EQ(result.exit_code, 1) << result.err;
+  const json account = session(take());
+  EXPECT_FALSE(account.at("audit").at("holds").get<bool>());
+  ASSERT_EQ(account.at("audit").at("complaints").size(), 1U);
+  EXPECT_THAT(account.at("audit").at("complaints")[0].get<std::string>(),
+              HasSubstr("cannot be brought to the disk: Input/output error"));
+  for (const json& camera : account.at("cameras")) {
+    EXPECT_EQ(camera.at("stored"), camera.at("arrived"));
+  }
+}
+
+struct Refusal {
+  const char* name;
+  const char* text;
+  friend void PrintTo(const Refusal& refusal, std::ostream* out) { *out << refusal.name; }
+};
+class RefusingDisk : public BadDisk, public ::testing::WithParamInterface<Refusal> {};
+
+// What is lost cannot be recorded on such a disk: it is said, and what was stored before stays.
+TEST_P(RefusingDisk, ForGoodIsSaidAndTheTakeGoesOnElsewhen) {
+  const CommandResult result =
+      record(GetParam().name + std::string(" 500000 1000"), 2, "--status none");
+  EXPECT_EQ(result.exit_code, 1) << result.err;
+  EXPECT_THAT(result.out, HasSubstr("THE AUDIT FAILS"));
+  EXPECT_THAT(result.out, HasSubstr("frames arrived,"));
+  EXPECT_THAT(result.out, HasSubstr(GetParam().text));
+  EXPECT_FALSE(session(take()).contains("audit"));  // what stands there is the session's beginning
+  const auto before = records(take(), 0);
+  EXPECT_GT(count(before, FrameStatus::kStored), 0);
+
+  const CommandResult resumed =
+      here("raystage record record.json -o take --resume --duration 0.5 --status none");
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+  expect_valid_audit(session(take(), 1), 0.5);
+  EXPECT_EQ(here("raystage verify -q take").exit_code, 0);
+  const auto after = records(take(), 0);
+  ASSERT_GT(after.size(), before.size());
+  for (std::size_t i = 0; i < before.size(); ++i) EXPECT_EQ(after[i].time_ns, before[i].time_ns);
+}
+
+INSTANTIATE_TEST_SUITE_P(Reasons, RefusingDisk,
+                         ::testing::Values(Refusal{"ENOSPC", "No space left on device"},
+                                           Refusal{"EROFS", "Read-only file system"},
+                                           Refusal{"EIO", "Input/output error"}),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+}  // namespace
+}  // namespace raystage

@@ -19,9 +19,10 @@
 namespace raystage {
 namespace {
 
-constexpr const char* kCheckDisk = "Check the folder, its permissions and the room on the disk";
+constexpr const char* kCheckDisk =
+    "Check the folder, its permissions and the free space on the disk";
 
-/// An open file; closing early through close() reports what the destructor would swallow.
+/// Owns a file descriptor. close() reports the error that the destructor ignores.
 class Descriptor {
  public:
   explicit Descriptor(int number) : number_(number) {}
@@ -49,16 +50,16 @@ std::string host_name() {
   return host;
 }
 
-/// From the kernel: hosts of one name and processes of one number may meet in a folder (containers
-/// have both), and so may processes that were forked.
+/// Returns 64 random bits from the kernel. Host name and process number are not enough: containers
+/// and forked processes that write to one folder may share both.
 std::uint64_t random_bits(const std::filesystem::path& target) {
   std::uint64_t bits = 0;
   while (true) {
     const ssize_t got = getrandom(&bits, sizeof bits, 0);
     if (got == static_cast<ssize_t>(sizeof bits)) return bits;
     if (got < 0 && errno != EINTR) {
-      throw Error::from_errno("no random numbers for a temporary name", target.string(),
-                              "Check that the kernel offers getrandom()");
+      throw Error::from_errno("no random numbers are available for a temporary file name",
+                              target.string(), "Check that the kernel supports getrandom()");
     }
   }
 }
@@ -67,16 +68,16 @@ std::filesystem::path temporary_beside(const std::filesystem::path& target) {
   const std::string extension = target.extension().string();
   const std::string suffix =
       fmt::format(".{}.{}.{:016x}.tmp", host_name(), getpid(), random_bits(target));
-  constexpr std::size_t kLongestName = 255;  // of the usual file systems, bytes
+  constexpr std::size_t kLongestName = 255;  // bytes, the limit of common file systems
   std::string name = fmt::format(".{}", target.filename().string());
   const std::size_t rest = suffix.size() + extension.size();
   if (name.size() + rest > kLongestName && rest < kLongestName) name.resize(kLongestName - rest);
   return target.parent_path() / (name + suffix + extension);
 }
 
-/// A new, empty file beside `target`: its path.
+/// Creates a new, empty file next to `target` and returns its path.
 std::filesystem::path reserved_beside(const std::filesystem::path& target) {
-  constexpr int kMostTries = 16;  // a second is as unlikely as a collision of 64 random bits
+  constexpr int kMostTries = 16;  // already a second try needs a collision of 64 random bits
   for (int tries = 1;; ++tries) {
     std::filesystem::path path = temporary_beside(target);
     const Descriptor file(
@@ -122,11 +123,12 @@ void TemporaryFile::commit() {
     }
   }
   if (std::rename(path_.c_str(), target_.c_str()) != 0) {
-    throw Error::from_errno("cannot put the file in its place", target_.string(), kCheckDisk);
+    throw Error::from_errno("cannot rename the temporary file to its final name", target_.string(),
+                            kCheckDisk);
   }
   committed_ = true;
-  // The rename itself survives a power cut only once the folder is flushed; not every file system
-  // can do that, and the file is whole either way.
+  // The rename survives a power failure only after the folder is flushed. Not every file system
+  // supports that, and the file is complete either way: errors are ignored.
   const std::filesystem::path parent = target_.parent_path();
   const Descriptor folder(
       ::open(parent.empty() ? "." : parent.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
@@ -135,12 +137,13 @@ void TemporaryFile::commit() {
 
 namespace {
 
-/// A device or a pipe would become a file.
+/// Rejects devices and pipes: the rename would replace them by a regular file.
 void check_is_no_other_kind(const std::filesystem::path& target) {
   std::error_code unknown;
   const auto there = std::filesystem::status(target, unknown);
   if (std::filesystem::exists(there) && !std::filesystem::is_regular_file(there)) {
-    throw Error::failed("what is there is no file", target.string(), "Name a file to be written");
+    throw Error::failed("the target exists and is not a regular file", target.string(),
+                        "Choose the path of a regular file");
   }
 }
 
@@ -183,7 +186,7 @@ std::string read_file(const std::filesystem::path& file) {
   if (fstat(descriptor.number(), &status) != 0) throw refuse(reason());
   if (S_ISDIR(status.st_mode)) throw refuse("it is a folder");
 
-  // The size is a hint only: pipes and /proc report 0. One byte more lets the last read see the
+  // The size is only a hint: pipes and /proc report 0. One extra byte lets the last read detect the
   // end.
   std::string text(static_cast<std::size_t>(status.st_size) + 1, '\0');
   std::size_t filled = 0;

@@ -9,17 +9,17 @@
 
 namespace raystage {
 
-/// A hidden file in the target's folder that becomes the target when commit() renames it; the
-/// destructor removes it otherwise. Its name, .NAME.HOST.PID.RANDOM.tmp.EXT, has 64 random bits, so
-/// that no two are alike, whatever hosts and processes are called. Two hosts on one target end in
-/// one whole file.
+/// A hidden file in the target's folder that becomes the target when commit() renames it. Without
+/// commit(), the destructor removes it. Its name is .NAME.HOST.PID.RANDOM.tmp.EXT; 64 random bits
+/// make it unique even if host names or process numbers repeat. If two hosts write one target at
+/// once, the target is the complete file of one of them.
 class TemporaryFile {
  public:
   enum class Creation {
-    kByConstructor,  ///< the constructor creates the file, empty, with 0666 less the umask
-    kByWriter,       ///< whoever writes it creates it, with O_EXCL
+    kByConstructor,  ///< the constructor creates an empty file, mode 0666 minus the umask
+    kByWriter,       ///< the writer creates the file, with O_EXCL
   };
-  /// Throws Error (failed) where the file cannot be created.
+  /// Throws Error (failed) if the file cannot be created.
   explicit TemporaryFile(std::filesystem::path target,
                          Creation creation = Creation::kByConstructor);
   ~TemporaryFile();
@@ -27,8 +27,8 @@ class TemporaryFile {
   TemporaryFile& operator=(const TemporaryFile&) = delete;
 
   const std::filesystem::path& path() const { return path_; }
-  /// Flushes to disk and renames. Throws Error (failed) when the disk refuses; nothing is left
-  /// then.
+  /// Flushes the file to disk and renames it to the target. Throws Error (failed) if either fails;
+  /// no temporary file remains then.
   void commit();
 
  private:
@@ -36,20 +36,20 @@ class TemporaryFile {
   bool committed_ = false;
 };
 
-/// Throws Error (failed) where write_file_atomically() could not begin: to be asked before long
-/// work whose result goes there. Leaves nothing.
+/// Throws Error (failed) if write_file_atomically() could not start writing `target`. Call it
+/// before a long computation whose result goes there. Leaves no file behind.
 void check_writable(const std::filesystem::path& target);
 
-/// Writes a whole file under a temporary name and renames it. Throws Error (failed): full disk, no
-/// permission, missing folder, a target that is no file (a device would become one); the old file,
-/// if any, is untouched then.
+/// Writes a complete file under a temporary name and renames it. Throws Error (failed) if the disk
+/// is full, permission or the folder is missing, or the target exists but is not a regular file (a
+/// device would be replaced). An existing file is unchanged then.
 void write_file_atomically(const std::filesystem::path& target, std::span<const std::byte> bytes);
 void write_file_atomically(const std::filesystem::path& target, std::string_view text);
 
-/// The whole file. Throws Error (bad input) when it cannot be read.
+/// Returns the contents of a file. Throws Error (bad input) if it cannot be read.
 std::string read_file(const std::filesystem::path& file);
 
-/// Creates the folder and its parents. Throws Error (failed) where that is refused.
+/// Creates the folder and its parents. Throws Error (failed) if that is not possible.
 void create_folder(const std::filesystem::path& folder);
 
 }  // namespace raystage

@@ -40,7 +40,7 @@ class AtomicFile : public ::testing::Test {
   TestFolder folder_;
 };
 
-/// Files of this process end at `bytes` as on a full disk, for as long as this lives.
+/// Limits the file size of this process to `bytes`, like a full disk, during its lifetime.
 class FileSizeLimit {
  public:
   explicit FileSizeLimit(rlim_t bytes) : handler_(std::signal(SIGXFSZ, SIG_IGN)) {
@@ -120,7 +120,7 @@ TEST_F(AtomicFile, TemporaryFilesAreThereFromTheStartAndOnlyOnce) {
     EXPECT_TRUE(S_ISREG(status.st_mode));
     EXPECT_EQ(status.st_mode & 0777U, 0640U);
     EXPECT_EQ(status.st_size, 0);
-    // Who takes the name all the same is refused.
+    // Creating a file of the same name fails.
     EXPECT_LT(open(a.path().c_str(), O_WRONLY | O_CREAT | O_EXCL, 0666), 0);
     const TemporaryFile named(folder_.path() / "a", TemporaryFile::Creation::kByWriter);
     EXPECT_FALSE(std::filesystem::exists(named.path()));
@@ -228,7 +228,7 @@ TEST_F(AtomicFile, AFolderWithoutPermissionIsRefused) {
     EXPECT_THAT(run_unprivileged(create), HasSubstr("ermission denied"));
     EXPECT_TRUE(names().empty());
   }
-  make_world_writable(folder_.path());  // so the refusals were the lock's
+  make_world_writable(folder_.path());  // so the failures came from the lock
   EXPECT_EQ(run_unprivileged(write), "written");
   EXPECT_EQ(run_unprivileged(create), "created");
 }

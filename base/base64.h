@@ -9,11 +9,11 @@
 
 namespace raystage {
 
-/// RFC 4648, with padding.
+/// Returns the base64 text of `bytes` (RFC 4648), with padding.
 std::string encode_base64(std::span<const std::byte> bytes);
 
-/// The bytes that encode_base64 text stands for, its padding present or not; none for any other
-/// text.
+/// Returns the bytes that a base64 text encodes, or nullopt for any other text. Padding is
+/// optional.
 std::optional<std::string> decode_base64(std::string_view text);
 
 }  // namespace raystage

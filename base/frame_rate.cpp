@@ -15,7 +15,7 @@ constexpr double kFastest = 1000;
 std::optional<FrameRate> frame_rate_from(double fps) {
   if (!(fps > 0 && fps <= kFastest)) return std::nullopt;
   for (const int nominal : {24, 30, 48, 60, 120}) {
-    constexpr double kUsualRounding = 0.0045;  // 23.98 for 23.976...
+    constexpr double kUsualRounding = 0.0045;  // accepts 23.98 as 23.976...
     if (std::abs(fps - nominal / 1.001) < kUsualRounding) return FrameRate{nominal * 1000, 1001};
   }
   for (int denominator = 1; denominator <= 1'000'000; denominator *= 10) {

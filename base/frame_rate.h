@@ -13,12 +13,13 @@ struct FrameRate {
   bool operator==(const FrameRate&) const = default;
 };
 
-/// The ratio that a decimal number stands for. 23.976, 23.98, 29.97 and 59.94 stand for
-/// n * 1000/1001, as everywhere in film and television; other numbers for themselves, up to six
-/// decimals. Nothing outside (0, 1000] or with more decimals.
+/// Returns the exact ratio of a rate in frames per second. 23.976, 23.98, 29.97 and 59.94 mean
+/// n * 1000/1001, as usual in film and television. Other rates are taken literally, up to six
+/// decimals. Returns nullopt outside (0, 1000] or for more decimals.
 std::optional<FrameRate> frame_rate_from(double fps);
 
-/// "24000/1001". Nothing for a text of another form or a rate outside (0, 1000].
+/// Parses a ratio such as "24000/1001". Returns nullopt for any other text or a rate outside
+/// (0, 1000].
 std::optional<FrameRate> frame_rate_from(std::string_view ratio);
 
 }  // namespace raystage

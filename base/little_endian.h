@@ -20,6 +20,7 @@ void store_little_endian(std::span<std::byte> bytes, std::size_t offset, Integer
   }
 }
 
+/// Returns the integer at `offset` of `bytes`, stored least significant byte first.
 template <std::integral Integer>
 Integer load_little_endian(std::span<const std::byte> bytes, std::size_t offset) {
   assert(offset + sizeof(Integer) <= bytes.size());

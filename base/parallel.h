@@ -13,22 +13,22 @@
 
 namespace raystage {
 
-/// One parallel loop: what TBB's loops leave to chance.
+/// Memory order and error handling of one parallel loop on TBB.
 ///
-/// What the caller wrote before a loop is seen by its tasks, and what they wrote is seen by the
-/// caller after it. TBB promises the same; spelled out in atomics of our own, the thread sanitizer
-/// sees it too, though Debian's TBB is not built for it.
+/// Tasks see the caller's writes before the loop; the caller sees the tasks' writes after it. TBB
+/// guarantees the same, but Debian's TBB is not built for the thread sanitizer. The atomics here
+/// make the order visible to it.
 ///
-/// An error never crosses TBB: TBB would cancel the loop, and with it, unasked, every loop inside
-/// it, Embree's among them, which then return half done (and TBB 2021.8 may crash on the way).
-/// Here tasks under way finish, no further body starts, and the first error reaches the caller.
+/// Exceptions never pass through TBB. TBB would cancel the loop and every loop nested in it,
+/// including Embree's, which then return incomplete results (TBB 2021.8 may also crash). Here
+/// running tasks finish, no further body starts, and the caller receives the first exception.
 class ParallelLoop {
  public:
   ParallelLoop() { forked_.store(1, std::memory_order_release); }
   ParallelLoop(const ParallelLoop&) = delete;
   ParallelLoop& operator=(const ParallelLoop&) = delete;
 
-  /// Within a task: body(), unless one has failed already.
+  /// Call within a task. Runs body() unless another body has failed.
   template <class Body>
   void run(const Body& body) {
     if (forked_.load(std::memory_order_acquire) == 0 || failed()) return;
@@ -42,7 +42,7 @@ class ParallelLoop {
 
   bool failed() const { return failed_.load(std::memory_order_relaxed); }
 
-  /// After the loop. Throws: what the first failed body threw.
+  /// Call after the loop. Rethrows the exception of the first body that failed.
   void join() {
     joined_.load(std::memory_order_acquire);
     if (error_) std::rethrow_exception(error_);
@@ -54,7 +54,7 @@ class ParallelLoop {
   std::exception_ptr error_;
 };
 
-/// tbb::parallel_for over a range of rows: body(part).
+/// Runs tbb::parallel_for over a range of rows: body(part).
 template <class Body>
 void parallel_for(const tbb::blocked_range<int>& range, const Body& body) {
   ParallelLoop loop;
@@ -63,8 +63,8 @@ void parallel_for(const tbb::blocked_range<int>& range, const Body& body) {
   loop.join();
 }
 
-/// tbb::parallel_for over [first, last): body(index), or body(index, loop) where a long body wants
-/// to know that another has failed.
+/// Runs tbb::parallel_for over [first, last): body(index), or body(index, loop) for a long body
+/// that checks loop.failed() to stop early.
 template <class Index, class Body>
 void parallel_for(Index first, Index last, const Body& body) {
   ParallelLoop loop;
@@ -80,8 +80,8 @@ void parallel_for(Index first, Index last, const Body& body) {
   loop.join();
 }
 
-/// body(index) for [0, count) in order of start, at most `in_flight` at once; stops starting more
-/// as soon as `stopped()` says so.
+/// Runs body(index) for the indices [0, count), started in increasing order, at most `in_flight` at
+/// once. Starts no further body once `stopped()` returns true.
 template <class Stopped, class Body>
 void parallel_for_in_order(std::size_t count, std::size_t in_flight, const Stopped& stopped,
                            const Body& body) {

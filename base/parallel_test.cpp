@@ -52,7 +52,7 @@ TEST(Parallel, NothingStartsAfterAnError) {
   EXPECT_LE(started, 2);
 }
 
-// TBB by itself cancels loops within a loop that failed; their callers could not tell.
+// TBB cancels the loops nested in a failed loop, and their callers cannot detect that.
 TEST(Parallel, AnErrorLeavesNoLoopHalfDone) {
   for (int repeat = 0; repeat < 50; ++repeat) {
     std::atomic<int> half_done = 0;

@@ -19,7 +19,7 @@
 namespace raystage {
 namespace {
 
-// writev takes what it only reads as void*.
+// iovec has no const pointer, although writev only reads.
 iovec part(std::span<const std::byte> bytes) {
   return {const_cast<std::byte*>(bytes.data()), bytes.size()};
 }
@@ -33,11 +33,11 @@ OutputFile::OutputFile(std::filesystem::path path, Open mode) : path_(std::move(
   if (descriptor_ < 0) {
     throw mode == Open::kNew
         ? Error::from_errno("the file cannot be created", path_.string(),
-                            "Choose a new name in a folder that can be written to")
+                            "Choose a new file name in a writable folder")
         : Error::from_errno("the file cannot be opened for writing", path_.string(),
-                            "Check that it exists and may be written to");
+                            "Check that it exists and is writable");
   }
-  // The lock goes with the process, however that ends.
+  // The kernel releases the lock when the process ends, however it ends.
   if (flock(descriptor_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
     close(descriptor_);
     throw Error::failed("another program is writing to the file", path_.string(),
@@ -96,7 +96,7 @@ void OutputFile::discard() {
 MappedFile::MappedFile(const std::filesystem::path& path) {
   const auto refuse = [&](int reason) {
     return Error::bad_input("the file cannot be read: " + std::generic_category().message(reason),
-                            path.string(), "Check that it exists and may be read");
+                            path.string(), "Check that it exists and is readable");
   };
   const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (descriptor < 0) throw refuse(errno);
@@ -130,7 +130,7 @@ void MappedFile::expect(Access access) const {
 
 namespace {
 
-/// madvise() of the pages that hold a part.
+/// Calls madvise() for the pages that contain `part`.
 int advise(std::span<const std::byte> part, int advice) {
   static const auto page = static_cast<std::uintptr_t>(sysconf(_SC_PAGESIZE));
   const auto first = reinterpret_cast<std::uintptr_t>(part.data()) / page * page;
@@ -146,7 +146,7 @@ void MappedFile::read_ahead(std::span<const std::byte> part) const {
 
 bool MappedFile::can_read(std::span<const std::byte> part) const {
   if (part.empty()) return true;
-  // Older kernels do not know the request: then the part is believed to be readable.
+  // Older kernels do not support the request; the part is then assumed to be readable.
   return advise(part, MADV_POPULATE_READ) == 0 ||
          (errno != EFAULT && errno != EIO && errno != EHWPOISON);
 }
@@ -169,13 +169,13 @@ void sync_files_below(const std::filesystem::path& folder) {
       if (descriptor >= 0) close(descriptor);
       errno = reason;
       if (!done) {
-        throw Error::from_errno("the data cannot be brought to the disk", entry.path().string(),
-                                "Check the disk");
+        throw Error::from_errno("the data cannot be flushed to disk", entry.path().string(),
+                                "Check the disk for errors and free space");
       }
     }
   };
   for_each_file([](int descriptor, bool is_folder) {
-    // A hint: file systems that cannot do it do the work in the second round.
+    // A hint: file systems without support do the work in the second pass.
     if (!is_folder) sync_file_range(descriptor, 0, 0, SYNC_FILE_RANGE_WRITE);
     return true;
   });

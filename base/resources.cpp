@@ -18,8 +18,8 @@
 namespace raystage {
 namespace {
 
-/// Calls `visit` with the folder of this process' control group and of each group above it: a limit
-/// anywhere on the way counts.
+/// Calls `visit` with the folder of this process's control group and of each of its parents,
+/// because a limit of any of them applies.
 void for_each_control_group(const std::function<void(const std::filesystem::path&)>& visit) {
   const std::filesystem::path root = "/sys/fs/cgroup";
   std::ifstream groups("/proc/self/cgroup");
@@ -45,7 +45,7 @@ int available_threads() {
   if (sched_getaffinity(0, sizeof(set), &set) == 0) threads = std::max(1, CPU_COUNT(&set));
   for_each_control_group([&](const std::filesystem::path& folder) {
     std::ifstream file(folder / "cpu.max");
-    double quota = 0, period = 0;  // "max 100000" does not read as a number
+    double quota = 0, period = 0;  // "max 100000" (no quota) does not parse as a number
     if (file >> quota >> period && quota > 0 && period > 0) {
       threads = std::min(threads, std::max(1, static_cast<int>(std::ceil(quota / period))));
     }

@@ -5,24 +5,25 @@
 
 namespace raystage {
 
-/// Threads this process may keep busy: its CPU affinity, cut by the CPU quota of its control group
-/// (cgroup version 2), at least 1. Slurm and containers set the one or the other.
+/// Returns the number of threads that this process may keep busy, at least 1: its CPU affinity,
+/// limited by the CPU quota of its control group (cgroup v2). Slurm and containers set either.
 int available_threads();
 
-/// Bytes of memory this process may use: the machine's, cut by the limit of its control group.
+/// Returns the memory that this process may use, in bytes: the machine's memory, limited by the
+/// process's control group.
 std::size_t available_memory();
 
-/// Bytes of memory that this process could take at this moment without swapping: what the machine
-/// has free, page cache included, or what is left of the limit of its control group.
+/// Returns the memory, in bytes, that this process could allocate now without swapping: the
+/// machine's free memory including page cache, or the rest of its control group's limit.
 std::size_t free_memory();
 
-/// Largest resident size of this process so far, bytes.
+/// Returns the peak resident set size of this process so far, in bytes.
 std::size_t peak_memory();
 
-/// Processor time that this process has used so far, seconds.
+/// Returns the CPU time (user and system) that this process has used so far, in seconds.
 double cpu_seconds();
 
-/// Lets peak_memory() count from what the process holds now. Says whether the kernel allows it.
+/// Resets peak_memory() to the present resident set size. Returns whether the kernel allows it.
 bool reset_peak_memory();
 
 }  // namespace raystage

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMaxDecimals = 9;
 
-/// Reads fixed-width fields from the front of a text; any failure sticks.
+/// Parses fixed-width fields from the start of a text. finished() is false after any failure.
 class FieldReader {
  public:
   explicit FieldReader(std::string_view text) : text_(text) {}
@@ -48,7 +48,7 @@ class FieldReader {
 
 Error not_a_time(std::string_view text, std::string_view reason) {
   return Error::bad_input(
-      fmt::format("\"{}\" is no time that can be used: {}", text, reason), "",
+      fmt::format("\"{}\" is not a valid time: {}", text, reason), "",
       "Write UTC as 2026-01-01T00:00:00Z, with up to nine decimals of a second");
 }
 
@@ -76,7 +76,7 @@ Nanoseconds parse_utc(std::string_view text) {
     for (; decimals < kMaxDecimals; ++decimals) fraction *= 10;
   }
   reader.expect('Z');
-  if (!reader.finished()) throw not_a_time(text, "it does not have that form");
+  if (!reader.finished()) throw not_a_time(text, "it does not have the required form");
 
   const std::chrono::year_month_day date{std::chrono::year{year},
                                          std::chrono::month{static_cast<unsigned>(month)},
@@ -86,8 +86,8 @@ Nanoseconds parse_utc(std::string_view text) {
   }
   const std::int64_t days = std::chrono::sys_days{date}.time_since_epoch().count();
   std::int64_t seconds = ((days * 24 + hour) * 60 + minute) * 60 + second;
-  // The first second that int64 reaches into begins before its smallest value: count the fraction
-  // back from the next second there.
+  // The earliest second that int64 partly covers starts below its smallest value. Before 1970,
+  // therefore, count the fraction back from the next second.
   if (seconds < 0 && fraction > 0) {
     seconds += 1;
     fraction -= kNanosecondsPerSecond;
@@ -95,7 +95,7 @@ Nanoseconds parse_utc(std::string_view text) {
   Nanoseconds result = 0;
   if (__builtin_mul_overflow(seconds, kNanosecondsPerSecond, &result) ||
       __builtin_add_overflow(result, fraction, &result)) {
-    throw not_a_time(text, "it lies outside the years 1678 to 2261");
+    throw not_a_time(text, "it is outside the years 1678 to 2261");
   }
   return result;
 }

@@ -14,11 +14,11 @@ using Nanoseconds = std::int64_t;
 inline constexpr Nanoseconds kNanosecondsPerSecond = 1'000'000'000;
 inline constexpr double kNsPerMs = 1e6, kNsPerS = 1e9;
 
-/// Reads "2026-01-01T00:00:00Z", with up to nine decimals of a second. Throws Error (bad input)
-/// when the text is no such time or lies outside the range of int64 nanoseconds.
+/// Parses "2026-01-01T00:00:00Z", with up to nine decimals of a second. Throws Error (bad input)
+/// if the text has another form or the time is outside the range of int64 nanoseconds.
 Nanoseconds parse_utc(std::string_view text);
 
-/// Writes the shortest text that parse_utc reads back to the same nanosecond.
+/// Returns the shortest text that parse_utc() parses to the same nanosecond.
 std::string format_utc(Nanoseconds since_1970);
 
 }  // namespace raystage

@@ -9,7 +9,7 @@
 
 namespace raystage {
 
-/// What was followed through a take: a light, or a board's corners.
+/// Tracks of a light or of board corners in a take.
 struct RecordedTracks {
   PointTracks tracks;
   std::vector<DetectionsDocument::Camera> cameras;
@@ -19,24 +19,25 @@ struct RecordedTracks {
 struct TrackCalibrationSettings {
   TrackInterpolationSettings points;
   CalibrationSettings calibration;
-  bool estimates_clock_offsets = true;  ///< false: times are taken as they are
+  bool estimates_clock_offsets = true;  ///< false: the times are used unchanged
 };
 
 struct TrackCalibration {
   InterpolatedTracks points;  ///< with the clocks set
   Calibration calibration;
-  /// How far each camera's times are ahead of the others', ns, mean 0; 0 where nothing tells.
+  /// Estimated clock offset of each camera, ns, positive: ahead of the others; mean 0; 0 if
+  /// unknown.
   std::vector<Nanoseconds> clock_offsets;
 };
 
-/// Calibrates an array, and its clocks with it: a camera whose times are ahead by d sees a light
-/// that moves at v (pixels per second) v d behind where the others say it is. After each solve d
-/// follows from all of a camera's points, and times are set by it, until none moves by a fiftieth
-/// of a pixel's time. Throws Error as calibrate() does.
+/// Calibrates an array together with its clocks. A camera with clock offset d observes a light of
+/// velocity v (pixels per second) at a distance v d behind its projection. After each solve, d is
+/// estimated from all points of a camera and the times are corrected, until no correction exceeds
+/// the time of a fiftieth of a pixel. Throws Error as calibrate().
 TrackCalibration calibrate_from_tracks(const RecordedTracks& light,
                                        const TrackCalibrationSettings& settings);
 
-/// "Clocks     set by up to 4.3 ms".
+/// Returns "Clocks     set by up to 4.3 ms".
 std::string format_clock_offsets(const TrackCalibration& found,
                                  const std::vector<DetectionsDocument::Camera>& cameras);
 

@@ -6,7 +6,7 @@
 namespace raystage {
 namespace {
 
-// Scripts and pictures only as they stand in the page itself.
+// The policy allows only inline scripts and embedded pictures.
 constexpr std::string_view kPolicy =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
 

@@ -14,7 +14,7 @@ namespace {
 
 constexpr int kWidth = 1040, kHeight = 300, kLeft = 70, kRight = 18, kTop = 16;
 
-// 1, 2 or 5 times a power of ten, so that about `count` of them make the range.
+// Returns 1, 2 or 5 times a power of ten, so that about `count` steps cover the range.
 double tick_step(double range, int count) {
   const double raw = range / count;
   const double power = std::pow(10, std::floor(std::log10(raw)));
@@ -28,7 +28,7 @@ int digits(double step) {
   return std::max(0, static_cast<int>(std::ceil(-std::log10(step) - 1e-9)));
 }
 
-/// A rectangle of the picture, pixels.
+/// A rectangle of the chart, pixels.
 struct Box {
   double left, top, right, bottom;
   bool meets(const Box& other) const {
@@ -105,8 +105,8 @@ void SvgChart::x_label(double x, std::string_view label, bool turned) {
 void SvgChart::dot(Dot dot) { dots_.push_back(std::move(dot)); }
 
 std::string SvgChart::dots() const {
-  // Names go to the right of their dots, or where else nothing stands; those that must be shown
-  // choose first.
+  // Names go to the right of their dots, or to the first free position around them. Names that must
+  // be shown are placed first.
   constexpr double kRadius = 6, kLetter = 6.7, kLine = 14;
   std::vector<Box> taken;
   for (const Dot& dot : dots_) {

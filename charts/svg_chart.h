@@ -15,7 +15,7 @@ class SvgChart {
     double low = 0, high = 1;
     std::string label;
     bool ticks = true;
-    bool logarithmic = false;  ///< of x alone; `low` above 0
+    bool logarithmic = false;  ///< x axis only; `low` must be above 0
   };
   SvgChart(std::string description, Axis x, Axis y);
 
@@ -23,20 +23,20 @@ class SvgChart {
     double x, y;
   };
   void line(std::span<const Point> points, std::string_view css_class);
-  /// A dot with a name beside it: always where `named`, else where there is room. `title` is shown
-  /// under the pointer.
+  /// A dot with a name next to it: always if `named`, otherwise only if there is space. `title` is
+  /// the tooltip.
   struct Dot {
     double x = 0, y = 0;
     std::string css_class, name, title;
     bool named = false;
   };
   void dot(Dot dot);
-  /// From (x0, y0) to (x1, y1) in the axes' units.
+  /// Adds a bar from (x0, y0) to (x1, y1) in the axes' units.
   void bar(double x0, double x1, double y0, double y1, std::string_view css_class,
            std::string_view title = "");
   void horizontal(double y, std::string_view label);
   void vertical(double x, std::string_view label);
-  /// Below the x axis, turned where there are many.
+  /// Adds a label below the x axis, rotated if `turned` (for many labels).
   void x_label(double x, std::string_view label, bool turned);
 
   std::string str() const;

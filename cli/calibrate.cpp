@@ -16,8 +16,8 @@ int main(int argc, char** argv) {
       declare_calibrate_lens(app), declare_calibrate_geometry(app), declare_calibrate_color(app),
       declare_calibrate_compare(app)};
   app.footer(
-      "Exit codes: 0 all asked for is written; 1 failed, or a result that cannot be vouched\n"
-      "for was not written; 2 bad usage or input.");
+      "Exit codes: 0 all asked for is written; 1 failed, or a rejected result was\n"
+      "not written; 2 bad usage or input.");
   for (const CalibrateCommand& command : commands) command.app->get_formatter()->column_width(34);
   return parse_and_run(app, argc, argv, "calibrate", [&](std::stop_token stop) {
     for (const CalibrateCommand& command : commands) {

@@ -258,9 +258,9 @@ ExitCode calibrate_color(const CalibrateColorOptions& options, const std::stop_t
   const bool is_sure =
       std::ranges::all_of(found.steps, [](const ColorMatch& step) { return step.reasons.empty(); });
   if (!is_sure && !options.force) {
-    throw Error::failed("the rig was not written, as nobody could rely on its colours",
-                        options.output.string(),
-                        "Do what stands under \"Not sure\"; --force writes it all the same");
+    throw Error::failed(
+        "the rig was not written: the colour calibration was rejected (see \"Not sure\")",
+        options.output.string(), "Use --force to write it anyway");
   }
   for (RigDocument::Camera& camera : rig.cameras) {
     const auto same = std::ranges::find(cameras, camera.geometry.id);

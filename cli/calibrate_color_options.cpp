@@ -110,7 +110,7 @@ void add_calibrate_color_options(CLI::App& app, CalibrateColorOptions& o) {
                  "The take that the sheet shows (default: the first that is given)")
       ->type_name("TAKE")
       ->needs(sheet);
-  app.add_flag("--force", o.force, "Write the rig even if it cannot be vouched for");
+  app.add_flag("--force", o.force, "Write the rig even if the calibration is rejected");
   add_threads_option(app, o.threads);
   app.add_flag("--json", o.json, "Print everything found as JSON");
   app.add_flag("-q,--quiet", o.quiet, "No progress on stderr");

@@ -246,9 +246,9 @@ ExitCode calibrate_geometry(const GeometryOptions& options, const std::stop_toke
   }
   const bool is_sure = calibration.verdict.is_accepted();
   if (!is_sure && !options.force) {
-    throw Error::failed("the rig was not written, as nobody could rely on it",
+    throw Error::failed("the rig was not written: the calibration was rejected (see \"Not sure\")",
                         options.output.string(),
-                        "Do what stands under \"Next\"; --force writes the rig all the same");
+                        "Follow the advice under \"Next\", or use --force to write it anyway");
   }
   write_rig(make_rig_document(calibration, settings.start, options.name), options.output);
   return ExitCode::kSuccess;
@@ -362,12 +362,12 @@ void add_model(CLI::App& app, GeometryOptions& o) {
                "Also k3, tangential distortion and pixels that are not square (default: focal "
                "length, principal point, k1, k2)")
       ->group(group);
-  app.add_option("--max-rms", o.max_rms_px,
-                 "Largest RMS of distances in the pictures that is vouched for, pixels")
+  app.add_option("--max-rms", o.max_rms_px, "Largest accepted reprojection error, pixels RMS")
       ->capture_default_str()
       ->check(CLI::Range(1e-3, 1e3).description(""))
       ->group(group);
-  app.add_flag("--force", o.force, "Write the rig even if it cannot be vouched for")->group(group);
+  app.add_flag("--force", o.force, "Write the rig even if the calibration is rejected")
+      ->group(group);
 }
 
 }  // namespace

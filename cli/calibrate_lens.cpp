@@ -117,9 +117,9 @@ ExitCode calibrate_lens_of(const LensOptions& options, const std::stop_token& st
     lenses.cameras.push_back(std::move(out));
   }
   if (!is_sure && !options.force) {
-    throw Error::failed("the lens was not written, as nobody could rely on it",
+    throw Error::failed("the lens was not written: the calibration was rejected",
                         options.output.string(),
-                        "Do what stands under \"Next\"; --force writes it all the same");
+                        "Follow the advice under \"Next\", or use --force to write it anyway");
   }
   write_rig(lenses, options.output);
   return ExitCode::kSuccess;
@@ -156,7 +156,7 @@ CalibrateCommand declare_calibrate_lens(CLI::App& calibrate) {
   app->add_option("--views", o->most_views, "At most so many frames of each camera are looked at")
       ->capture_default_str()
       ->check(CLI::Range(3, 10000).description(""));
-  app->add_flag("--force", o->force, "Write the lens even if it cannot be vouched for");
+  app->add_flag("--force", o->force, "Write the lens even if the calibration is rejected");
   add_threads_option(*app, o->threads);
   app->add_flag("-q,--quiet", o->quiet, "No progress on stderr");
   return {app, [o](const std::stop_token& stop) { return calibrate_lens_of(*o, stop); }};

@@ -75,7 +75,7 @@ TEST_F(CameraCommand, RefusesOtherFilesAndBrokenCameras) {
   shot.camera.keys[1].position.reset();
   const test::CommandResult result = run("-o '" + path("a.chan") + "'");
   EXPECT_EQ(result.exit_code, 2);
-  EXPECT_THAT(result.output, HasSubstr("nobody says where the camera stands"));
+  EXPECT_THAT(result.output, HasSubstr("the camera has no position"));
 }
 
 }  // namespace

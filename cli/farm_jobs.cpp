@@ -82,7 +82,7 @@ ExitCode retry(const std::string& job_name, const std::string& frames,
       Progress progress;
       farm::LocalOptions local;
       local.progress = [&](double done) { progress.report(done); };
-      local.say = [&](std::string_view line) { progress.say(line); };
+      local.on_message = [&](std::string_view line) { progress.say(line); };
       return farm::run_job_locally(folder, local, stop);
     }
     default:

@@ -46,7 +46,7 @@ ExitCode run_task(const TaskOptions& options, const std::stop_token& stop) {
   request.timeout_seconds = options.patience_s;
   Progress progress(options.progress);
   request.progress = [&](double done) { progress.report(done); };
-  request.say = [&](std::string_view line) { progress.say(line); };
+  request.on_message = [&](std::string_view line) { progress.say(line); };
   // The command that a task runs has threads of its own; a verification reads with one.
   const ThreadLimit limit(1);
   tbb::task_arena arena(1);

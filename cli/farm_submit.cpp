@@ -236,7 +236,8 @@ SubmissionOptions completed(Options& options, Progress& progress) {
   add_to_stages(options.constraint, "--constraint=", submission);
   add_to_stages(options.sbatch, "", submission);
   complete_distributed(options, submission);
-  if (!options.quiet) submission.say = [&progress](std::string_view line) { progress.say(line); };
+  if (!options.quiet)
+    submission.on_message = [&progress](std::string_view line) { progress.say(line); };
   return submission;
 }
 
@@ -292,7 +293,7 @@ ExitCode submit(Options& options, std::stop_token stop) {
   if (submission.engine == Engine::kLocal && !options.no_queue) {
     farm::LocalOptions local;
     local.progress = [&](double done) { progress.report(done); };
-    if (!options.quiet) local.say = [&](std::string_view line) { progress.say(line); };
+    if (!options.quiet) local.on_message = [&](std::string_view line) { progress.say(line); };
     return farm::run_job_locally(folder, local, stop);
   }
   if (!options.no_queue) farm::queue_round(folder, folder.rounds().front());

@@ -286,8 +286,9 @@ ExitCode info(const std::string& folder, bool json) {
 
 int main(int argc, char** argv) {
   using namespace raystage;
-  CLI::App app("Say what a take holds and what it lacks. Exit code 2 if an archive cannot be read.",
-               "raystage info");
+  CLI::App app(
+      "Shows the contents of a take and what is missing. Exit code 2 if an archive cannot be read.",
+      "raystage info");
   std::string folder;
   bool json = false;
   app.add_option("TAKE", folder, "Folder of the take")->required();

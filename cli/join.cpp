@@ -13,11 +13,9 @@
 int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app(
-      "Makes one take of the parts that several nodes recorded of the same scene. Frames are "
-      "copied\n"
-      "byte for byte and held against their hashes; times are moved to the earliest part's epoch. "
-      "Says\n"
-      "on stderr where the parts do not overlap in time, or only some rigs are calibrated.",
+      "Joins the recordings of several nodes of one scene to one take. Frames are copied byte for\n"
+      "byte and checked against their hashes; times count from the epoch of the earliest part.\n"
+      "Warns on stderr if parts do not overlap in time, or if only some rigs are calibrated.",
       "raystage join");
   std::vector<std::filesystem::path> parts;
   std::filesystem::path output;

@@ -139,7 +139,7 @@ ExitCode prepare(const Options& options, std::stop_token stop) {
   PrepareOptions how;
   how.memory_bytes = static_cast<std::size_t>(options.memory_gb * kBytesPerGb);
   how.progress = [&](double done) { progress.report(done); };
-  how.say = say;
+  how.on_message = say;
   const PrepareReport report = prepare_derived_data(plan, instants, how, std::move(stop));
   progress.say(summary_of(report));
   return report.exit_code();

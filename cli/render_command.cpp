@@ -184,7 +184,7 @@ ExitCode render(const RenderOptions& options, Progress& progress, DistributedTak
   sequence.hosts = hosts;
   sequence.fingerprints_file = options.fingerprints;
   sequence.progress = [&](double done) { progress.report(done); };
-  sequence.say = [&](std::string_view line) { progress.say(line); };
+  sequence.on_message = [&](std::string_view line) { progress.say(line); };
 
   const ThreadLimit limit(threads);
   tbb::task_arena arena(threads);

@@ -102,8 +102,9 @@ ExitCode repair(const Options& options, const std::stop_token& stop) {
 int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app(
-      "Repair a take: close what a crash left open, write damaged archives and journals anew from\n"
-      "what can be saved, and say what cannot. Originals of which anything was lost stay beside "
+      "Completes an interrupted recording and rewrites damaged archives and journals from\n"
+      "their undamaged frames; reports the lost ones. Originals of which anything was lost stay "
+      "beside "
       "the\n"
       "new files as CAMERA.mkv.damaged and CAMERA.journal.damaged. Exit code 0: the take is whole "
       "and\n"

@@ -69,7 +69,7 @@ void add_array_options(CLI::App& app, Options& o) {
   app.add_option("--vignetting", errors.vignetting,
                  "Share of light that a lens loses in the corner, at most, 0-0.9")
       ->group(group);
-  app.add_option("--color-mix", errors.mix,
+  app.add_option("--color-mix", errors.crosstalk,
                  "Share of each other channel's light in a channel, at most, 0-0.3")
       ->group(group);
   app.add_option("--curve", errors.curve,
@@ -167,9 +167,8 @@ raystage::ExitCode run(Options& o, std::stop_token stop) {
 
 int main(int argc, char** argv) {
   Options o;
-  CLI::App app(
-      "Makes a take of a simulated scene, with its truth: views.json, shot.json, truth.json.",
-      "raystage simulate");
+  CLI::App app("Simulates a take with known truth: views.json, shot.json, truth.json.",
+               "raystage simulate");
   std::string scenes = "Scene:";
   for (const auto& [name, summary] : raystage::scene_names()) {
     scenes += fmt::format(" {} ({});", name, summary);

@@ -260,8 +260,8 @@ void add_options(CLI::App& app, Options& options) {
 int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app(
-      "Align the free-running cameras of a take in time: ticks at a constant rate, each with the\n"
-      "nearest frame of every camera. Finds each camera's period and phase, steps of clocks and\n"
+      "Resynchronises the free-running cameras of a take: ticks at a constant rate, each with the\n"
+      "nearest frame of every camera. Finds each camera's period and phase, clock steps and\n"
       "lost frames. Written to TAKE/timeline.zst, or with -o into a new take; the archives stay "
       "as\n"
       "they are.",

@@ -161,7 +161,7 @@ ExitCode verify(const Options& options, const std::stop_token& stop) {
 int main(int argc, char** argv) {
   using namespace raystage;
   CLI::App app(
-      "Verify a take: is it still what was recorded? Reads only. Exit code 0: whole, 1: damaged "
+      "Checks a take against its recorded hashes. Changes nothing. Exit code 0: intact, 1: damaged "
       "or\n"
       "not closed, 2: cannot be read at all.",
       "raystage verify");

@@ -202,7 +202,8 @@ PrepareReport prepare_derived_data(const ShotPlan& plan, std::span<const Derived
     }
     const DerivedFrameData& instant = instants[i];
     const auto fail = [&](std::string what, bool is_bad_input) {
-      options.say(fmt::format("tick {} of layer {} failed: {}", instant.tick, instant.layer, what));
+      options.on_message(
+          fmt::format("tick {} of layer {} failed: {}", instant.tick, instant.layer, what));
       report.failures.push_back({instant.layer, instant.tick, std::move(what), is_bad_input});
     };
     try {

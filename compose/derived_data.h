@@ -53,7 +53,7 @@ struct PrepareOptions {
   /// Called with values that rise from 0 to 1.
   std::function<void(double)> progress = [](double) {};
   /// Called with one line for the log for each failure.
-  std::function<void(std::string_view)> say = [](std::string_view) {};
+  std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
 /// Result of prepare_derived_data().

@@ -112,7 +112,7 @@ class SequenceRun {
   }
 
   void fail(int frame, const std::exception& error) {
-    options_.say(fmt::format("frame {} failed: {}", frame, error.what()));
+    options_.on_message(fmt::format("frame {} failed: {}", frame, error.what()));
     const std::scoped_lock lock(mutex_);
     const auto* known = dynamic_cast<const Error*>(&error);
     const bool is_bad_input = known != nullptr && known->exit_code() == ExitCode::kBadInput;
@@ -175,7 +175,7 @@ class SequenceRun {
                double encode_ms) {
     const std::scoped_lock lock(mutex_);
     for (const std::string& note : metadata.notes) {
-      if (notes_.insert(note).second) options_.say(note);
+      if (notes_.insert(note).second) options_.on_message(note);
     }
     report_.decoded_bytes_cached =
         std::max(report_.decoded_bytes_cached, compositor_.decoded_bytes_cached());
@@ -239,10 +239,11 @@ class SequenceRun {
   /// A view may leave the array without anybody's noticing: what is transparent looks black.
   void say_what_was_unseen() const {
     for (const auto& [layer, uncovered_share] : unseen_) {
-      options_.say(fmt::format("{}up to {:.0f} % of the view is seen by no camera, in frames {}",
-                               layer_label(plan_, layer), 100 * uncovered_share.second,
-                               format_frame_range(std::vector<int>(uncovered_share.first.begin(),
-                                                                   uncovered_share.first.end()))));
+      options_.on_message(
+          fmt::format("{}up to {:.0f} % of the view is seen by no camera, in frames {}",
+                      layer_label(plan_, layer), 100 * uncovered_share.second,
+                      format_frame_range(std::vector<int>(uncovered_share.first.begin(),
+                                                          uncovered_share.first.end()))));
     }
   }
 
@@ -332,7 +333,7 @@ CheckedSequence check_sequence(const std::filesystem::path& shot_file,
   const ShotPlan& plan = *opened;
   if (plan.hosts() != nullptr) check_distributed_archives(plan, shot_file);
   const ShotDocument& shot = plan.shot();
-  const std::vector<int> numbers = frames_to_render(shot, options.frames, options.say);
+  const std::vector<int> numbers = frames_to_render(shot, options.frames, options.on_message);
   std::vector<PlannedFrame> frames = plan.plan(numbers, options.missing);
   plan.check_files(frames);
   if (plan.measures_coverage()) check_requested_aovs(plan, shot_file);
@@ -370,8 +371,8 @@ SequenceReport render_sequence(const std::filesystem::path& shot_file,
                              format_byte_size(static_cast<double>(memory.kept)), methods_text(plan),
                              format_byte_size(static_cast<double>(memory.working)));
   }
-  options.say(plan_text);
-  if (!memory.note.empty()) options.say(memory.note);
+  options.on_message(plan_text);
+  if (!memory.note.empty()) options.on_message(memory.note);
   options.progress(0);
   return SequenceRun(plan, checked.name, checked.frames, compositor, options, std::move(stop))
       .run(memory.frames_in_flight);

@@ -52,7 +52,7 @@ struct SequenceOptions {
   /// Called with values that rise from 0 to 1, from many threads.
   std::function<void(double)> progress = [](double) {};
   /// Called with one line for the log (clamped, held, skipped or failed), from many threads.
-  std::function<void(std::string_view)> say = [](std::string_view) {};
+  std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
 /// Wall-clock time of each stage, milliseconds, summed over the frames. Several frames are in

@@ -57,7 +57,7 @@ void check_disk_space(const std::filesystem::path& folder, const ShotPlan& plan,
                                        format_byte_size(raw));
   if (available < least)
     throw Error::failed(text, folder.string(), "Make room or render elsewhere");
-  if (available < raw) options.say("warning: " + text);
+  if (available < raw) options.on_message("warning: " + text);
 }
 
 void check_existing_files(const SequenceName& name, std::span<const int> frames) {

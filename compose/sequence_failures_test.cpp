@@ -56,7 +56,7 @@ TEST_F(SequenceFailures, AnArchiveThatIsCutMeanwhileCostsTheFramesThatAreLost) {
     shot_.layers.front().method = method;
     options_.output = (folder_.path() / method / "a.####.exr").string();
     options_.frames_in_flight = 1;
-    options_.say = [&](std::string_view line) {
+    options_.on_message = [&](std::string_view line) {
       if (line.starts_with("writing")) std::filesystem::resize_file(archive, whole.size() / 2);
     };
     const SequenceReport report = run();
@@ -110,7 +110,7 @@ TEST_F(SequenceFailures, ChecksTheMethodsOptionsFirst) {
     OptionValues options;
     const char* said;
   } cases[] = {
-      {"aperture", {{"radius", 0.5}, {"f_number", 2.0}}, "both radius and f_number"},
+      {"aperture", {{"radius", 0.5}, {"f_number", 2.0}}, "both options radius and f_number"},
       {"aperture", {{"depth_map", std::string("none.exr")}}, "frame 101 needs a file"},
       {"focal_plane", {{"objects", std::string("none.json")}}, "none.json"},
       {"plane_sweep", {{"p1", 50.0}, {"p2", 10.0}}, "p2 is less than p1"},

@@ -19,12 +19,12 @@ void say_what_focus_means(const ShotPlan& plan, std::size_t layer, const Sequenc
   if (kind != Kind::kKeys && kind != Kind::kCamera) return;
   const Method& method = method_named(light_field.reconstruction().method);
   if (!method.uses_focal_plane()) {
-    options.say(
+    options.on_message(
         fmt::format("{}the method {} finds the scene's depth and pays no heed to the focal "
                     "plane: nothing is pulled",
                     layer_label(plan, layer), method.name()));
   } else if (plan.shot().merge == ShotDocument::Merge::kDepth && plan.layers() > 1) {
-    options.say(
+    options.on_message(
         fmt::format("{}all of the light field stands at its focal plane, and moves with it before "
                     "and behind other layers",
                     layer_label(plan, layer)));
@@ -48,9 +48,10 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
     const std::string of_layer = layer_label(plan, i);
     say_what_focus_means(plan, i, options);
     if (!is_calibrated(read_rig(light_field->take().folder() / "rig.json"))) {
-      options.say("warning: " + of_layer +
-                  "the rig is not calibrated: places and lenses of the cameras are guessed, and "
-                  "the frames are as wrong as that");
+      options.on_message(
+          "warning: " + of_layer +
+          "the rig is not calibrated: places and lenses of the cameras are guessed, and "
+          "the frames are as wrong as that");
     }
     const auto held = std::ranges::count_if(
         frames, [&](const PlannedFrame& frame) { return frame.shown[i].held; });
@@ -58,10 +59,11 @@ void report_sequence_warnings(const ShotPlan& plan, std::span<const PlannedFrame
       return plan.is_visible(i, frame.frame) && !frame.shown[i].tick;
     });
     if (held > 0) {
-      options.say(fmt::format("{}{} frames hold another instant of the take", of_layer, held));
+      options.on_message(
+          fmt::format("{}{} frames hold another instant of the take", of_layer, held));
     }
     if (black > 0) {
-      options.say(
+      options.on_message(
           fmt::format("{}{} frames are empty: the take has nothing there", of_layer, black));
     }
   }

@@ -10,20 +10,21 @@
 
 namespace raystage::farm {
 
-/// Records the start of an attempt in JOB/attempts under the next free number, which it sets. Two
-/// processes never get the same number. Throws Error (failed) for the disk.
+/// Records the start of an attempt in JOB/attempts under the next free number, and sets
+/// `attempt.attempt` to it. Two processes never get the same number. Throws Error (failed) if the
+/// disk refuses the record.
 void record_attempt_start(const JobFolder& folder, FarmAttempt& attempt);
 
-/// Writes `attempt` with its end over its start. A full disk is no obstacle: the start has reserved
-/// the room. Throws Error (failed) where the disk refuses even that.
+/// Overwrites the start record of `attempt` with its end. This works on a full disk, because the
+/// start record has reserved the space. Throws Error (failed) if the disk refuses to overwrite.
 void record_attempt_end(const JobFolder& folder, const FarmAttempt& attempt);
 
-/// Attempts by task (stage and index), in their order. A record that is unreadable counts as an
+/// Attempts of each task (stage and index), in ascending order. An unreadable record counts as an
 /// attempt without an end.
 using TaskAttempts = std::map<std::pair<std::string, int>, std::vector<FarmAttempt>>;
 TaskAttempts read_attempts(const JobFolder& folder);
 
-/// "render.0003.02": of the attempt's record and log.
+/// Returns the name of the attempt's record and log, e.g. "render.0003.02".
 std::string attempt_name(const FarmAttempt& attempt);
 std::filesystem::path attempt_log(const JobFolder& folder, const FarmAttempt& attempt);
 

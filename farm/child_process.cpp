@@ -48,7 +48,8 @@ struct Pipe {
 Pipe make_pipe() {
   std::array<int, 2> ends{};
   if (pipe2(ends.data(), O_CLOEXEC) != 0) {
-    throw Error::from_errno("a program cannot be started", "", "Close other programs");
+    throw Error::from_errno("a program cannot be started", "",
+                            "Close other programs and try again");
   }
   return {Descriptor(ends[0]), Descriptor(ends[1])};
 }
@@ -90,7 +91,7 @@ double seconds(const timeval& time) {
   return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
 }
 
-/// Lines of a stream as they become whole.
+/// Splits a stream into complete lines.
 class Lines {
  public:
   explicit Lines(const std::function<void(std::string_view)>& line) : line_(line) {}

@@ -12,25 +12,25 @@
 
 namespace raystage::farm {
 
-/// What a job takes, measured by its tasks. Times are wall-clock seconds of a slot, which runs one
-/// task of `threads` threads at a time.
+/// The measured costs of a job's tasks. Times are wall-clock seconds of a slot, which runs one task
+/// of `threads` threads at a time.
 struct JobCosts {
   int frames = 1, chunks = 1, instants = 0;
-  int threads = 1;                   ///< of a task
-  double solve_s = 0;                ///< of an instant, stage prepare
-  double frame_s = 0;                ///< of a frame, of those under way at once
-  double frame_cpu_s = 0;            ///< processor time of a frame, the task's other work included
-  double task_s = 0;                 ///< of a task besides its frames: its start, and its records
-  RenderStageCosts stages = {};      ///< of a frame, mean; frames 0: the records lack them
-  std::optional<double> gap_s = {};  ///< from the end of a task to the next on the same node, mean
-  double frame_read_bytes = 0;       ///< JPEG data that a frame needs
-  double frame_write_bytes = 0;      ///< its files
-  double verify_s = 0;               ///< wall-clock, of a frame
-  double submit_s = 0;               ///< wall-clock, of the job
+  int threads = 1;                   ///< per task
+  double solve_s = 0;                ///< per instant, in stage prepare
+  double frame_s = 0;                ///< per frame, with frames rendered concurrently
+  double frame_cpu_s = 0;            ///< CPU time per frame, the task's other work included
+  double task_s = 0;                 ///< overhead per task: start and records
+  RenderStageCosts stages = {};      ///< mean per frame; frames 0: not in the records
+  std::optional<double> gap_s = {};  ///< mean time between two tasks on the same node
+  double frame_read_bytes = 0;       ///< JPEG data read per frame
+  double frame_write_bytes = 0;      ///< size of the files of a frame
+  double verify_s = 0;               ///< wall-clock time per frame
+  double submit_s = 0;               ///< wall-clock time of the submission
 };
 
-/// The site. Latency and throughput of the scheduler are different things: how long one task waits
-/// although a slot is free, and how many tasks it can start in a second.
+/// The parameters of a cluster. `start_latency_s` is how long a task waits although a slot is free;
+/// `starts_per_s` is how many tasks the scheduler can start in a second.
 struct SiteParameters {
   int cores_per_node = 2;
   double storage_read_bytes_per_s = 1e9, storage_write_bytes_per_s = 1e9;  ///< shared by all nodes
@@ -38,7 +38,7 @@ struct SiteParameters {
   double starts_per_s = 50;
 };
 
-/// What keeps a job from being faster on so many nodes.
+/// The resource that limits a job's speed on a given number of nodes.
 enum class CostLimit {
   kProcessors,
   kTooFewTasks,
@@ -53,19 +53,20 @@ struct ScalingPrediction {
   int nodes = 1;
   double seconds = 0;
   double prepare_s = 0, render_s = 0, serial_s = 0;  ///< submission and verification are serial
-  CostLimit limit = CostLimit::kProcessors;          ///< of what takes longest
-  double efficiency = 1;                             ///< against one node, times nodes
+  CostLimit limit = CostLimit::kProcessors;          ///< of the longest stage
+  double efficiency = 1;                             ///< speed-up over one node, divided by nodes
 };
 
-/// Each stage takes as long as its slowest resource: processors in whole waves of tasks, the shared
-/// storage, or the scheduler. Stages follow each other.
+/// Predicts the time of a job on `nodes` nodes. Each stage takes as long as its slowest resource:
+/// processors in whole waves of tasks, the shared storage, or the scheduler. Stages run in
+/// sequence.
 ScalingPrediction predict_scaling(const JobCosts& job, const SiteParameters& site, int nodes);
 
-/// The costs of a job that has run, from its records: needs a chunk that is done. None: there is
-/// none.
+/// Returns the costs of a job from its records, or nothing if no chunk is done.
 std::optional<JobCosts> measured_costs(const FarmJobDocument& job, const TaskAttempts& attempts);
 
-/// A table for people, and a page with the curve of efficiency over nodes.
+/// Return the prediction as a text table, and as an HTML page with a chart of efficiency over
+/// nodes.
 std::string cost_text(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes);
 std::string cost_page(const JobCosts& job, const SiteParameters& site, std::span<const int> nodes,
                       std::string_view title);

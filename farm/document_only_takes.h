@@ -5,9 +5,9 @@
 
 namespace raystage::farm {
 
-/// Opens takes whose archives are on the nodes of a job, to plan the job on a host that has only
-/// their documents: take.json, rig.json and timeline. Frames are known by the timeline, which is
-/// not checked. Nothing can be rendered.
+/// Opens takes of which this host has only the documents (take.json, rig.json and timeline), to
+/// plan a job whose archives are on its nodes. Frames come from the timeline, which is not checked.
+/// Such takes cannot be rendered.
 class DocumentOnlyTakes : public DistributedTakes {
  public:
   Take open(const std::filesystem::path& folder) override;

@@ -7,12 +7,12 @@
 
 namespace raystage::farm {
 
-/// JOB/fingerprints: what each frame's file must be made from, as the task says that renders it.
-/// Where archives are on several nodes no other process knows. A file for each task, with lines
-/// "FRAME FINGERPRINT" as `raystage render --fingerprints` writes them.
+/// Returns the file in JOB/fingerprints with the fingerprints of the frames that a task renders.
+/// With distributed archives only that task can compute them. Each line is "FRAME FINGERPRINT", as
+/// the fingerprints file of `raystage render`.
 std::filesystem::path fingerprints_file(const std::filesystem::path& job_folder, int task);
 
-/// All that tasks have written so far, by frame. Lines that are damaged are left out.
+/// Returns the fingerprints that tasks have written so far, by frame. Skips damaged lines.
 std::map<int, std::string> read_fingerprints(const std::filesystem::path& job_folder);
 
 }  // namespace raystage::farm

@@ -12,11 +12,11 @@
 
 namespace raystage::farm {
 
-/// The folder of one job (docs/formats/farm.md): what it is, its scripts, its records. The only
-/// state of a job; the scheduler's memory is never needed to know what was done.
+/// The folder of one job (docs/formats/farm.md) with its document, scripts and records. It is the
+/// only state of a job: the scheduler's memory is never needed to determine what was done.
 class JobFolder {
  public:
-  /// Nothing is read yet.
+  /// Only stores the path; reads nothing.
   explicit JobFolder(std::filesystem::path folder) : path_(std::move(folder)) {}
 
   const std::filesystem::path& path() const { return path_; }
@@ -29,25 +29,25 @@ class JobFolder {
   std::filesystem::path slurm_ids() const { return path_ / "slurm"; }
   std::filesystem::path round_file(int round) const;
   std::filesystem::path end_file() const { return path_ / "ended.json"; }
-  /// Exists once somebody has cancelled the job.
+  /// The file exists once the job was cancelled.
   std::filesystem::path cancel_file() const { return path_ / "cancelled"; }
-  /// Names the job folder that this job waits for; exists only where it waits for one.
+  /// The file names the job folder that this job waits for; it exists only if there is one.
   std::filesystem::path after_file() const { return path_ / "after"; }
 
-  /// The job with paths as the nodes see them. Throws Error (bad input) where there is no job, or
-  /// its document is damaged.
+  /// Returns the job with paths as the nodes see them. Throws Error (bad input) if there is no job
+  /// or its document is damaged.
   FarmJobDocument job() const;
-  /// The same with paths as this host sees them, which may be the submitting host or a node.
+  /// Returns the job with paths as this host sees them, whether submitting host or node.
   FarmJobDocument local_job() const;
-  /// The rounds that were written, by number.
+  /// Returns the written rounds, sorted by number.
   std::vector<FarmRound> rounds() const;
-  /// None: the job is not over.
+  /// Returns how the job ended, or nothing while it is not over.
   std::optional<FarmEnd> end() const;
   void write_end(const FarmEnd& end) const;
-  /// The end moves to ended.N.json, so that the job may go on.
+  /// Moves the end to ended.N.json, so that the job can continue.
   void reopen() const;
 
-  /// Nodes that the job does not use any more, with the reason of each.
+  /// Returns the nodes that the job no longer uses, each with its reason.
   std::vector<std::pair<std::string, std::string>> excluded_nodes() const;
   bool is_excluded(std::string_view node) const;
   void exclude(std::string_view node, std::string_view reason) const;
@@ -56,9 +56,9 @@ class JobFolder {
   std::filesystem::path path_;
 };
 
-/// While it lives no other task of the job that runs on this node has one: a lock in JOB/excluded,
-/// which goes with the process. Where the file system has no locks, or one is held for too long
-/// (10 s), it is none.
+/// A lock in JOB/excluded that one task of the job on a node can hold at a time. It is released
+/// with the process at the latest. The constructor continues without a lock if the file system has
+/// no locks, or if another task holds it for more than 10 s.
 class NodeLock {
  public:
   NodeLock(const JobFolder& folder, std::string_view node);
@@ -70,30 +70,31 @@ class NodeLock {
   int descriptor_ = -1;
 };
 
-/// OUT/NAME.farm: the folder of an output's jobs.
+/// Returns OUT/NAME.farm, the folder of an output's jobs.
 std::filesystem::path farm_folder(const std::string& output);
 
-/// The jobs in it by number; also one that is just being created.
+/// Returns the jobs in the folder by number, including one that is being created.
 std::vector<JobFolder> list_jobs(const std::filesystem::path& farm_folder);
 
-/// The newest job of this output that is not over; none where every one is.
-/// `before`: only jobs with a lower number than this folder's.
+/// Returns the newest job of this output that is not over, or nothing if all are.
+/// With `before`, considers only jobs with a lower number than that folder's.
 std::optional<JobFolder> find_live_job(const std::string& output,
                                        const std::filesystem::path& before = {});
 
 /// Creates the next folder OUT/NAME.farm/job-NNNN with its subfolders. Two processes never get the
-/// same one. Throws Error (failed) for the disk.
+/// same folder. Throws Error (failed) if the folder cannot be created.
 JobFolder create_job_folder(const std::string& output);
 
-/// The job that a user names: its folder, job.json, the folder of an output's jobs (the newest) or
-/// the output's pattern (the newest). Throws Error (bad input) where there is none.
+/// Returns the job that a user names by its folder, by its job.json, by the folder of an output's
+/// jobs (the newest) or by the output's pattern (the newest). Throws Error (bad input) if there is
+/// none.
 JobFolder find_job(const std::filesystem::path& named);
 
-/// Reads a small text file of a job folder; follows no link. Empty: it is missing or larger than 16
-/// MiB.
+/// Reads a small text file of a job folder without following links. Returns nothing if the file is
+/// missing or larger than 16 MiB.
 std::optional<std::string> read_record(const std::filesystem::path& file);
 
-/// The host's name; of Slurm's task the node's (SLURMD_NODENAME).
+/// Returns the name of the node within a Slurm task (SLURMD_NODENAME), otherwise the host's name.
 std::string node_name();
 Nanoseconds utc_now();
 

@@ -1,4 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
+// Splits the frames of a job into chunks, groups chunks by the instants that they depend on, and
+// splits task indices into Slurm arrays. Inputs and outputs are frame numbers and task indices;
+// every frame is in exactly one chunk. At most kMostGroups groups are made.
 #include "farm/job_plan.h"
 
 #include <algorithm>
@@ -22,7 +25,7 @@ void append_chunks(std::span<const int> frames, int per_chunk,
   }
 }
 
-/// Neighbours put together until no more than kMostGroups are left: each is a call of sbatch.
+/// Merges adjacent groups until at most kMostGroups are left: each group is a call of sbatch.
 std::vector<ChunkGroup> merged(std::vector<ChunkGroup> groups) {
   if (groups.size() <= kMostGroups) return groups;
   std::vector<ChunkGroup> result;

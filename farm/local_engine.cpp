@@ -58,7 +58,8 @@ class LocalRun {
     const std::optional<FarmEnd> end = folder_.end();
     if (!end || end->state != FarmEnd::State::kDone) {
       if (end)
-        options_.say(fmt::format("frames {} are missing. {}", end->missing_frames, end->reason));
+        options_.on_message(
+            fmt::format("frames {} are missing. {}", end->missing_frames, end->reason));
       return end && end->missing_frames.empty() ? ExitCode::kFailed : ExitCode::kSomeFramesFailed;
     }
     options_.progress(1);
@@ -93,7 +94,7 @@ class LocalRun {
     TaskRequest request{folder_, stage, index, round};
     request.timeout_seconds = 0;  // this host has written the frames itself
     request.progress = std::move(progress);
-    request.say = options_.say;
+    request.on_message = options_.on_message;
     return run_task(request, stop_);
   }
 

@@ -17,9 +17,9 @@ struct Measurement {
   int frame = 0;
 };
 
-/// Renders the frame into its place with the resources of a task, and records the attempt as stage
-/// "measure". None: the frame existed, so nothing was measured. Throws Error where it cannot be
-/// rendered: bad input or failed, as the renderer says.
+/// Renders the frame to its output file with the resources of a task, and records the attempt as
+/// stage "measure". Returns nothing if the frame existed, as nothing was measured. Throws Error
+/// (bad input or failed, as the renderer reports) if the frame cannot be rendered.
 std::optional<FarmAttempt::End> measure_frame(const Measurement& measurement,
                                               const std::stop_token& stop);
 

@@ -15,7 +15,7 @@ std::string without_slash(std::string folder) {
 
 void map_strings(nlohmann::ordered_json& value, std::span<const PathMappingRule> rules) {
   if (value.is_string()) {
-    value = mapped(value.get<std::string>(), rules);
+    value = map_path(value.get<std::string>(), rules);
   } else if (value.is_structured()) {
     for (auto& item : value) map_strings(item, rules);
   }
@@ -60,15 +60,15 @@ std::vector<PathMappingRule> read_path_mapping(const std::filesystem::path& file
   return rules;
 }
 
-bool holds(const PathMappingRule& rule, std::string_view path) {
+bool path_rule_matches(const PathMappingRule& rule, std::string_view path) {
   if (!path.starts_with(rule.from)) return false;
   const std::string_view rest = path.substr(rule.from.size());
   return rest.empty() || rest.front() == '/' || rule.from.back() == '/';
 }
 
-std::string mapped(const std::string& path, std::span<const PathMappingRule> rules) {
+std::string map_path(const std::string& path, std::span<const PathMappingRule> rules) {
   for (const PathMappingRule& rule : rules) {
-    if (holds(rule, path)) return rule.to + path.substr(rule.from.size());
+    if (path_rule_matches(rule, path)) return rule.to + path.substr(rule.from.size());
   }
   return path;
 }
@@ -76,12 +76,12 @@ std::string mapped(const std::string& path, std::span<const PathMappingRule> rul
 void map_paths(FarmJobDocument& job, std::span<const PathMappingRule> rules) {
   for (std::string* path :
        {&job.folder, &job.shot_folder, &job.output, &job.cache, &job.color_config}) {
-    *path = mapped(*path, rules);
+    *path = map_path(*path, rules);
   }
   for (FarmJobDocument::PrepareTask& instant : job.instants)
-    instant.file = mapped(instant.file, rules);
-  for (std::string& file : job.inputs) file = mapped(file, rules);
-  for (std::string& file : job.pinned) file = mapped(file, rules);
+    instant.file = map_path(instant.file, rules);
+  for (std::string& file : job.inputs) file = map_path(file, rules);
+  for (std::string& file : job.pinned) file = map_path(file, rules);
 }
 
 std::string map_shot_paths(std::string_view shot_text, std::string_view name,

@@ -13,26 +13,27 @@ namespace raystage::farm {
 
 using PathMappingRule = FarmJobDocument::PathMappingRule;
 
-/// Reads "FROM=TO", both absolute. Throws Error (bad input).
+/// Parses "FROM=TO", two absolute paths. Throws Error (bad input).
 PathMappingRule parse_path_rule(std::string_view text);
 
-/// The rules of an Open Job Description session ("version": "pathmapping-1.0"); rules for Windows
-/// paths are left out. Throws Error (bad input).
+/// Reads the rules of an Open Job Description session ("version": "pathmapping-1.0") without those
+/// for Windows paths. Throws Error (bad input).
 std::vector<PathMappingRule> read_path_mapping(const std::filesystem::path& file);
 
 /// Returns whether the rule's FROM is the path or one of its parent folders (whole names only).
-bool holds(const PathMappingRule& rule, std::string_view path);
+bool path_rule_matches(const PathMappingRule& rule, std::string_view path);
 
-/// By the first rule whose folder holds the path (whole names only); else as it is.
-std::string mapped(const std::string& path, std::span<const PathMappingRule> rules);
+/// Returns the path mapped by the first rule that matches it, or unchanged if none does.
+std::string map_path(const std::string& path, std::span<const PathMappingRule> rules);
 
-/// Every path of a job but that of the program, or every absolute path in the text of a shot.
+/// Maps every path of a job except the program's, or every absolute path in the text of a shot.
 void map_paths(FarmJobDocument& job, std::span<const PathMappingRule> rules);
 std::string map_shot_paths(std::string_view shot_text, std::string_view name,
                            std::span<const PathMappingRule> rules);
 
-/// The rules from the paths of a job's document to those of this host, whose job folder is
-/// `folder`: none where that is the nodes' name of the folder, else the job's own mapping reversed.
+/// Returns the rules that map the paths of a job's document to those of this host, whose job folder
+/// is `folder`: no rules if the nodes use the same path of the folder, otherwise the job's own
+/// mapping reversed.
 std::vector<PathMappingRule> local_path_rules(const FarmJobDocument& job,
                                               const std::filesystem::path& folder);
 

@@ -15,11 +15,11 @@ namespace {
 TEST(PathMap, MapsWholeNamesByTheFirstRule) {
   const std::vector<PathMappingRule> rules{parse_path_rule("/mnt/show/=/net/show"),
                                            parse_path_rule("/mnt=/m")};
-  EXPECT_EQ(mapped("/mnt/show/a b/x", rules), "/net/show/a b/x");
-  EXPECT_EQ(mapped("/mnt/show", rules), "/net/show");
-  EXPECT_EQ(mapped("/mnt/showreel/x", rules), "/m/showreel/x");
-  EXPECT_EQ(mapped("/other", rules), "/other");
-  EXPECT_EQ(mapped("", rules), "");
+  EXPECT_EQ(map_path("/mnt/show/a b/x", rules), "/net/show/a b/x");
+  EXPECT_EQ(map_path("/mnt/show", rules), "/net/show");
+  EXPECT_EQ(map_path("/mnt/showreel/x", rules), "/m/showreel/x");
+  EXPECT_EQ(map_path("/other", rules), "/other");
+  EXPECT_EQ(map_path("", rules), "");
   for (const char* wrong : {"", "a=b", "/a", "/a=b", "=/b"}) {
     EXPECT_THROW(parse_path_rule(wrong), Error) << wrong;
   }
@@ -46,7 +46,7 @@ TEST(PathMap, KnowsWhichHostsNamesApply) {
   job.folder = "/net/show/s.farm/job-0001";
   const auto rules = local_path_rules(job, folder.path());
   ASSERT_EQ(rules.size(), 1U);
-  EXPECT_EQ(mapped("/net/show/x", rules), "/mnt/show/x");
+  EXPECT_EQ(map_path("/net/show/x", rules), "/mnt/show/x");
 }
 
 TEST(PathMap, ReadsASessionsRules) {
@@ -57,7 +57,7 @@ TEST(PathMap, ReadsASessionsRules) {
     {"source_path_format": "POSIX", "source_path": "/a", "destination_path": "/b"}]})");
   const auto rules = read_path_mapping(file);
   ASSERT_EQ(rules.size(), 1U);
-  EXPECT_EQ(mapped("/a/c", rules), "/b/c");
+  EXPECT_EQ(map_path("/a/c", rules), "/b/c");
   write_file_atomically(file, R"({"version": "pathmapping-1.0"})");
   EXPECT_TRUE(read_path_mapping(file).empty());
   for (const char* wrong :

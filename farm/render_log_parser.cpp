@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The lines are those of SequenceReport::stages() and summary(), depths_line() and the renderer's
-// failures; log_reader_test.cpp compares them.
+// failures; render_log_parser_test.cpp compares them.
 #include "farm/render_log_parser.h"
 
 #include <charconv>

@@ -10,17 +10,17 @@
 
 namespace raystage::farm {
 
-/// What the log of `raystage render` or `raystage prepare` says next to its progress, line by line.
+/// Parses the log of `raystage render` or `raystage prepare` line by line, progress excepted.
 class RenderLogParser {
  public:
   void parse_line(std::string_view line);
-  /// Of a command that failed: the first failed frame that it reported, else why it ended as it
-  /// says itself, else its last line.
+  /// Returns why the command failed: the first failed frame that it reported, otherwise its error
+  /// message, otherwise its last line.
   std::string reason() const {
     return !first_failure.empty() ? first_failure : !error_message.empty() ? error_message : last;
   }
 
-  int solved = 0, read = 0;  ///< light field frames, by their depths
+  int solved = 0, read = 0;  ///< light field frames whose depths were estimated, or read
   std::string last, first_failure, error_message;
   std::set<int> failed_frames;
   std::optional<RenderStageCosts> rendering;

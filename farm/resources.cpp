@@ -32,7 +32,7 @@ double camera_pixels(const ShotPlan& plan) {
   return most;
 }
 
-/// Twice what the frames take: methods that keep results get half of what is left.
+/// Twice the memory of the frames: methods with a result cache get half of the rest.
 double render_gb(const ResourceRequest& request) {
   const auto frames_in_flight =
       static_cast<std::size_t>(std::clamp(request.threads, 1, kMostFramesInFlight));

@@ -10,23 +10,24 @@
 
 namespace raystage::farm {
 
-/// What a task of each stage may use is estimated from this.
+/// The inputs of estimate_resources().
 struct ResourceRequest {
   const ShotPlan& plan;
   std::span<const PlannedFrame> frames;
   bool deep = false;
-  int threads = 1;                                  ///< of a task that renders or prepares
-  double memory_gb = 0;                             ///< as given; 0: estimated
-  std::optional<int> minutes = {};                  ///< as given
+  int threads = 1;                                  ///< per task of stage render or prepare
+  double memory_gb = 0;                             ///< requested; 0: estimate it
+  std::optional<int> minutes = {};                  ///< requested; none: estimate it
   int longest_chunk = 1;                            ///< frames
   const std::optional<FarmAttempt::End>& measured;  ///< of the first frame
 };
 
-/// Memory from the memory plan, raised where the measured frame took more; the time limit four
-/// times what the longest task should take, at least ten minutes, where a frame was measured.
+/// Returns the resources of a task. Memory comes from the memory plan and is raised if the measured
+/// frame took more. If a frame was measured, the time limit is four times the expected time of the
+/// longest task, at least ten minutes.
 FarmResources estimate_resources(FarmStage stage, const ResourceRequest& request);
 
-/// Room for one frame on the output disk, bytes: a quarter of what it takes uncompressed.
+/// Returns the disk space for one frame in bytes: a quarter of its uncompressed size.
 double estimate_frame_bytes(const ShotPlan& plan, bool deep);
 
 }  // namespace raystage::farm

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Decides the next round of a job after a verification, from the attempts of its tasks. Inputs: the
+// job, the attempts by task, the missing frames and the excluded nodes. Output: a round with the
+// chunks to run again and the factors of memory and time, or the end of the job. See
+// decide_next_round() for the rules. Cost: linear in attempts and frames of the job.
 #include "farm/rounds.h"
 
 #include <fmt/format.h>
@@ -14,9 +18,9 @@ namespace raystage::farm {
 namespace {
 
 constexpr double kMoreMemory = 1.5, kMoreTime = 2;
-/// Attempts that the task is not to blame for, beyond which it is given up all the same.
+/// Limit of attempts that failed without the task's fault; beyond it the task is given up.
 constexpr int kMostLost = 10;
-/// More nodes than this, and than this part of those that were tried, are no accident.
+/// With more faulty nodes than this number, and than this share of those tried, the job fails.
 constexpr std::size_t kMostExcluded = 3, kMostExcludedPart = 4;
 constexpr std::size_t kLongestReason = 3000;
 
@@ -56,7 +60,7 @@ bool may_try_again(const FarmJobDocument& job, const TaskHistory& history) {
          history.without_blame < kMostLost;
 }
 
-/// Instants of a chunk whose preparation failed are prepared again, once.
+/// Returns the instants of a chunk whose preparation failed once: they are prepared again.
 void add_instants(const RoundOutcome& state, int chunk, FarmRound& next) {
   for (const int instant : state.job.chunks[static_cast<std::size_t>(chunk)].instants) {
     const auto found = state.attempts.find({"prepare", instant});
@@ -70,7 +74,7 @@ void add_instants(const RoundOutcome& state, int chunk, FarmRound& next) {
   std::ranges::sort(next.prepare);
 }
 
-/// Whether no node is left that is worth trying.
+/// Returns whether no usable node is left.
 bool is_every_node_at_fault(const RoundOutcome& state) {
   std::set<std::string> tried;
   for (const auto& [task, attempts] : state.attempts) {

@@ -12,14 +12,14 @@
 
 namespace raystage::farm {
 
-/// What follows a verification.
+/// The decision after a verification.
 struct RoundDecision {
   std::optional<FarmRound> next;  ///< none: the job is over
-  FarmEnd end = {};               ///< where it is
-  bool no_node_left = false;      ///< why it is: no node is worth trying
+  FarmEnd end = {};               ///< valid if the job is over
+  bool no_node_left = false;      ///< the job is over because no usable node is left
 };
 
-/// What is known when a round is over.
+/// The state of the job at the end of a round.
 struct RoundOutcome {
   const FarmJobDocument& job;
   const TaskAttempts& attempts;
@@ -29,22 +29,22 @@ struct RoundOutcome {
   int first_round = 1;  ///< attempts of earlier rounds do not count
 };
 
-/// A frame that is missing brings its chunk into the next round, unless its task has failed
-/// `attempts` times, fails by its inputs, or ran out of memory again with 1.5 times the memory. A
-/// task that did not end by itself (its node died, it was declined) is tried further. Tasks that
-/// ran out of memory, or were stopped, bring 1.5 times the memory, or twice the time, to their
-/// round. Where every node that was tried is at fault, or more than three and a quarter of them
-/// are, it is not the nodes: the job fails.
+/// Decides which chunks run again. The chunk of a missing frame is in the next round unless its
+/// task has failed `attempts` times, failed because of its inputs, or ran out of memory even
+/// with 1.5 times the memory. A task that did not end by itself (its node died, or it was declined)
+/// runs again. The next round has 1.5 times the memory if a task ran out of memory, and twice the
+/// time if one was stopped. The job fails if all tried nodes have faults, or more than three and
+/// also more than a quarter of them, as the cause is then probably not the nodes.
 RoundDecision decide_next_round(const RoundOutcome& state);
 
-/// Whether a chunk need not wait for an instant any longer: it was prepared, or its preparation
-/// failed twice, and the chunk derives it itself.
+/// Returns whether chunks no longer wait for an instant: it was prepared, or its preparation failed
+/// twice and each chunk derives the data itself.
 bool needs_no_preparation(const std::vector<FarmAttempt>& attempts);
 
-/// The chunks that hold any of the frames, sorted.
+/// Returns the indices of the chunks that contain any of the frames, sorted.
 std::vector<int> chunks_with_frames(const FarmJobDocument& job, std::span<const int> frames);
 
-/// All frames of the job, sorted.
+/// Returns all frames of the job, sorted.
 std::vector<int> job_frames(const FarmJobDocument& job);
 
 }  // namespace raystage::farm

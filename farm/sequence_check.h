@@ -12,7 +12,7 @@
 
 namespace raystage::farm {
 
-/// A frame as it must be.
+/// A frame and the fingerprint that its file must have.
 struct ExpectedFrame {
   int frame = 0;
   std::string fingerprint;
@@ -29,8 +29,8 @@ struct SequenceCheckSettings {
   std::function<void(double)> progress = [](double) {};
 };
 
-/// The frames that are not whole (every pixel of every part present) or not true (another
-/// fingerprint), sorted. Files are read, never written.
+/// Returns the frames that are incomplete (a pixel of a part is missing) or have another
+/// fingerprint, sorted. Only reads files.
 std::vector<int> missing_frames(const SequenceName& name, std::span<const ExpectedFrame> frames,
                                 const SequenceCheckSettings& settings, const std::stop_token& stop);
 

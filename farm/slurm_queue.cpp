@@ -38,7 +38,7 @@ std::string one_line(const std::string& text) {
 
 Error unavailable(const ChildResult& result, const std::string& command) {
   return Error::failed("Slurm does not answer: " + one_line(result.out), command,
-                       "Check `scontrol ping` and SLURM_CONF, or use --engine local");
+                       "Check `scontrol ping` and SLURM_CONF, or use engine local");
 }
 
 /// "123_[4-7%2]" is several tasks; squeue -r prints one line a task, so only "123_4" and "123"
@@ -99,7 +99,7 @@ int slurm_max_array() {
   std::from_chars(result.out.data() + digit, result.out.data() + result.out.size(), size);
   if (size < 1) {
     throw Error::failed("Slurm allows no arrays (MaxArraySize 0)", "scontrol show config",
-                        "Ask the cluster's administrator, or use --engine local");
+                        "Ask the cluster's administrator, or use engine local");
   }
   return size;
 }

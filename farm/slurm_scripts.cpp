@@ -207,8 +207,8 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage) {
   text += kUnsetSlurmVariables.substr(1);
   text += kRequeueVerification.substr(1);
   text +=
-      "keep_verification\n"
-      "[ \"$code\" -eq 0 ] || [ ! -e \"excluded/$SLURMD_NODENAME\" ] || leave_node\n"
+      "requeue_verification\n"
+      "[ \"$code\" -eq 0 ] || [ ! -e \"excluded/$SLURMD_NODENAME\" ] || exclude_node\n"
       "exit 0  # what became of the task is in its record; a site may requeue what exits "
       "otherwise\n";
   return text;
@@ -252,7 +252,7 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
       round.round, job.id, round.prepare.size(), round.render.size(), round.round);
   text += "[ ! -e cancelled ] || { echo 'the job was cancelled' >&2; exit 1; }\n";
   text += kUnsetSlurmVariables;
-  text += "forget_own_task\n";
+  text += "unset_slurm_variables\n";
   text += kQueue.substr(1);
   text += exclude_lines(job, round);
   // Held until everything is queued: a task that is over and forgotten is no dependency any more.
@@ -290,7 +290,7 @@ std::string round_script(const FarmJobDocument& job, const FarmRound& round) {
 std::string preview_script(const FarmJobDocument& job, int round) {
   return fmt::format(
       "#!/bin/sh\n# Queues the preview of farm job {}.\nset -eu\ncd \"$(dirname "
-      "\"$0\")\"\n{}forget_own_task\n{}"
+      "\"$0\")\"\n{}unset_slurm_variables\n{}"
       "queue preview.{} preview.sbatch {} 0\n",
       job.id, kUnsetSlurmVariables, kQueue.substr(1), round, round);
 }

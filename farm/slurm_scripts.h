@@ -11,14 +11,14 @@ namespace raystage::farm {
 /// The batch scripts of a job for Slurm, as text for people and for sbatch. Scripts name their
 /// folder once and everything else relative to it, so that any of them can be submitted by hand.
 
-/// One word of a shell command, quoted where it must be.
+/// Returns the text as one word of a shell command, quoted if necessary.
 std::string shell_quote(std::string_view text);
 
-/// Name of the job's scheduler jobs of a stage, e.g. "s-1a2b3c4d.render"; of "start" as well.
+/// Returns the name of the job's Slurm jobs of a stage (or "start"), e.g. "s-1a2b3c4d.render".
 std::string slurm_job_name(const FarmJobDocument& job, std::string_view stage);
 
-/// "prepare.sbatch" and so on. Arguments of the script: the round, and the index of the stage's
-/// task that is array index 0.
+/// Returns the batch script of a stage ("prepare.sbatch" and so on). Its arguments are the round
+/// and the index of the stage's task that is array index 0.
 std::string batch_script(const FarmJobDocument& job, FarmStage stage);
 
 /// "start.sbatch" queues round 1 once the job that JOB/after names is over; until then it runs
@@ -27,19 +27,20 @@ std::string batch_script(const FarmJobDocument& job, FarmStage stage);
 std::string start_script(const FarmJobDocument& job, const std::string& job_before);
 std::string queue_start_script(const FarmJobDocument& job);
 
-/// "round-N.sh": queues a round's tasks, each chunk behind its instants, then the verification. Run
-/// twice it queues nothing twice. Ids go to JOB/slurm.
+/// Returns "round-N.sh", which queues a round's tasks and then the verification. Each chunk depends
+/// on its instants. A second run queues nothing twice. The script writes job ids to JOB/slurm.
 std::string round_script(const FarmJobDocument& job, const FarmRound& round);
 
-/// "preview.sh": queues the preview of what a round has completed.
+/// Returns "preview.sh", which queues the preview after a round.
 std::string preview_script(const FarmJobDocument& job, int round);
 
-/// Writes the scripts of all stages, and of the round. Throws Error (failed) for the disk.
+/// Write the scripts of all stages, and of the round. Throw Error (failed) if the disk refuses
+/// them.
 void write_batch_scripts(const JobFolder& folder, const FarmJobDocument& job);
 void write_round(const JobFolder& folder, const FarmJobDocument& job, const FarmRound& round);
 
-/// What the scheduler is asked for: what the renderer is granted, and what else a process needs,
-/// MiB.
+/// Returns the memory in MiB to request from Slurm: the renderer's memory budget times `factor`,
+/// plus what the process needs in addition.
 int slurm_megabytes(const FarmResources& resources, double factor);
 
 }  // namespace raystage::farm

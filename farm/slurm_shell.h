@@ -19,7 +19,7 @@ inline constexpr std::string_view kExcludeNode = R"sh(
 usable_nodes() {  # PARTITION: prints how many
   sinfo -h -N ${1:+-p "$1"} -t idle,mix,alloc,comp -o %N | sort -u | wc -l
 }
-leave_node() {
+exclude_node() {
   task=${SLURM_ARRAY_JOB_ID:-$SLURM_JOB_ID}${SLURM_ARRAY_TASK_ID:+_$SLURM_ARRAY_TASK_ID}
   own=$(squeue -h -j "$task" -o %x | head -n 1)
   [ "$own" != '(null)' ] || own=
@@ -48,7 +48,7 @@ exclude_for() {  # JOB NODES-EXCLUDED-SO-FAR
   scontrol update JobId="$1" ExcNodeList="${nodes:+$nodes,}$SLURMD_NODENAME"
 }
 cd "$JOB" 2>/dev/null && [ -f job.json ] || {
-  leave_node
+  exclude_node
   echo "$SLURMD_NODENAME: the job folder is not there: $JOB" >&2
   exit 1
 }
@@ -57,7 +57,7 @@ cd "$JOB" 2>/dev/null && [ -f job.json ] || {
 /// sbatch passes SLURM_* variables on, whatever --export says: a task that was queued from within a
 /// task would take itself for that one.
 inline constexpr std::string_view kUnsetSlurmVariables = R"sh(
-forget_own_task() {
+unset_slurm_variables() {
   for variable in $(env | sed -n 's/^\(SLURM_[A-Za-z0-9_]*\)=.*/\1/p'); do
     [ "$variable" = SLURM_CONF ] || unset "$variable"
   done
@@ -67,7 +67,7 @@ forget_own_task() {
 /// A controller that is killed forgets what it accepted in its last seconds. Where that was the
 /// verification, nothing would end the job: whichever task notices queues it anew, once a round.
 inline constexpr std::string_view kRequeueVerification = R"sh(
-keep_verification() {
+requeue_verification() {
   [ -s "slurm/verify.$ROUND" ] && [ ! -e ended.json ] && [ ! -e cancelled ] || return 0
   known=$(squeue -h --me --name="$JOB_ID.verify" -o %i) && [ -z "$known" ] || return 0
   mkdir "slurm/lost-verify.$ROUND" 2>/dev/null || return 0
@@ -75,7 +75,7 @@ keep_verification() {
   own=$(squeue -h -j "$SLURM_JOB_ID" -o %x | head -n 1)  # nodes that this task was kept from
   [ "$own" != '(null)' ] || own=
   id=$(
-    forget_own_task
+    unset_slurm_variables
     sbatch --parsable ${own:+--exclude="$own"} --dependency=afterany"$(cat slurm/render."$ROUND".* | sed 's/^/:/' | tr -d '\n')" \
       verify.sbatch "$ROUND" 0
   ) && echo "${id%%;*}" >"slurm/verify.$ROUND" || rmdir "slurm/lost-verify.$ROUND"
@@ -140,7 +140,7 @@ next=after-verify-$ROUND.sh
 if [ -f "$next" ]; then
   PATIENCE=3600 sh "$next" || fail_job 'the next round could not be queued: see logs/slurm.verify.0.log'
 elif [ ! -e ended.json ] && [ "$code" -ne 143 ] && [ "$code" -ne 130 ]; then
-  [ ! -e "excluded/$SLURMD_NODENAME" ] || leave_node
+  [ ! -e "excluded/$SLURMD_NODENAME" ] || exclude_node
   fail_job "the verification ended with exit code $code: see logs/slurm.verify.0.log"
 fi
 exit 0  # what became of the task is in its record; a site may requeue what exits otherwise
@@ -167,7 +167,7 @@ PATIENCE=3600 sh start.sh 15 "$idle" || fail_job 'the start could not be queued:
 
 inline constexpr std::string_view kQueueStart = R"sh(
 is_away() { grep -qiE 'contact|connect|timed out|temporarily|transmi|communicat' slurm/said; }
-forget_own_task
+unset_slurm_variables
 newest=$(ls -v "$(cat after)"/slurm/start "$(cat after)"/slurm/verify.* 2>/dev/null |
   grep -v '[.]new$' | tail -n 1)
 waited=0

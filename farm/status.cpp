@@ -21,10 +21,10 @@ constexpr std::array<std::string_view, 7> kTaskNames{"waiting", "running",    "d
 constexpr std::array<std::string_view, 9> kJobNames{"waiting",   "running", "unknown",
                                                     "stalled",   "done",    "failed",
                                                     "cancelled", "stopped", "not queued"};
-/// Why a task waits that will never start.
+/// Slurm's reasons of pending tasks that will never start.
 constexpr std::array<std::string_view, 2> kNeverStarts{"BadConstraints",
                                                        "DependencyNeverSatisfied"};
-/// Why a task waits that somebody has to do something about.
+/// Slurm's reasons of pending tasks that need a person's action.
 constexpr std::array<std::string_view, 10> kNeedsAttention{
     "ReqNodeNotAvail",    "PartitionDown",  "PartitionInactive", "PartitionNodeLimit",
     "PartitionTimeLimit", "InvalidAccount", "InvalidQOS",        "AccountNotAllowed",
@@ -232,7 +232,7 @@ JobState state_of_local_job(const SchedulerAnswer& answer, JobStatus& status) {
   return JobState::kStalled;
 }
 
-/// From what Slurm has queued of a job that has no end.
+/// Determines the state of a job without an end from its tasks in Slurm's queue.
 JobState state_of_queued_job(const JobFolder& folder, const std::map<std::string, SlurmTask>& tasks,
                              JobStatus& status) {
   bool runs = false, waits = false;

@@ -12,8 +12,8 @@
 
 namespace raystage::farm {
 
-/// What a task is doing. What is over is known from its record alone; whether the rest waits or
-/// runs, only the scheduler knows.
+/// The state of a task. Ended tasks are known from their records; only the scheduler knows whether
+/// other tasks wait or run.
 enum class TaskState {
   kWaiting,  ///< queued
   kRunning,
@@ -30,7 +30,7 @@ struct TaskStatus {
   int index = 0;
   TaskState state = TaskState::kUnknown;
   std::string frames, node, reason;
-  int percent = 0;  ///< of a running one
+  int percent = 0;  ///< progress of a running task
   std::vector<FarmAttempt> attempts;
 };
 
@@ -43,7 +43,7 @@ enum class JobState {
   kFailed,
   kCancelled,
   kStopped,
-  kNotQueued  ///< written, and nothing of it was ever queued or run
+  kNotQueued  ///< written, but no task was ever queued or run
 };
 std::string_view job_state_name(JobState state);
 
@@ -60,16 +60,16 @@ struct JobStatus {
   double cpu_seconds = 0;
   int light_field_frames_estimated = 0;
 
-  /// Whether something may still be queued or running that frames depend on.
+  /// Returns whether a task that frames depend on may still be queued or running.
   bool is_live() const;
-  /// Whether a job that is done still makes its movie and contact sheet.
+  /// Returns whether a finished job still makes its movie and contact sheet.
   bool is_preview_running() const;
 };
 
-/// A job's status from its records; where it is not over, also from the scheduler.
+/// Returns a job's status from its records and, if it is not over, from the scheduler.
 JobStatus job_status(const JobFolder& folder);
 
-/// The same from given answers: for tests, and for engines that are asked elsewhere.
+/// The scheduler's answers for job_status(), for tests and for engines that are queried elsewhere.
 struct SchedulerAnswer {
   /// By Slurm's name of the task; none: the scheduler does not answer.
   std::optional<std::map<std::string, SlurmTask>> tasks;
@@ -77,7 +77,7 @@ struct SchedulerAnswer {
 };
 JobStatus job_status(const JobFolder& folder, const SchedulerAnswer& answer);
 
-/// For people, for programs, and as a page that is complete in itself.
+/// Return the status as plain text, as JSON, and as a self-contained HTML page.
 std::string status_text(const JobStatus& status, bool all_tasks);
 std::string status_json(const JobStatus& status);
 std::string status_html(const JobStatus& status, const JobFolder& folder);

@@ -55,7 +55,7 @@ std::string new_job_id(const std::string& output) {
 void check_not_live(const SubmissionOptions& options) {
   if (options.after && options.engine != Engine::kSlurm) {
     throw Error::bad_input("only Slurm's jobs can wait for others", "",
-                           "Leave --after out, or submit once the other job is over");
+                           "Use engine slurm, or submit once the other job is over");
   }
   const auto live = find_live_job(options.output);
   if (!live) return;
@@ -72,7 +72,7 @@ void check_not_live(const SubmissionOptions& options) {
   throw Error::bad_input("a job of this output is not over: " + live->job().id,
                          live->path().string(),
                          "Wait for it (raystage farm status), cancel it, or queue this one behind "
-                         "it with --after");
+                         "it (submit with waiting for live jobs enabled)");
 }
 
 std::vector<int> numbers_of(const std::vector<PlannedFrame>& frames) {
@@ -81,7 +81,7 @@ std::vector<int> numbers_of(const std::vector<PlannedFrame>& frames) {
   return numbers;
 }
 
-/// The indices of instants that each frame waits for.
+/// Returns the indices of the instants that each frame waits for.
 std::vector<int> instants_for(const std::vector<int>& frames,
                               const std::vector<const DerivedFrameData*>& missing) {
   std::vector<int> indices;
@@ -97,7 +97,8 @@ std::string path_text(const fs::path& path) {
   return path.empty() ? "" : fs::absolute(path).lexically_normal().string();
 }
 
-/// What a node must see: takes and meshes; plates may be thousands of files.
+/// Returns the inputs that a node must be able to read: takes and meshes, without plates, which may
+/// be thousands of files.
 std::vector<std::string> inputs_of(const ShotPlan& plan) {
   std::set<std::string> inputs;
   for (std::size_t i = 0; i < plan.layers(); ++i) {
@@ -126,7 +127,7 @@ FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckR
   job.umask = static_cast<int>(mask);
   job.command_prefix = options.command_prefix;
   job.program = options.program.empty()
-                    ? mapped(sibling_program("raystage").string(), options.paths)
+                    ? map_path(sibling_program("raystage").string(), options.paths)
                     : options.program;
   job.shot = path_text(options.shot);
   job.shot_folder = path_text(fs::absolute(options.shot).parent_path());
@@ -158,7 +159,7 @@ FarmJobDocument new_job(const SubmissionOptions& options, const SubmissionCheckR
   return job;
 }
 
-/// Threads of a task: no more than a node of the partition has.
+/// Returns the threads of a task: at most the processors of a node of the partition.
 int threads_of(const SubmissionOptions& options) {
   if (options.threads > 0) return options.threads;
   int threads = std::min(available_threads(), kMostThreadsByDefault);
@@ -226,7 +227,7 @@ std::optional<FarmAttempt::End> measure_first_frame(const SubmissionOptions& opt
                                                     const std::stop_token& stop) {
   add_tasks(options, checked, std::nullopt, job);
   const int first = checked.sequence.frames.front().frame;
-  options.say(fmt::format("rendering frame {} to measure it", first));
+  options.on_message(fmt::format("rendering frame {} to measure it", first));
   return measure_frame({folder, job, options.shot, first}, stop);
 }
 
@@ -278,7 +279,7 @@ JobFolder write_submission(const SubmissionOptions& options, const std::stop_tok
   // Of two submissions at a time the one with the lower number stays.
   if (const auto other = find_live_job(options.output, folder->path()); other && !options.after) {
     throw Error::bad_input("another job of this output is being submitted", other->path().string(),
-                           "Wait for it, or queue this one behind it with --after");
+                           "Wait for it, or submit with waiting for live jobs enabled");
   }
   if (job.engine == Engine::kSlurm) {
     // Before anything is rendered, with what is known without a measured frame.

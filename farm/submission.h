@@ -43,7 +43,7 @@ struct SubmissionOptions {
   bool after = false;  ///< wait for a live job of the same output
   /// Archives are on these nodes; Slurm alone. The submitting host needs the takes' documents only.
   std::optional<FarmJobDocument::Distributed> distributed = {};
-  std::function<void(std::string_view)> say = [](std::string_view) {};
+  std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
 /// A job as it would be queued.
@@ -53,13 +53,13 @@ struct PlannedJob {
   std::string shot_text;
 };
 
-/// Checks everything and plans the job; renders and queues nothing, writes nothing but the output
-/// folder. The job has no folder yet. Throws Error as check_sequence(), and for a live job of the
-/// same output.
+/// Checks everything and plans the job. Renders and queues nothing, and writes nothing except the
+/// output folder. The job has no folder yet. Throws Error as check_sequence() does, and if a job of
+/// the same output is not over.
 PlannedJob plan_submission(const SubmissionOptions& options);
 
-/// Checks everything, writes the job folder with its scripts, measures the first frame if wanted,
-/// pins what is stored. Queues nothing. Nothing is left where it throws.
+/// Checks everything, writes the job folder with its scripts, measures the first frame if requested
+/// and pins stored derived data. Queues nothing. Leaves nothing behind if it throws.
 JobFolder write_submission(const SubmissionOptions& options, const std::stop_token& stop);
 
 }  // namespace raystage::farm

@@ -36,7 +36,7 @@ void check_sbatch_options(const SubmissionOptions& options) {
   }
 }
 
-/// A task that is alone chooses for itself, and may choose otherwise than the next.
+/// Rejects method `auto`: each task would choose by itself, and tasks could differ.
 void check_methods(const ShotPlan& plan, const fs::path& shot) {
   for (std::size_t i = 0; i < plan.layers(); ++i) {
     if (plan.light_field(i) == nullptr) continue;
@@ -49,7 +49,7 @@ void check_methods(const ShotPlan& plan, const fs::path& shot) {
   }
 }
 
-/// Whether data can be stored in the folders of all takes that derive some.
+/// Returns whether derived data can be stored in the folders of all takes that need it.
 bool are_takes_writable(const std::vector<DerivedFrameData>& instants) {
   return std::ranges::all_of(instants, [](const DerivedFrameData& instant) {
     fs::path folder = instant.file.parent_path();
@@ -71,7 +71,7 @@ SequenceOptions sequence_options(const SubmissionOptions& options, const fs::pat
   sequence.color_config = options.color_config;
   sequence.deep = options.picture.deep;
   sequence.cache_folder = cache;
-  sequence.say = options.say;
+  sequence.on_message = options.on_message;
   sequence.hosts = hosts;
   return sequence;
 }
@@ -84,7 +84,8 @@ void check_distributed(const SubmissionOptions& options) {
   }
   if (!options.command_prefix.empty()) {
     throw Error::bad_input("the ranks of a distributed job cannot run in a container",
-                           "distributed", "Install Raystage on the nodes, and leave --wrap out");
+                           "distributed",
+                           "Install Raystage on the nodes, and set no command prefix");
   }
   if (options.distributed->nodes.size() < 2) {
     throw Error::bad_input(
@@ -121,7 +122,7 @@ SubmissionCheckResult check_submission(const SubmissionOptions& options) {
   checked.instants = list_derived_data(*checked.sequence.plan, checked.sequence.frames);
   if (checked.cache.empty() && !are_takes_writable(checked.instants)) {
     checked.cache = fs::absolute(farm_folder(options.output) / "cache");
-    options.say("a take is read-only: derived data goes to " + checked.cache.string());
+    options.on_message("a take is read-only: derived data goes to " + checked.cache.string());
     checked.sequence =
         check_sequence(options.shot, sequence_options(options, checked.cache, nullptr));
     checked.instants = list_derived_data(*checked.sequence.plan, checked.sequence.frames);

@@ -10,15 +10,15 @@
 
 namespace raystage::farm {
 
-/// What the checks of a submission found.
+/// The result of check_submission().
 struct SubmissionCheckResult {
   CheckedSequence sequence;
   std::vector<DerivedFrameData> instants;
   std::filesystem::path cache;  ///< for derived data; empty: the takes
 };
 
-/// Checks everything that a job needs before anything is written. Throws Error as check_sequence(),
-/// and for options, methods and memory that no task could use.
+/// Checks everything that a job needs before anything is written. Throws Error as check_sequence()
+/// does, and for options, methods and memory limits that no task could use.
 SubmissionCheckResult check_submission(const SubmissionOptions& options);
 
 }  // namespace raystage::farm

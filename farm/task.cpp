@@ -48,7 +48,7 @@ FarmRound round_of(const TaskRequest& request) {
   return text ? parse_farm_round(*text, file.string()) : FarmRound{};
 }
 
-/// Frames of a task of stage render: all of its chunk, or those that the round renders anew.
+/// Returns the frames of a task of stage render: its whole chunk, or those to render again.
 std::string frames_of_task(const std::string& chunk, const FarmRound& round) {
   if (round.frames.empty()) return chunk;
   std::vector<int> frames;
@@ -88,7 +88,7 @@ void check_index(const TaskRequest& request, const FarmJobDocument& job) {
                          request.folder.job_file().string(), "Name a task from 0 on");
 }
 
-/// How far the command is, for `status`: a file of a few bytes, rewritten at most every percent.
+/// Writes the command's progress for `status` to a small file, at most once per percent.
 class ProgressFile {
  public:
   ProgressFile(const TaskRequest& request, const FarmAttempt& attempt)
@@ -138,8 +138,8 @@ std::string reason_of(AttemptResult result, const RenderLogParser& log, bool sto
   }
 }
 
-/// Tasks that failed on this node by themselves. One task that fails again and again is no sign of
-/// a bad node.
+/// Returns the tasks that failed on this node by themselves. A task counts once, as one that fails
+/// repeatedly does not indicate a faulty node.
 std::size_t failures_on(const JobFolder& folder, const std::string& node) {
   std::set<std::pair<std::string, int>> failed_tasks;
   int first_round = 1;
@@ -179,7 +179,7 @@ class Attempt {
         round_(round_of(request)),
         attempt_(new_attempt(request, mapped.job, round_)) {
     record_attempt_start(request.folder, attempt_);
-    request.say(fmt::format("{} on {}", attempt_name(attempt_), attempt_.node));
+    request.on_message(fmt::format("{} on {}", attempt_name(attempt_), attempt_.node));
   }
 
   ExitCode run(const std::stop_token& stop) {
@@ -197,7 +197,7 @@ class Attempt {
       request_.folder.exclude(attempt_.node, fmt::format("{} tasks failed here, the last: {}",
                                                          kMostFailuresOfNode, end.reason));
     }
-    if (!end.reason.empty()) request_.say(end.reason);
+    if (!end.reason.empty()) request_.on_message(end.reason);
     // As the command's own, also 33 (out of memory) and 128 + n (signal n).
     return static_cast<ExitCode>(end.exit_code);
   }

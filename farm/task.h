@@ -12,7 +12,7 @@
 
 namespace raystage::farm {
 
-/// One task of a job, on the node that carries it out.
+/// One task of a job on the node that runs it.
 struct TaskRequest {
   JobFolder folder;
   FarmStage stage = FarmStage::kRender;
@@ -23,13 +23,13 @@ struct TaskRequest {
   /// Seconds that the verification looks for frames that another host has written.
   double timeout_seconds = 60;
   std::function<void(double)> progress = [](double) {};
-  std::function<void(std::string_view)> say = [](std::string_view) {};
+  std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
-/// Carries a task out: records the attempt, checks the node, runs the command with its output in
-/// JOB/logs, and records how it ended. A node at fault is excluded from the job, as is one on which
-/// two tasks failed. kSuccess only where everything that was asked for exists. Throws Error where
-/// the job itself cannot be read or recorded.
+/// Runs a task: records the attempt, checks the node, runs the command with its output in JOB/logs,
+/// and records how it ended. Excludes a node with a fault, and one on which two tasks failed, from
+/// the job. Returns kSuccess only if all requested files exist. Throws Error if the job cannot be
+/// read or the attempt cannot be recorded.
 ExitCode run_task(const TaskRequest& request, const std::stop_token& stop);
 
 /// The job as a node with these path rules sees it, and its shot (JOB/shot.json, or a copy of it
@@ -39,7 +39,7 @@ struct MappedJob {
   std::filesystem::path shot;
 };
 MappedJob read_mapped_job(const JobFolder& folder, std::span<const PathMappingRule> rules);
-/// The same as this host sees it, which may be the submitting host.
+/// Reads the job with paths as this host sees them, which may be the submitting host.
 MappedJob read_local_job(const JobFolder& folder);
 
 }  // namespace raystage::farm

@@ -24,7 +24,7 @@
 namespace raystage::farm {
 namespace {
 
-/// Frames of tasks that say themselves that they did not write all of theirs.
+/// Returns the frames of tasks that reported frames that they did not write.
 std::set<int> frames_of_failed_tasks(const VerificationRequest& request) {
   std::set<int> failed;
   for (const auto& [task, attempts] : read_attempts(request.folder)) {
@@ -90,7 +90,7 @@ std::set<int> frames_not_replaced(const VerificationRequest& request, int first_
   return left;
 }
 
-/// The nodes' faults in words, each once; a job has few of them.
+/// Returns the faults of the nodes as text, each fault once.
 std::string reasons_of(const std::vector<std::pair<std::string, std::string>>& excluded) {
   constexpr std::size_t kMostReasons = 3;
   std::map<std::string, std::vector<std::string>> nodes_by_reason;

@@ -19,17 +19,17 @@ struct VerificationRequest {
   std::function<void(double)> progress;
 };
 
-/// The frames of the job that are not whole and true on the disk, sorted. Throws Error (bad input)
-/// where the shot cannot be planned any more.
+/// Returns the frames of the job that are not complete or whose fingerprint differs, sorted. Throws
+/// Error (bad input) if the shot can no longer be planned.
 std::vector<int> find_incomplete_frames(const VerificationRequest& request,
                                         const std::stop_token& stop);
 
-/// Checks every frame of the job against its fingerprint, then writes what follows: the next round,
-/// or the end of the job (and lets go of what it had pinned). For Slurm, after-verify-N.sh queues
-/// it. Done only where every frame is whole and true.
+/// Checks every frame of the job against its fingerprint, then writes the next round or the end of
+/// the job, and unpins its derived data at the end. For Slurm, after-verify-N.sh queues the round.
+/// The result is "done" only if every frame is complete and its fingerprint matches.
 FarmAttempt::End verify_job(const VerificationRequest& request, const std::stop_token& stop);
 
-/// Ends a job: writes ended.json and unpins what it had pinned.
+/// Ends a job: writes ended.json and unpins its derived data.
 void end_job(const JobFolder& folder, const FarmJobDocument& job, FarmEnd end);
 
 }  // namespace raystage::farm

@@ -26,7 +26,7 @@ std::int64_t area(const Imath::Box2i& box) {
   return (std::int64_t{box.max.x} - box.min.x + 1) * (std::int64_t{box.max.y} - box.min.y + 1);
 }
 
-/// From values of the data window to those of the display window.
+/// Returns the values of the display window, given those of the data window.
 std::vector<float> within(const Imath::Box2i& display, const Imath::Box2i& data,
                           std::vector<float> values, std::size_t channels) {
   if (data == display) return values;
@@ -46,7 +46,7 @@ std::vector<float> within(const Imath::Box2i& display, const Imath::Box2i& data,
   return shown;
 }
 
-/// The channel that a part lacks and must have; null: it has all, and is not deep.
+/// Returns a required channel that the part lacks, or null if it has all and is not deep.
 const char* lacking(const Imf::Header& header, std::span<const ExrChannel> channels) {
   if (header.hasType() && Imf::isDeepData(header.type())) return channels.front().name;
   for (const ExrChannel& channel : channels) {
@@ -62,7 +62,7 @@ std::string text_of(const Imf::Header& header, const char* attribute) {
   return text == nullptr ? std::string() : text->value();
 }
 
-/// "HH:MM:SS:FF"; empty where the header has none.
+/// Returns "HH:MM:SS:FF", or an empty text if the header has no time code.
 std::string time_code_of(const Imf::Header& header) {
   if (!Imf::hasTimeCode(header)) return {};
   const Imf::TimeCode time = Imf::timeCode(header);
@@ -77,7 +77,7 @@ bool has_one(const Imf::Header& header, std::span<const ExrChannel> channels) {
   });
 }
 
-/// The first part that has what must be there; if nothing must, that has any of it.
+/// Returns the first part that has all required channels or, if none is required, any channel.
 int part_with(const Imf::MultiPartInputFile& input, const std::filesystem::path& file,
               std::span<const ExrChannel> channels, const std::string& what_to_do) {
   if (std::ranges::all_of(channels,
@@ -132,11 +132,11 @@ ExrChannelData read_open_file(Imf::MultiPartInputFile& file_parts,
   return pixels;
 }
 
-/// What `read` makes of the open file, with errors as ours.
+/// Returns read(open file). Converts the exceptions of OpenEXR to Errors.
 template <class Read>
 auto read_file_with(const std::filesystem::path& file, const std::string& what_to_do,
                     const Read& read) {
-  constexpr int kNoThreads = 0;  // callers are parallel to each other
+  constexpr int kNoThreads = 0;  // callers already run in parallel
   try {
     Imf::MultiPartInputFile input(file.c_str(), kNoThreads);
     return read(input);

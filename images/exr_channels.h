@@ -13,31 +13,32 @@ namespace raystage {
 /// A channel to read.
 struct ExrChannel {
   const char* name = "";
-  std::optional<float> fallback = std::nullopt;  ///< where the file has none; nullopt: it must
+  std::optional<float> fallback =
+      std::nullopt;  ///< value if the channel is absent; nullopt: required
 };
 
-/// What was read of a file.
+/// The channels and attributes read from a file.
 struct ExrChannelData {
   int width = 0, height = 0;  ///< of the display window
-  std::vector<float> values;  ///< of the channels in turn, pixel by pixel, row by row
-  /// Of the header, where it says a rate above 0.
+  std::vector<float> values;  ///< interleaved: row by row, pixel by pixel, one value per channel
+  /// Frame rate of the header; 0 without a rate above 0.
   int fps_numerator = 0, fps_denominator = 0;
-  std::string time_code;  ///< of the header, "HH:MM:SS:FF"; empty where it has none
-  /// Its attributes `colorInteropID` (ASWF ColorInterop) and `lf:colorSpace`, a config's name;
-  /// empty where it has none.
+  std::string time_code;  ///< of the header, "HH:MM:SS:FF"; empty if absent
+  /// Attributes `colorInteropID` (ASWF ColorInterop) and `lf:colorSpace` (a config's name); empty
+  /// if absent.
   std::string color_interop_id, color_space;
 };
 
-/// Reads channels of the first flat part of an EXR that has those that it must have, or if it must
-/// have none, any of them, within its display window; where
-/// the data window ends, they are 0. Throws Error (bad input, with `what_to_do`) where the file is
-/// missing, damaged, larger than 2^29 pixels, or without a channel that it must have.
+/// Reads channels from the first flat part of an EXR that has all required channels, or, if none is
+/// required, any of the channels. The result covers the display window; it is 0 outside the data
+/// window. Throws Error (bad input, with `what_to_do`) if the file is missing, damaged, larger than
+/// 2^29 pixels, or lacks a required channel.
 ExrChannelData read_exr_channels(const std::filesystem::path& file,
                                  std::span<const ExrChannel> channels,
                                  const std::string& what_to_do);
 
-/// Whether read_exr_channels() finds what it must: reads the headers alone. Returns the display
-/// window's width and height. Throws Error likewise.
+/// Checks, from the headers only, that read_exr_channels() finds the required channels. Returns the
+/// display window's width and height. Throws the same Errors.
 std::array<int, 2> check_exr_channels(const std::filesystem::path& file,
                                       std::span<const ExrChannel> channels,
                                       const std::string& what_to_do);

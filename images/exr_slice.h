@@ -8,9 +8,9 @@
 
 namespace raystage {
 
-/// A slice of samples, `channels` of them a pixel, over a window `width` pixels wide that starts at
-/// (x0, y0). OpenEXR takes the address of pixel (0, 0), which may lie outside the memory; it is
-/// computed as a number because a pointer must not go there. `fill`: where the file has none.
+/// Returns a slice over a window that is `width` pixels wide and starts at (x0, y0), with
+/// `channels` samples per pixel. OpenEXR needs the address of pixel (0, 0), which may be outside
+/// the memory, so it is computed as an integer. `fill` is the value if the file lacks the channel.
 template <class T>
 Imf::Slice make_exr_slice(Imf::PixelType type, T* first, int width, int channels, int x0, int y0,
                           double fill) {

@@ -36,22 +36,23 @@ RgbImage read_image(const std::filesystem::path& file) {
 }
 
 void write_image(const RgbImage& image, const std::filesystem::path& file) {
-  // By the name: OpenImageIO takes an extension only without its dot.
+  // Created by file name: OpenImageIO accepts an extension only without its dot.
   const auto output = OIIO::ImageOutput::create(file.string());
   if (!output) {
-    throw Error::bad_input("no image format has this extension", file.string(), "Use .png");
+    throw Error::bad_input("the file extension is not that of a supported image format",
+                           file.string(), "Use .png");
   }
   if (output->supports("ioproxy") == 0) {
     throw Error::bad_input("this image format cannot be written safely", file.string(), "Use .png");
   }
-  // Encoded in memory first: OpenImageIO swallows a full disk when it closes a file.
+  // Encoded in memory first: OpenImageIO ignores a full disk when it closes a file.
   OIIO::Filesystem::IOVecOutput encoded;
   output->set_ioproxy(&encoded);
   const OIIO::ImageSpec spec(image.width, image.height, 3, OIIO::TypeDesc::UINT8);
   if (!output->open(file.string(), spec) ||
       !output->write_image(OIIO::TypeDesc::UINT8, image.pixels.data()) || !output->close()) {
     throw Error::failed("the image cannot be encoded: " + output->geterror(), file.string(),
-                        "Check that its size is one that the format allows");
+                        "Check that the format allows the image size");
   }
   write_file_atomically(file, std::as_bytes(std::span(encoded.buffer())));
 }

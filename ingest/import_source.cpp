@@ -35,7 +35,7 @@ ImportSource from_json(const fs::path& file, const ModelImportSettings& settings
   const std::string text = read_file(file);
   const std::size_t first = text.find_first_not_of(" \t\r\n\xEF\xBB\xBF");
   if (first == text.npos || text[first] != '{') {
-    throw not_understood(file, "this is nothing that can be imported");
+    throw not_understood(file, "the format of this file is not supported");
   }
   const nlohmann::json document = parse_json(text, file.string());
   const fs::path base = file.parent_path();
@@ -65,7 +65,7 @@ ImportSource from_folder(const fs::path& folder, const ModelImportSettings& sett
     throw Error::bad_input("this is a binary COLMAP model", (folder / place).string(),
                            "Convert it with colmap model_converter --output_type TXT");
   }
-  throw not_understood(folder, "the folder holds nothing that can be imported");
+  throw not_understood(folder, "the folder has no supported model or manifest");
 }
 
 }  // namespace

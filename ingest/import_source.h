@@ -7,16 +7,17 @@
 
 namespace raystage {
 
-/// What a take is made of, and the folder that its relative paths begin in (empty: the current
-/// one).
+/// The manifest of a take and the folder to which its relative paths refer (empty: the current
+/// folder).
 struct ImportSource {
   ImportManifest manifest;
   std::filesystem::path base;
 };
 
-/// Tells by the contents what `path` is: an import manifest, a NeRF transforms.json, a file of a
-/// COLMAP text model, or a folder that holds one of these (import.json first, then cameras.txt with
-/// images.txt, there or in sparse/0 or sparse, then transforms.json). Throws Error (bad input).
+/// Detects the format of `path` from its contents and returns its manifest. Accepted are an import
+/// manifest, a NeRF transforms.json, a file of a COLMAP text model, or a folder that contains one
+/// of these. A folder is searched for import.json, then cameras.txt with images.txt (in it, in
+/// sparse/0 or in sparse), then transforms.json. Throws Error (bad input).
 ImportSource open_import_source(const std::filesystem::path& path,
                                 const ModelImportSettings& settings);
 

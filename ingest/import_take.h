@@ -31,11 +31,11 @@ struct ImportSummary {
   std::uint64_t jpeg_bytes = 0;                         ///< of all frames stored
 };
 
-/// Makes the take `take_folder` of the manifest's images and movies, whose paths are relative to
-/// `base`. Cameras are read in parallel, in the TBB arena it is called in, one frame of each in
-/// memory. Throws Error: bad input for a missing, damaged or wrongly sized image and for a movie
-/// with another number of frames than times; failed for an existing take, the disk, or a stop. No
-/// take is left behind then.
+/// Creates the take `take_folder` from the images and movies of the manifest; their paths are
+/// relative to `base`. Reads the cameras in parallel in the current TBB arena, with one frame of
+/// each camera in memory. Throws Error (bad input) for a missing, damaged or wrongly sized image,
+/// and for a movie whose number of frames differs from its number of times. Throws Error (failed)
+/// for an existing take, a disk error, or a stop. No take is left behind after an error.
 ImportSummary import_take(const ImportManifest& manifest, const std::filesystem::path& base,
                           const std::filesystem::path& take_folder, const ImportSettings& settings,
                           std::stop_token stop = {});

@@ -295,7 +295,8 @@ TEST_F(ImportSources, AreToldByTheirContents) {
   write_import_manifest(manifest, folder_.path() / "anything.txt");
   EXPECT_EQ(open("anything.txt").manifest.name, "test");
   EXPECT_EQ(open("anything.txt").base, folder_.path());
-  EXPECT_THAT(refusal("anything.txt", {.images = "x", .epoch_utc = 0}), HasSubstr("folder of images"));
+  EXPECT_THAT(refusal("anything.txt", {.images = "x", .epoch_utc = 0}),
+              HasSubstr("folder of images"));
   write_import_manifest(manifest, folder_.path() / "import.json");
   EXPECT_EQ(open("").manifest.name, "test");
 }
@@ -304,16 +305,17 @@ TEST_F(ImportSources, OthersAreRefused) {
   struct Case {
     const char *text, *message;
   };
-  for (const Case& c : {Case{"", "nothing that can be imported"}, Case{"hello", "nothing that"},
-                        Case{"[1]", "nothing that"}, Case{"{}", "neither \"schema\" nor"},
-                        Case{"{\"a\": }", "f.json:1:7"},
-                        Case{"{\"schema\": \"raystage/rig/1\"}", "#/schema: found"},
-                        Case{"{\"schema\": \"raystage/import/9\"}", "version 9"}}) {
+  for (const Case& c :
+       {Case{"", "the format of this file is not supported"},
+        Case{"hello", "the format of this file"}, Case{"[1]", "the format of this file"},
+        Case{"{}", "neither \"schema\" nor"}, Case{"{\"a\": }", "f.json:1:7"},
+        Case{"{\"schema\": \"raystage/rig/1\"}", "#/schema: found"},
+        Case{"{\"schema\": \"raystage/import/9\"}", "version 9"}}) {
     write("f.json", c.text);
     EXPECT_THAT(refusal("f.json"), HasSubstr(c.message)) << c.text;
   }
   write("sub/readme.txt", "x");
-  EXPECT_THAT(refusal("sub"), HasSubstr("the folder holds nothing"));
+  EXPECT_THAT(refusal("sub"), HasSubstr("the folder has no supported"));
   EXPECT_THAT(refusal("none.json"), HasSubstr("No such file"));
 }
 

@@ -11,14 +11,14 @@
 
 namespace raystage {
 
-/// What a COLMAP or NeRF model does not say about its take.
+/// Settings of a take that a COLMAP or NeRF model does not contain.
 struct ModelImportSettings {
   std::optional<std::filesystem::path> images;  ///< folder of the images; looked for otherwise
   Nanoseconds epoch_utc = 0;                    ///< since 1970
   double nominal_fps = 24;
 };
 
-/// A manifest without cameras, named after the folder of the model.
+/// Returns a manifest without cameras, named after the folder of the model.
 ImportManifest make_model_manifest(const std::filesystem::path& file,
                                    const ModelImportSettings& settings);
 
@@ -26,7 +26,7 @@ ImportManifest make_model_manifest(const std::filesystem::path& file,
 /// where that is not unique, folders stay in front, and a number is appended at last.
 std::vector<std::string> make_camera_ids(std::span<const std::string> image_names);
 
-/// The first of `folders` that holds `image`. Throws Error (bad input) where none does.
+/// Returns the first of `folders` that contains `image`. Throws Error (bad input) if none does.
 std::filesystem::path find_image_folder(std::span<const std::filesystem::path> folders,
                                         const std::string& image,
                                         const std::filesystem::path& model);

@@ -28,9 +28,10 @@ class MovieReader {
   MovieReader(const MovieReader&) = delete;
   MovieReader& operator=(const MovieReader&) = delete;
 
-  /// False at the end. Throws Error (bad input) for a damaged frame: none is skipped.
+  /// Reads the next frame; returns false at the end. Throws Error (bad input) for a damaged frame;
+  /// no frame is skipped.
   bool next(MovieFrame& frame);
-  /// Skips what is left; returns the number of frames skipped.
+  /// Skips the remaining frames and returns their number.
   int skip_rest();
 
  private:

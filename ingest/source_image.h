@@ -14,17 +14,19 @@ struct SourceImageSize {
   bool operator==(const SourceImageSize&) const = default;
 };
 
-/// From the file's header alone. Throws Error (bad input) where the file is no image.
+/// Returns the size from the header of the file. Throws Error (bad input) if the file is not an
+/// image.
 SourceImageSize image_size(const std::filesystem::path& file);
 
-/// An image as the sRGB codes that a take holds. `linear`: its values are scene-linear light
-/// (float, half or integer), which is clipped to [0, 1] and put through sRGB's curve; otherwise
-/// they are sRGB codes already, of 8 or 16 bits (rounded to 8). Grey becomes R = G = B, alpha is
-/// dropped. Throws Error (bad input): unreadable, not of `size`, or floating point that is not
-/// declared linear.
+/// Reads an image as the sRGB codes that a take stores. If `linear`, the values are scene-linear
+/// light (float, half or integer): they are clipped to [0, 1] and encoded with the sRGB curve.
+/// Otherwise they are sRGB codes of 8 or 16 bits (rounded to 8). Grey becomes R = G = B; alpha is
+/// dropped. Throws Error (bad input) if the file is unreadable, is not of `size`, or is floating
+/// point and not declared linear.
 RgbImage read_source_image(const std::filesystem::path& file, SourceImageSize size, bool linear);
 
-/// Refuses an image whose size is not its camera's; `name` stands in the error.
+/// Throws Error (bad input) if the size of an image differs from that of its camera. `name`
+/// identifies the image in the error.
 void check_image_size(SourceImageSize found, SourceImageSize expected, std::string_view name);
 
 }  // namespace raystage

@@ -13,12 +13,13 @@
 
 namespace raystage::confidence {
 
-inline constexpr int kConfidenceCameras = 4;  ///< asked about a ray
+inline constexpr int kConfidenceCameras = 4;  ///< number of cameras compared with a pixel
 
-/// 1/m of a pixel that shows something; 0 at infinity.
+/// Returns 1/m for a pixel that shows something; 0 at infinity.
 inline double inverse_depth_of(float z) { return z > 0 ? 1 / static_cast<double>(z) : 0.0; }
 
-/// From the least to the most that a picture shows; a point at infinity where it shows nothing.
+/// Returns the range of inverse depths that a view shows; a point at infinity where it shows
+/// nothing.
 inline InverseDepthRange shown_inverse_depth_range(const RenderedView& image) {
   InverseDepthRange range{std::numeric_limits<double>::infinity(), 0};
   for (std::size_t i = 0; i < image.z.size(); ++i) {
@@ -29,7 +30,7 @@ inline InverseDepthRange shown_inverse_depth_range(const RenderedView& image) {
   return range.empty() ? InverseDepthRange{} : range;
 }
 
-/// Whom to ask about rays at these depths.
+/// Returns the blending field of the cameras to compare, for rays at these depths.
 inline BlendingField make_blending_field(const VirtualCamera& view, const LightFieldFrame& instant,
                                          const InverseDepthRange& range) {
   std::vector<int> present;
@@ -39,10 +40,10 @@ inline BlendingField make_blending_field(const VirtualCamera& view, const LightF
   return {view, *instant.rig, std::move(present), range, kConfidenceCameras};
 }
 
-/// R, G and B on sRGB's scale, full scale 1.
+/// R, G and B on the sRGB scale, full scale 1.
 using SrgbCode = std::array<double, 3>;
 
-/// Of a picture's pixel, which shows something; `full_scale`: of the cache.
+/// Converts a pixel of a view that shows something; `full_scale`: of the frame cache.
 inline SrgbCode srgb_code_of_pixel(const float* rgba, double full_scale) {
   SrgbCode code;
   for (std::size_t c = 0; c < 3; ++c) {
@@ -51,7 +52,7 @@ inline SrgbCode srgb_code_of_pixel(const float* rgba, double full_scale) {
   return code;
 }
 
-/// Of a camera's sample: codes of the blend space times alpha, full scale 1.
+/// Converts a camera's sample: codes of the blend space times alpha, full scale 1.
 inline SrgbCode srgb_code_of_sample(const SrgbCode& times_alpha, double alpha, BlendSpace space) {
   SrgbCode code;
   for (std::size_t c = 0; c < 3; ++c) {
@@ -61,7 +62,7 @@ inline SrgbCode srgb_code_of_sample(const SrgbCode& times_alpha, double alpha, B
   return code;
 }
 
-/// How much a camera that shows `alpha` of a point counts for a pixel of `pixel_alpha`.
+/// Returns the agreement, 0 to 1, of a camera sample with `alpha` and a pixel with `pixel_alpha`.
 inline double agreement(const SrgbCode& sample, double alpha, const SrgbCode& pixel,
                         double pixel_alpha) {
   double sum = 0;

@@ -210,11 +210,13 @@ TEST_F(ApertureDepthMap, IsRefusedWhereItDoesNotFit) {
     }
     return std::string();
   };
-  EXPECT_THAT(complaint(), AllOf(HasSubstr("cannot be read"), HasSubstr("Give as depth map")));
+  EXPECT_THAT(complaint(), AllOf(HasSubstr("cannot be read"),
+                                 HasSubstr("Use a flat EXR file with planar depths")));
   std::ofstream(file()) << "no EXR";
-  EXPECT_THAT(complaint(), AllOf(HasSubstr("cannot be read"), HasSubstr("Give as depth map")));
+  EXPECT_THAT(complaint(), AllOf(HasSubstr("cannot be read"),
+                                 HasSubstr("Use a flat EXR file with planar depths")));
   write_map(std::vector<float>(50 * 50, 4.0F), 50, 50);
-  EXPECT_THAT(complaint(), HasSubstr("50 x 50 pixels, the view 117 x 83"));
+  EXPECT_THAT(complaint(), HasSubstr("50 x 50 pixels, but the view has 117 x 83"));
   write_channel(file(), "depth", std::vector<float>(kWidth * kHeight, 4.0F), kWidth, kHeight,
                 {{0, 0}, {kWidth - 1, kHeight - 1}});
   EXPECT_THAT(complaint(), HasSubstr("no channel Z"));

@@ -317,7 +317,8 @@ TEST_F(Aperture, IsNamedAsPhotographersDo) {
   // A lens that no array can have is not taken in silence.
   const RenderedView tiny = render(take, ours, {{{"f_number", 22.0}}});
   ASSERT_EQ(tiny.notes.size(), 1U);
-  EXPECT_NE(tiny.notes[0].find("smaller than the way between cameras"), std::string::npos);
+  EXPECT_NE(tiny.notes[0].find("smaller than the distance between neighbouring cameras"),
+            std::string::npos);
   EXPECT_TRUE(render(take, ours, {{{"radius", 0.3}}}).notes.empty());
   EXPECT_TRUE(render(take, ours, {}).notes.empty());
 }

@@ -7,18 +7,19 @@
 
 namespace raystage {
 
-/// Whether the method wants no memory but for decoded frames; see Method::caches_frames_only.
+/// Whether the method needs memory only for decoded frames; see Method::caches_frames_only.
 bool caches_frames_only(const ReconstructionSettings& reconstruction);
 
-/// Of memory, bytes.
+/// Memory budgets, bytes.
 struct MemoryBudgets {
   std::size_t cache = 0;    ///< decoded source frames
-  std::size_t kept = 0;     ///< what the method works out once
-  std::size_t working = 0;  ///< what it works with
+  std::size_t kept = 0;     ///< the result cache
+  std::size_t working = 0;  ///< working memory of the method
 };
 
-/// A method that needs more than decoded frames gets a quarter of the memory for what it keeps, and
-/// a quarter to work with; any other all of it for these.
+/// Divides the memory of a renderer. A method that needs more than decoded frames gets a quarter
+/// for the result cache and a quarter as working memory. For other methods all memory is for
+/// decoded frames.
 MemoryBudgets split_memory_budget(std::size_t bytes, const ReconstructionSettings& reconstruction);
 
 }  // namespace raystage

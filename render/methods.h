@@ -9,19 +9,19 @@
 
 namespace raystage {
 
-/// All there are, by name.
+/// Returns all methods, sorted by name.
 std::span<const Method* const> methods();
 
 /// Returns the method of that name, or null.
 const Method* find_method(std::string_view name);
 
-/// Throws Error (bad input) naming the methods there are, unless `name` is one.
+/// Returns the method `name`. Throws Error (bad input), listing the methods, if there is none.
 const Method& method_named(std::string_view name);
 
 /// Returns the names of all methods, separated by commas.
 std::string method_names();
 
-/// For people: the methods, a line each, with their options below.
+/// Returns help for the user: one line per method, followed by its options.
 std::string describe_methods();
 
 }  // namespace raystage

@@ -38,7 +38,7 @@ TEST(Methods, AreFoundByNameAndTheirOptionsAreSound) {
 
 TEST(Methods, AreDescribed) {
   const std::string text = describe_methods();
-  EXPECT_THAT(text, ::testing::HasSubstr("\nfocal_plane = three cameras a ray"));
+  EXPECT_THAT(text, ::testing::HasSubstr("\nfocal_plane = blends three cameras per ray"));
   EXPECT_THAT(text, ::testing::HasSubstr("\n    preset fast: step_px=2,aggregation=box"));
   int presets = 0;
   for (const Method* method : methods()) {

@@ -137,7 +137,7 @@ TEST_F(PlaneSweep, WorksInTheMemoryThatItIsGivenAndSaysHowMuch) {
   RendererSettings little;
   little.working_bytes = wanted * 3 / 4;
   const auto beyond =
-      Contains(HasSubstr("a view of 90x64 takes more memory to work with than its share, 0 MB"));
+      Contains(HasSubstr("a view of 90x64 needs more working memory than its budget of 0 MB"));
   const RenderedView image = render(take, default_view(), {}, little);
   EXPECT_LE(image.statistics.working_bytes, little.working_bytes);
   EXPECT_EQ(image.rgba, all.rgba);

@@ -47,12 +47,13 @@ struct LightFieldRenderer::State {
   std::optional<FrameCache> opaque;  // the frames without their matte
   std::shared_ptr<ResultCache> kept;
   BufferPool buffers;
-  std::vector<int> included_cameras;  // cameras not left out
+  std::vector<int> included_cameras;  // cameras that are not excluded
   std::mutex mutex;
   std::map<std::vector<int>, std::shared_ptr<const Topology>> topologies;  // by cameras present
 
   std::shared_ptr<const Topology> topology(const std::vector<int>& cameras) {
-    constexpr std::size_t kMost = 64;  // of takes that drop frames everywhere nothing repeats
+    constexpr std::size_t kMost =
+        64;  // limits takes whose set of present cameras changes at every frame
     const std::scoped_lock lock(mutex);
     if (topologies.size() >= kMost && !topologies.contains(cameras)) topologies.clear();
     auto& known = topologies[cameras];
@@ -78,7 +79,7 @@ struct LightFieldRenderer::State {
     return beside;
   }
 
-  /// Without topologies where no camera is present.
+  /// Returns it without topologies where no camera is present.
   LightFieldFrame instant(const FrameSelection& frames) {
     LightFieldFrame instant;
     instant.take = &take;
@@ -102,7 +103,7 @@ struct LightFieldRenderer::State {
     return instant;
   }
 
-  /// The weights of all cameras: what they contribute to if their frames are white.
+  /// Computes the weights of all cameras: their contribution with white frames.
   void add_weights(const Method& method, const ViewRequest& request, Contribution& all) const {
     FrameCache white = FrameCache::white(take, cache.blend_space());
     LightFieldFrame of_white = request.instant;
@@ -118,7 +119,7 @@ struct LightFieldRenderer::State {
     }
   }
 
-  /// The view of all hosts' contributions.
+  /// Returns the view from all ranks' contributions.
   RenderedView render_together(const Method& method, const ViewRequest& request,
                                const ReconstructionSettings& reconstruction) const {
     DistributedViewRequest asked{request.view,
@@ -175,7 +176,7 @@ bool is_summed(DistributionMode distribution) {
          distribution == DistributionMode::kLockstep;
 }
 
-/// With what the request and the method add to a RenderedView.
+/// Adds what the request and the method require to a RenderedView.
 std::size_t bytes_per_pixel(const Method& method, const RendererSettings& settings) {
   return view_buffer_bytes({1, 1, {}, {}}) + (settings.measure_coverage ? 2 * sizeof(float) : 0) +
          (settings.measure_confidence ? sizeof(float) : 0) +
@@ -202,7 +203,7 @@ struct Sampling {
   int factor = 1, rows = 0;
 };
 
-/// The bounds go by what every view has: what is measured beside must not change the picture.
+/// Limits count only what every view has, because requested measures must not change pixels.
 Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSettings& settings,
                      bool rows_alone) {
   int factor = std::min(wanted_supersampling(ratio), std::clamp(settings.max_supersampling, 1, 64));
@@ -213,7 +214,7 @@ Sampling sampling_of(double ratio, const VirtualCamera& view, const RendererSett
   const std::size_t most = settings.supersampling_bytes;
   if (rows_alone && factor > 1) {
     std::size_t rows = std::max<std::size_t>(1, most / row_bytes());
-    // Weights that are interpolated between rows of samples keep these.
+    // Keeps the rows between which weights are interpolated.
     const auto tile =
         static_cast<std::size_t>(kBlendingTileSize / std::gcd(kBlendingTileSize, factor));
     if (rows > tile) rows -= rows % tile;
@@ -237,7 +238,7 @@ double filtered_pixels(const VirtualCamera& view, const LightFieldFrame& instant
   return ratio > 0 ? ratio : source_pixels_per_pixel(view, instant, {0, 0, 0, 1});
 }
 
-/// A method and the options that it is asked with.
+/// A method and its options.
 struct ChosenMethod {
   const Method& method;
   MethodOptions options;
@@ -279,8 +280,8 @@ LightFieldRenderer::LightFieldRenderer(const Take& take, const RendererSettings&
     }
   }
   if (state_->included_cameras.empty()) {
-    throw Error::bad_input("every camera is left out", take.folder().string(),
-                           "Leave at least one camera in");
+    throw Error::bad_input("all cameras are excluded", take.folder().string(),
+                           "Include at least one camera");
   }
 }
 
@@ -347,8 +348,8 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   }
   if (distorted) {
     image.notes.emplace_back(
-        "the view's lens distorts: every ray is worked out by itself, slowly; times say nothing of "
-        "other views");
+        "the view's lens distorts: every ray is computed separately by the slow reference; "
+        "times do not apply to other views");
   }
   if (reconstruction.fill == HoleFill::kPushPull) {
     const auto fill = state_->settings.reference ? fill_push_pull_reference : fill_push_pull;
@@ -356,10 +357,10 @@ RenderedView LightFieldRenderer::render(const VirtualCamera& view, const FrameSe
   }
   image.statistics.source_pixels_per_pixel = ratio;
   image.statistics.supersampling = factor;
-  if (factor < wanted_supersampling(ratio)) {  // the bound is the same for every frame of a shot
+  if (factor < wanted_supersampling(ratio)) {  // the limit is the same for every frame of a shot
     image.notes.push_back(
-        fmt::format("the view is coarser than the cameras and has {} along each axis of a pixel, "
-                    "fewer than they have there: fine patterns may crawl; render it larger and "
+        fmt::format("the view is coarser than the cameras and has {} per pixel along each axis, "
+                    "fewer than needed: fine patterns may alias; render it larger and "
                     "scale it down",
                     factor == 1 ? "1 sample" : fmt::format("{} samples", factor)));
   }

@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits a plane to the camera centres of an array by principal component analysis (eigenvectors of
+// the 3x3 covariance). The second direction is computed from the residual of the first, which keeps
+// it exact for nearly collinear arrays. Input: n centres (world, metres) and n unit viewing
+// directions. Output: axes, distinct centres, and their coordinates in the plane, snapped to
+// integer multiples of 2^-26 of the extent for exact predicates. Cost: O(n^2), from coincidence
+// tests.
 #include "rig/array_plane.h"
 
 #include <Eigen/Eigenvalues>
@@ -18,15 +24,15 @@ constexpr double kGridUnits = 67108864.0;  // 2^26 in the extent
 
 using Points = std::vector<Eigen::Vector3d>;
 
-// Turned so that its largest component is positive: the same for a line given from either end.
+// Returns v or -v so that its largest component is positive: independent of a line's orientation.
 Eigen::Vector3d with_largest_positive(const Eigen::Vector3d& v) {
   Eigen::Index largest = 0;
   v.cwiseAbs().maxCoeff(&largest);
   return v(largest) < 0 ? Eigen::Vector3d(-v) : v;
 }
 
-// Unit vector across `normal`, as near to a world axis as may be: an array parallel to the world's
-// axes keeps its rows and columns exact.
+// Returns the unit vector perpendicular to `normal` that is closest to a world axis. The rows and
+// columns of an array parallel to the world's axes stay exact.
 Eigen::Vector3d world_axis_across(const Eigen::Vector3d& normal, int axis) {
   const int other = axis == 0 ? 1 : 0;
   const Eigen::Vector3d chosen = Eigen::Vector3d::Unit(std::abs(normal(axis)) < 0.9 ? axis : other);
@@ -49,14 +55,14 @@ double largest_spread(const Points& points) {
   return spread;
 }
 
-// The centres without what they have along `direction`.
+// Returns the centres without their component along `direction`.
 Points across(const Points& points, const Eigen::Vector3d& direction) {
   Points result;
   for (const Eigen::Vector3d& p : points) result.push_back(p - direction * direction.dot(p));
   return result;
 }
 
-// Farthest any of the points lies from the line along `direction` through their mean.
+// Returns the largest distance of a point from the line along `direction` through their mean.
 double distance_from_line(const Points& points, const Eigen::Vector3d& direction) {
   const Points flat = across(points, direction);
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -85,7 +91,7 @@ ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
                            std::span<const Eigen::Vector3d> viewing_directions) {
   assert(centres.size() == viewing_directions.size());
   if (centres.empty()) {
-    throw Error::bad_input("there is no camera to make a topology of", "rig",
+    throw Error::bad_input("the topology needs at least one camera", "rig",
                            "Keep at least one camera");
   }
   Eigen::AlignedBox3d box;
@@ -134,7 +140,7 @@ ArrayPlane fit_array_plane(std::span<const Eigen::Vector3d> centres,
     return plane;
   }
 
-  // The second direction from what the first leaves over: exact even for a nearly straight array.
+  // The second direction comes from the residual: exact even for a nearly collinear array.
   plane.dimension = 2;
   Points rest = across(scaled, line);
   const double spread = largest_spread(rest);

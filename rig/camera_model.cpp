@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Projection and unprojection of a pinhole camera with Brown-Conrady distortion (thesis 4.3,
+// OpenCV's coefficients k1, k2, p1, p2, k3). The constructor finds the radius at which the
+// distortion folds back from the roots of the eigenvalue polynomials of its Jacobian. Undistortion
+// uses Newton's method: first on the radius, within a bracket, then in the plane. Inputs: points in
+// the camera (metres) or pixels; outputs: pixels or rays. Cost: constant per point, a few
+// iterations.
 #include "rig/camera_model.h"
 
 #include <Eigen/LU>
@@ -14,9 +20,9 @@
 namespace raystage {
 namespace {
 
-// Ideal radii beyond this (a ray within 1e-8 rad of the camera's own plane) are never met.
+// Larger ideal radii (rays within 1e-8 rad of the camera's plane) do not occur.
 constexpr double kLargestRadius = 1e8;
-// What the inverse must hold, with room to the promised 1e-9 px.
+// Tolerance of the inverse, with a margin to the documented 1e-9 px.
 constexpr double kInversePixels = 2e-10;
 
 // Polynomial in r up to the sixth power, constant term first.
@@ -28,8 +34,8 @@ double evaluate(const Polynomial& p, double r) {
   return value;
 }
 
-// Where `p` changes sign or touches zero between `low` and `high`, p(low) and p(high) on
-// different sides: bisection down to neighbouring doubles.
+// Returns the root of `p` between `low` and `high`, where p has different signs, by bisection to
+// adjacent doubles.
 double bisect(const Polynomial& p, double low, double high) {
   const bool low_positive = evaluate(p, low) > 0;
   for (;;) {
@@ -39,8 +45,8 @@ double bisect(const Polynomial& p, double low, double high) {
   }
 }
 
-// Increasing places in (0, kLargestRadius) where the sign of `p` changes. Between the places where
-// the derivative changes its sign there is at most one, so each is bracketed.
+// Returns the radii in (0, kLargestRadius) at which `p` changes sign, increasing. There is at most
+// one between two sign changes of the derivative, so each is bracketed.
 std::vector<double> sign_changes(const Polynomial& p) {
   Polynomial derivative{};
   bool constant = true;
@@ -61,9 +67,9 @@ std::vector<double> sign_changes(const Polynomial& p) {
 }
 
 // The distortion is the gradient of a potential: its Jacobian is symmetric, with the radial
-// eigenvalue q = d(rL)/dr and the tangential one L, both moved by at most 6 |p| r by p1 and p2
-// (exactly that much in the worst direction of q). Where both stay positive over a disc, the map is
-// one-to-one on it.
+// eigenvalue q = d(rL)/dr and the tangential eigenvalue L. p1 and p2 change both by at most 6 |p| r
+// (exactly that much in the worst direction of q). If both are positive on a disc, the map is
+// one-to-one there.
 double fold_radius(const Distortion& d) {
   const double tangential = -6 * std::hypot(d.p1, d.p2);
   const std::array<Polynomial, 2> eigenvalues{
@@ -101,8 +107,8 @@ Eigen::Matrix2d distortion_jacobian(const Distortion& d, const Eigen::Vector2d& 
   return jacobian;
 }
 
-// r in [0, limit] with r L(r^2) = `distorted`, by Newton within a shrinking bracket; nullopt where
-// the polynomial does not reach so far.
+// Returns r in [0, limit] with r L(r^2) = `distorted`, by Newton's method within a shrinking
+// bracket, or nullopt if the polynomial does not reach that value.
 std::optional<double> undistort_radius(const Distortion& d, double distorted, double limit) {
   const auto excess = [&](double r) { return r * radial_factor(d, r * r) - distorted; };
   double low = 0;
@@ -129,7 +135,8 @@ std::optional<double> undistort_radius(const Distortion& d, double distorted, do
   return r;
 }
 
-// Newton in the plane; steps are halved until they stay within the fold and come nearer.
+// Newton's method in the plane. Steps are halved until they stay within the fold and reduce the
+// error.
 std::optional<Eigen::Vector2d> undistort(const Distortion& d, const Eigen::Vector2d& distorted,
                                          double limit, Eigen::Vector2d x, double tolerance) {
   double error = (distort(d, x) - distorted).norm();
@@ -163,7 +170,7 @@ CameraModel::CameraModel(const CameraGeometry& geometry)
   if (!std::ranges::all_of(numbers, [](double number) { return std::isfinite(number); }) ||
       !std::ranges::all_of(geometry.world_from_camera,
                            [](double number) { return std::isfinite(number); })) {
-    throw Error::bad_input("the calibration holds a number that is not finite", where,
+    throw Error::bad_input("the calibration contains a number that is not finite", where,
                            "Give finite intrinsics, distortion and pose");
   }
   if (!(intrinsics_.fx > 0 && intrinsics_.fy > 0)) {
@@ -175,7 +182,7 @@ CameraModel::CameraModel(const CameraGeometry& geometry)
                            "Give width and height in pixels, above 0");
   }
   const double radius = fold_radius(d);
-  // Within half a pixel of the principal point nothing is left to see through.
+  // A fold within half a pixel of the principal point leaves no usable picture.
   if (!(radius * std::max(intrinsics_.fx, intrinsics_.fy) > 0.5)) {
     throw Error::bad_input("the lens distortion folds back at the principal point", where,
                            "Check the distortion coefficients and their order k1, k2, p1, p2, k3");
@@ -196,7 +203,7 @@ std::optional<Eigen::Vector3d> CameraModel::unproject(const Eigen::Vector2d& pix
 }
 
 std::optional<Eigen::Vector2d> CameraModel::pixel_from_ideal(const Eigen::Vector2d& ideal) const {
-  // A hair of room, so that what ideal_from_pixel finds at the very edge projects again.
+  // The margin lets results of ideal_from_pixel() at the fold project again.
   if (!ideal.allFinite() || !(ideal.squaredNorm() <= fold_radius_squared_ * (1 + 1e-14))) {
     return std::nullopt;
   }

@@ -13,8 +13,8 @@ namespace raystage {
 /// Three spaces: x_in_camera (metres, looks down -z), `ideal` image points (x/-z, -y/-z: y down, no
 /// distortion) and pixels (origin at the top-left corner, y down, pixel centres at +0.5).
 ///
-/// The distortion polynomial folds back where it stops growing with the radius. Beyond that radius
-/// a pixel would stand for two rays: the model ends there, and such points have no projection.
+/// The distortion polynomial folds back where it stops increasing with the radius. Beyond that
+/// radius two rays would map to one pixel. The model ends there: such points have no projection.
 class CameraModel {
  public:
   /// Throws Error (bad input) for non-finite values, a focal length or a size that is not positive,
@@ -26,23 +26,23 @@ class CameraModel {
   int height() const { return height_; }
   const Intrinsics& intrinsics() const { return intrinsics_; }
 
-  /// Pixel of a point, nullopt at or behind the camera's own plane (z >= 0) or beyond the fold.
-  /// The pixel may lie outside the image.
+  /// Returns the pixel of a point, or nullopt at or behind the camera's plane (z >= 0) or beyond
+  /// the fold. The pixel may lie outside the image.
   std::optional<Eigen::Vector2d> project(const Eigen::Vector3d& x_in_camera) const;
-  /// Ray through a pixel, scaled to z = -1; nullopt where no ray reaches the pixel.
-  /// project(unproject(p)) == p to 1e-9 px wherever it answers.
+  /// Returns the ray through a pixel, scaled to z = -1, or nullopt if no ray reaches the pixel.
+  /// project(unproject(p)) equals p to 1e-9 px wherever there is a ray.
   std::optional<Eigen::Vector3d> unproject(const Eigen::Vector2d& pixel) const;
 
-  /// Pixel of an ideal image point, or nullopt beyond the fold.
+  /// Returns the pixel of an ideal image point, or nullopt beyond the fold.
   std::optional<Eigen::Vector2d> pixel_from_ideal(const Eigen::Vector2d& ideal) const;
-  /// Ideal image point of a pixel, or nullopt where the pixel is beyond the fold.
+  /// Returns the ideal image point of a pixel, or nullopt if the pixel is beyond the fold.
   std::optional<Eigen::Vector2d> ideal_from_pixel(const Eigen::Vector2d& pixel) const;
 
-  /// Square of the largest ideal radius before the distortion folds back; infinity if it never
+  /// Returns the squared ideal radius at which the distortion folds back, or infinity if it never
   /// does.
   double fold_radius_squared() const { return fold_radius_squared_; }
   bool has_distortion() const { return !(intrinsics_.distortion == Distortion{}); }
-  /// Whether a pixel position lies within the image, [0, width] x [0, height].
+  /// Returns whether a pixel position is within the image, [0, width] x [0, height].
   bool contains(const Eigen::Vector2d& pixel) const;
 
  private:

@@ -16,20 +16,20 @@ constexpr std::array<std::array<double, 3>, kChartPatches> kLab{{
     {66.89, -0.75, -0.06},  {50.76, -0.13, 0.14},    {35.63, -0.46, -0.48},  {20.64, 0.07, -0.46},
 }};
 
-/// CIE 15:2004, the inverse of f.
-double unbent(double t) {
+/// Returns the inverse of the function f of CIE L*a*b* (CIE 15:2004).
+double inverse_lab_f(double t) {
   constexpr double kKnee = 6.0 / 29;
   return t > kKnee ? t * t * t : 3 * kKnee * kKnee * (t - 4.0 / 29);
 }
 
-/// Cone responses by Bradford; of XYZ.
+/// Returns the Bradford matrix: cone responses from XYZ.
 Eigen::Matrix3d bradford() {
   Eigen::Matrix3d m;
   m << 0.8951, 0.2664, -0.1614, -0.7502, 1.7135, 0.0367, 0.0389, -0.0685, 1.0296;
   return m;
 }
 
-/// From the primaries and the white of ITU-R BT.709.
+/// Returns the matrix from linear Rec.709 (primaries of ITU-R BT.709) to XYZ for a white.
 Eigen::Matrix3d xyz_from_rec709(const Eigen::Vector3d& white) {
   Eigen::Matrix3d primaries;
   primaries << 0.64, 0.30, 0.15, 0.33, 0.60, 0.06, 0.03, 0.10, 0.79;
@@ -49,8 +49,8 @@ PatchColors color_checker_reference() {
   for (std::size_t i = 0; i < light.size(); ++i) {
     const auto& [l, a, b] = kLab[i];
     const double y = (l + 16) / 116;
-    const Eigen::Vector3d xyz(d50.x() * unbent(y + a / 500), unbent(y),
-                              d50.z() * unbent(y - b / 200));
+    const Eigen::Vector3d xyz(d50.x() * inverse_lab_f(y + a / 500), inverse_lab_f(y),
+                              d50.z() * inverse_lab_f(y - b / 200));
     const Eigen::Vector3d rgb = rec709_from_d50 * xyz;
     light[i] = {rgb.x(), rgb.y(), rgb.z()};
   }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Incremental insertion (Bowyer 1981, Watson 1981) with a ghost vertex outside the hull and exact
-// predicates, so that the cavity of a new point is always whole and star-shaped.
+// Delaunay triangulation of n distinct integer points by incremental insertion (Bowyer 1981, Watson
+// 1981). A ghost vertex outside the hull and exact 128-bit predicates keep the cavity of each new
+// point connected and star-shaped. Output: triangles of indices, counter-clockwise. Cost: O(n^2).
 #include "rig/delaunay.h"
 
 #include <algorithm>
@@ -17,7 +18,7 @@ constexpr int kGhost = -1;
 
 int sign(Int128 value) { return value > 0 ? 1 : (value < 0 ? -1 : 0); }
 
-// Ghost triangles are (a, b, kGhost): the outside lies to the left of a -> b.
+// A ghost triangle is (a, b, kGhost); the outside of the hull is to the left of a -> b.
 Triangle with_ghost_last(Triangle triangle) {
   while (triangle[2] != kGhost && (triangle[0] == kGhost || triangle[1] == kGhost)) {
     std::rotate(triangle.begin(), triangle.begin() + 1, triangle.end());
@@ -25,7 +26,7 @@ Triangle with_ghost_last(Triangle triangle) {
   return triangle;
 }
 
-// Whether `p` lies within the open circle through the triangle. For a ghost triangle that is the
+// Returns whether `p` is inside the triangle's open circumcircle. For a ghost triangle that is the
 // open half-plane outside its edge, and the open edge itself.
 bool conflicts(std::span<const GridPoint> points, const Triangle& triangle, GridPoint p) {
   const GridPoint a = points[static_cast<std::size_t>(triangle[0])];

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Photometric correction of a camera and its inverse, per pixel (thesis eq. 4.1 and section 4.3):
+//   light = matrix * (gain at the pixel * (brightness + contrast * (shown - dark)))
+// The gain is the product of a vignetting polynomial in r^2 and a bilinear gain map. Inputs and
+// outputs: R, G, B of linear light, full scale 1. Cost: constant per pixel.
 #include "rig/photometric_model.h"
 
 #include <Eigen/Dense>
@@ -17,8 +21,8 @@ double vignetting_gain(const Vignetting& lens, PictureSize size, double x, doubl
   return 1 + r2 * (lens.a[0] + r2 * (lens.a[1] + r2 * lens.a[2]));
 }
 
-/// Between two of `nodes` that are spaced evenly over `length`, where `x` lies: the first of them
-/// and the share of the second.
+/// The interval of evenly spaced nodes that contains a position: its first node and the linear
+/// interpolation weight of the second.
 struct Between {
   int first = 0;
   double share = 0;
@@ -56,13 +60,13 @@ double evaluate_response_curve(const std::vector<double>& curve, double code) {
   return std::lerp(curve[first], curve[first + 1], at.share);
 }
 
-double invert_response_curve(const std::vector<double>& curve, double straight) {
-  if (curve.empty()) return std::clamp(straight, 0.0, 1.0);
-  if (straight <= curve.front()) return 0;
-  if (straight >= curve.back()) return 1;
-  const auto above = std::ranges::upper_bound(curve, straight);
+double invert_response_curve(const std::vector<double>& curve, double corrected) {
+  if (curve.empty()) return std::clamp(corrected, 0.0, 1.0);
+  if (corrected <= curve.front()) return 0;
+  if (corrected >= curve.back()) return 1;
+  const auto above = std::ranges::upper_bound(curve, corrected);
   const double low = above[-1], high = above[0];
-  return (static_cast<double>(above - curve.begin() - 1) + (straight - low) / (high - low)) /
+  return (static_cast<double>(above - curve.begin() - 1) + (corrected - low) / (high - low)) /
          static_cast<double>(curve.size() - 1);
 }
 
@@ -94,7 +98,7 @@ ColorMatrix inverse(const ColorMatrix& matrix) {
   const Eigen::FullPivLU<Eigen::Matrix3d> solver(m);
   if (!solver.isInvertible()) {
     throw Error::bad_input("the colour matrix has no inverse", "photometric/matrix",
-                           "Give one that tells three colours apart");
+                           "Give an invertible 3x3 matrix");
   }
   const Eigen::Matrix3d i = solver.inverse();
   ColorMatrix result{};

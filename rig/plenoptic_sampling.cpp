@@ -24,12 +24,12 @@ double max_alias_free_baseline(double focal_length, DepthRange range) {
 }
 
 double alias_free_plane_count(double disparity_range) {
-  // A range that fits exactly must not take a plane more for a rounding error.
+  // The tolerance keeps rounding errors from adding a plane to a range that fits exactly.
   return std::max(1.0, std::ceil(disparity_range / kMaxAliasFreeDisparity - 1e-9));
 }
 
 DepthRange alias_free_depth_range(double focal_length, double spacing, double focal_depth) {
-  // A point at inverse depth q moves by focal_length * spacing * q from camera to camera.
+  // A point at inverse depth q has a disparity of focal_length * spacing * q between cameras.
   const double reach = kMaxAliasFreeDisparity / 2 / (focal_length * spacing);
   const double farthest = 1 / focal_depth - reach;
   return {1 / (1 / focal_depth + reach),

@@ -7,28 +7,28 @@
 
 namespace raystage {
 
-/// How far apart, in pixels, two cameras see the nearest and the farthest point of a scene relative
-/// to each other: `focal_length` (pixels) * `spacing` (metres) * (1/near - 1/far).
+/// Returns the difference of disparity, in pixels, between the nearest and the farthest point of a
+/// scene for two cameras: `focal_length` (pixels) * `spacing` (metres) * (1/near - 1/far).
 double disparity_range(double focal_length, double spacing, DepthRange range);
 
-/// Eq. 2.1: up to this disparity range between neighbouring cameras, pixels, the best single focal
-/// plane (eq. 2.2) is free of ghosts: nothing is more than a pixel off.
+/// The largest disparity range between neighbouring cameras, in pixels, at which the optimal focal
+/// plane (eq. 2.2) is free of ghosting (eq. 2.1): every error is at most one pixel.
 inline constexpr double kMaxAliasFreeDisparity = 2;
 
-/// Eq. 2.1: the largest spacing of cameras, metres, at which one plane is free of ghosts; infinite
-/// for a scene without depth. `focal_length` in pixels.
+/// Returns the largest camera spacing, in metres, at which one focal plane is free of ghosting (eq.
+/// 2.1); infinite for a scene without depth range. `focal_length` in pixels.
 double max_alias_free_baseline(double focal_length, DepthRange range);
 
-/// Focal planes that free a disparity range between neighbouring cameras, pixels, of ghosts: each
-/// does for kMaxAliasFreeDisparity; at least 1.
+/// Returns the number of focal planes, at least 1, that avoid ghosting for a disparity range
+/// between neighbouring cameras, in pixels. Each plane covers kMaxAliasFreeDisparity.
 double alias_free_plane_count(double disparity_range);
 
-/// The depths that a focal plane at `focal_depth` frees of ghosts: a pixel of disparity either way.
-/// Metres, may be infinite; everything where `spacing` is 0.
+/// Returns the depths, in metres, without ghosting for a focal plane at `focal_depth`: one pixel of
+/// disparity to either side. The far end may be infinite. All depths if `spacing` is 0.
 DepthRange alias_free_depth_range(double focal_length, double spacing, double focal_depth);
 
-/// How far apart neighbouring cameras of the array are at most, metres: the widest cell's second
-/// longest side (in a grid the longest is the diagonal); 0 for a single centre.
+/// Returns the largest distance of neighbouring cameras of the array, in metres: the maximum over
+/// cells of the second longest side (a grid cell's longest is the diagonal). 0 for a single centre.
 double max_neighbour_baseline(const Rig& rig, const Topology& topology);
 
 }  // namespace raystage

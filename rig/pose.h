@@ -7,7 +7,7 @@
 
 namespace raystage {
 
-/// A rigid placement of a camera: x_in_world = rotation * x_in_camera + position.
+/// Position and rotation of a camera: x_in_world = rotation * x_in_camera + position.
 /// Camera x right, y up, looks down -z; world right-handed, metres, y up.
 struct Pose {
   Eigen::Matrix3d world_from_camera_rotation = Eigen::Matrix3d::Identity();
@@ -19,11 +19,11 @@ struct Pose {
   Eigen::Vector3d camera_from_world(const Eigen::Vector3d& x_in_world) const {
     return world_from_camera_rotation.transpose() * (x_in_world - position);
   }
-  /// Unit vector the camera looks along, in the world.
+  /// Returns the camera's viewing direction, a unit vector in the world.
   Eigen::Vector3d viewing_direction() const { return -world_from_camera_rotation.col(2); }
 };
 
-/// The rotation is taken as it stands: documents are checked for rigidity when they are read.
+/// Returns the pose of a rigid matrix. Rigidity is checked when documents are read, not here.
 Pose pose_from_matrix(const Matrix4& world_from_camera);
 Matrix4 matrix_from_pose(const Pose& pose);
 

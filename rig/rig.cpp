@@ -11,7 +11,7 @@
 namespace raystage {
 
 Eigen::Vector3d Rig::centre() const {
-  // From the first camera, so that an array far from the origin loses nothing.
+  // Relative to the first camera: an array far from the origin loses no precision.
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Camera& camera : cameras) sum += camera.pose.position - cameras[0].pose.position;
   return cameras[0].pose.position + sum / static_cast<double>(cameras.size());
@@ -20,14 +20,14 @@ Eigen::Vector3d Rig::centre() const {
 Eigen::Vector3d Rig::mean_viewing_direction() const {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   for (const Camera& camera : cameras) sum += camera.pose.viewing_direction();
-  // Cameras that look all around have no common direction; the first one's is as good as any.
+  // Cameras that look in all directions have no mean direction: use the first camera's.
   if (sum.norm() <= 1e-9) return cameras[0].pose.viewing_direction().normalized();
   return sum.normalized();
 }
 
 Rig rig_from_document(const RigDocument& document) {
   if (document.cameras.empty()) {
-    throw Error::bad_input("the rig holds no camera", document.name, "Give at least one camera");
+    throw Error::bad_input("the rig contains no camera", document.name, "Give at least one camera");
   }
   Rig rig;
   rig.topology_kind = document.topology;
@@ -36,7 +36,7 @@ Rig rig_from_document(const RigDocument& document) {
     if (document.topology == "grid" && !(geometry.row && geometry.column)) {
       throw Error::bad_input("the camera has no row and column, but the rig's topology is \"grid\"",
                              "camera " + geometry.id,
-                             "Give its place in the grid, or the topology \"auto\"");
+                             "Give \"row\" and \"col\", or set \"topology\" to \"auto\"");
     }
     rig.cameras.push_back({geometry.id, CameraModel(geometry),
                            pose_from_matrix(geometry.world_from_camera), camera.photometric,
@@ -77,10 +77,10 @@ Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth) {
 
 double optimal_focal_depth(DepthRange range) {
   if (!(range.near > 0 && range.far >= range.near && std::isfinite(range.near))) {
-    throw Error::bad_input("the depth range has no middle", "depth_range",
+    throw Error::bad_input("the depth range is invalid", "depth_range",
                            "Give 0 < near <= far, in metres; far may be infinite");
   }
-  // Without 1 / near, which the smallest depths do not have: exact where near = far.
+  // Avoids 1 / near, which overflows for the smallest depths. Exact if near = far.
   return range.near / (0.5 + 0.5 * (range.near / range.far));
 }
 

@@ -11,7 +11,7 @@
 
 namespace raystage {
 
-/// The physical array, ready for geometry.
+/// The physical camera array with its camera models and poses.
 struct Rig {
   struct Camera {
     std::string id;
@@ -27,19 +27,21 @@ struct Rig {
   Eigen::Vector3d mean_viewing_direction() const;  ///< unit, world
 };
 
-/// Throws Error (bad input) when the document holds no camera or an unusable one.
+/// Returns the rig of a document. Throws Error (bad input) if it contains no camera or an invalid
+/// one.
 Rig rig_from_document(const RigDocument& document);
 
-/// Topology of the cameras listed (all distinct, in increasing order); cells index into
-/// `Rig::cameras`. "auto" takes the grid where every camera has a place in one, otherwise Delaunay.
+/// Returns the topology of the given cameras (distinct, in increasing order); cells index into
+/// `Rig::cameras`. "auto" uses the grid if every camera has a row and column, otherwise Delaunay.
 Topology make_topology(const Rig& rig, std::span<const int> cameras);
 
-/// The plane parallel to the array (across the mean viewing direction) `depth` metres in front of
-/// its centre, as a x + b y + c z + d = 0 in the world, (a, b, c) unit. Infinity gives (0, 0, 0,
-/// 1).
+/// Returns the plane parallel to the array (perpendicular to the mean viewing direction), `depth`
+/// metres in front of its centre, as a x + b y + c z + d = 0 in the world, (a, b, c) unit. Infinity
+/// gives (0, 0, 0, 1).
 Eigen::Vector4d fronto_parallel_plane(const Rig& rig, double depth);
 
-/// Eq. 2.2: 1/zopt = (1/zmin + 1/zmax) / 2; zmax may be infinite.
+/// Returns the optimal focal depth in metres (eq. 2.2): 1/zopt = (1/zmin + 1/zmax) / 2; zmax may be
+/// infinite. Throws Error (bad input) for an invalid range.
 double optimal_focal_depth(DepthRange range);
 
 }  // namespace raystage

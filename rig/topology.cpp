@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Builds the cells of an array (thesis 4.1.2) from its n camera centres (world, metres). Centres
+// are projected onto their best-fit plane and snapped to integers. Grids: triangulation of the grid
+// positions, shorter diagonals in the cells, Lawson's flips in the holes. Otherwise: Delaunay
+// triangulation. Output: triangles, segments or a point, as indices of centres. Cost: O(n^2).
 #include "rig/topology.h"
 
 #include <algorithm>
@@ -21,8 +25,8 @@ double length(GridPoint a, GridPoint b) {
   return std::hypot(static_cast<double>(b.x - a.x), static_cast<double>(b.y - a.y));
 }
 
-// Snapping bends a straight border by a unit, which leaves triangles along it that are flat at the
-// resolution of the snapping. Those go.
+// Removes triangles on a straight border that are flat at the resolution of the snapping: snapping
+// displaces border points by up to one unit.
 void drop_flat_border(std::vector<Triangle>& triangles, std::span<const GridPoint> points) {
   constexpr double kFlat = 2;  // units of the grid
   const auto point = [&](int index) { return points[static_cast<std::size_t>(index)]; };
@@ -97,7 +101,7 @@ Topology delaunay_of(const ArrayPlane& plane) {
   return topology;
 }
 
-// Place of each value among the distinct values: neighbours are those with nothing between them.
+// Returns the rank of each value among the distinct values, so that neighbours differ by one.
 std::vector<int> ranks(std::span<const int> values) {
   const std::set<int> distinct(values.begin(), values.end());
   std::map<int, int> rank;
@@ -107,19 +111,19 @@ std::vector<int> ranks(std::span<const int> values) {
   return result;
 }
 
-// A triangulation whose edges can be turned: each directed edge knows the corner across.
+// A triangulation with edge flips. It maps each directed edge to the opposite corner.
 class EdgeFlips {
  public:
   explicit EdgeFlips(std::span<const Triangle> triangles) {
     for (const Triangle& t : triangles) add(t);
   }
 
-  /// Corner of the triangle to the left of the edge; -1 on the border.
+  /// Returns the opposite corner of the triangle to the left of the edge, or -1 on the border.
   int across(Edge edge) const {
     const auto found = apex_.find(edge);
     return found == apex_.end() ? -1 : found->second;
   }
-  /// Inner edges, each once, from the lower to the higher index.
+  /// Returns each inner edge once, from the lower to the higher index.
   std::vector<Edge> inner_edges() const {
     std::vector<Edge> edges;
     for (const auto& [edge, apex] : apex_) {
@@ -156,8 +160,9 @@ class EdgeFlips {
   std::map<Edge, int> apex_;
 };
 
-// Triangulates the places of the grid, then lets the centres decide: the shorter diagonal in each
-// cell of four neighbours, Delaunay in the holes. nullopt where the places do not fit the centres.
+// Triangulates the grid positions, then chooses edges by the centres: the shorter diagonal in each
+// cell of four neighbours, Delaunay in the holes. Returns nullopt if positions and centres
+// disagree.
 std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint> places,
                                                       std::span<const GridPoint> centres) {
   std::vector<Triangle> flat = delaunay_triangulation(places);
@@ -168,7 +173,7 @@ std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint>
   const auto side = [&](int a, int b, int c) {
     return orientation(at(centres, a), at(centres, b), at(centres, c));
   };
-  // Rows may count against `up`: then every triangle is the other way round.
+  // If rows count against `up`, every triangle has the opposite orientation.
   const int turn = side(flat[0][0], flat[0][1], flat[0][2]);
   for (const Triangle& t : flat) {
     if (turn == 0 || side(t[0], t[1], t[2]) != turn) return std::nullopt;
@@ -189,7 +194,7 @@ std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint>
            corner(at(places, right));
   };
 
-  std::set<Edge> cell_edges;  // of whole cells, either direction: fixed
+  std::set<Edge> cell_edges;  // edges of complete cells: they are not flipped below
   for (const Edge& edge : mesh.inner_edges()) {
     const auto [a, b] = edge;
     const int left = mesh.across(edge), right = mesh.across({b, a});
@@ -203,12 +208,12 @@ std::optional<std::vector<Triangle>> triangulate_grid(std::span<const GridPoint>
     const double other = length(at(centres, left), at(centres, right));
     const GridPoint p = at(places, a), q = at(places, b);
     const bool rising = (q.x - p.x) * (q.y - p.y) > 0;
-    // Equal up to the snapping counts as a tie.
+    // Equality within the snapping error is a tie.
     const bool tie = std::abs(now - other) <= 4;
     if ((tie ? !rising : other < now) && convex(edge, left, right)) mesh.flip(edge);
   }
 
-  // Lawson's flips: each makes the triangulation more Delaunay, so they end.
+  // Lawson's flips: each moves the triangulation closer to Delaunay, so the loop terminates.
   for (bool changed = true; changed;) {
     changed = false;
     for (const Edge& edge : mesh.inner_edges()) {

@@ -8,12 +8,12 @@
 
 namespace raystage {
 
-/// Who neighbours whom in the array (thesis 4.1.2): the cells between which rays are interpolated.
-/// The dimension is what the camera centres span, coincident cameras counted once.
+/// The neighbourhood of the cameras (thesis 4.1.2): cells within which rays are interpolated. Its
+/// kind follows the span of the camera centres; coincident cameras count once.
 struct Topology {
   enum class Kind {
     kTriangles,  ///< the usual array: cells of three cameras
-    kSegments,   ///< collinear cameras: cells of two, each standing for an endless strip along `up`
+    kSegments,   ///< collinear cameras: cells of two, each an infinite strip along `up`
     kPoint       ///< one distinct centre: one cell of one camera, valid for every ray
   };
   /// Indices into the centres; the unused ones are -1. Triangles run counter-clockwise as seen from
@@ -29,18 +29,19 @@ struct Topology {
   Eigen::Vector3d up = Eigen::Vector3d::UnitY();
 };
 
-/// Delaunay triangulation of the centres projected on their best-fit plane. Predicates are exact
-/// (centres snapped to 2^-26 of the extent), so co-circular centres, as in a regular grid, give one
-/// deterministic triangulation. Centres closer than 1e-9 of the extent (or coincident) are one: the
-/// first stands for them; all closer than 1e-7 of the extent to a line are collinear.
-/// `viewing_directions`: unit, world, one per centre. Throws Error (bad input) without a centre.
+/// Returns the Delaunay triangulation of the centres projected onto their best-fit plane.
+/// Predicates are exact (centres snapped to 2^-26 of the extent), so co-circular centres, as in a
+/// regular grid, give one deterministic triangulation. Centres closer than 1e-9 of the extent (or
+/// coincident) are merged into the first; centres all closer than 1e-7 of the extent to a line are
+/// collinear. `viewing_directions`: unit, world, one per centre. Throws Error (bad input) without a
+/// centre.
 Topology delaunay_topology(std::span<const Eigen::Vector3d> centres,
                            std::span<const Eigen::Vector3d> viewing_directions);
 
-/// A grid's own topology: each cell of four neighbours split along its shorter diagonal (ties: from
-/// lower row and column to higher). `rows`, `columns`: place of each centre; missing places leave
-/// holes that are closed by Delaunay of what remains. Falls back to delaunay_topology when places
-/// repeat or the grid is a line.
+/// Returns the topology of a grid: each cell of four neighbours is split along its shorter diagonal
+/// (ties: from lower row and column to higher). `rows` and `columns` give each centre's grid
+/// position. Holes from missing positions are closed by Delaunay triangulation. Falls back to
+/// delaunay_topology() if positions repeat or the grid is a line.
 Topology grid_topology(std::span<const Eigen::Vector3d> centres,
                        std::span<const Eigen::Vector3d> viewing_directions,
                        std::span<const int> rows, std::span<const int> columns);

@@ -17,9 +17,9 @@ BenchDocument parse_bench(std::string_view text, std::string_view name) {
     BenchDocument::Setting setting;
     setting.label = object.at("label").get<std::string>();
     if (!seen.insert(setting.label).second) {
-      throw object.at("label").input_error(
-          "found " + found(object.at("label").value) + ", which came before, allowed: a new label",
-          "Give every setting a label of its own");
+      throw object.at("label").input_error("found " + found(object.at("label").value) +
+                                               ", which is used already, allowed: a unique label",
+                                           "Give every setting a different label");
     }
     setting.method = object.at("method").get<std::string>();
     if (object.has("options")) setting.options = options_from(object.at("options"));

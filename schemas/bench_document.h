@@ -11,22 +11,22 @@
 
 namespace raystage {
 
-/// schema "raystage/bench/1": ways of rendering that are measured against each other.
+/// Schema "raystage/bench/1": rendering settings that a benchmark compares.
 struct BenchDocument {
   struct Setting {
-    std::string label;  ///< names it in tables and charts; unique
+    std::string label;  ///< name in tables and charts; unique
     std::string method;
-    OptionValues options;               ///< of the method
-    std::optional<double> focal_depth;  ///< metres in front of the array; absent: as asked for
+    OptionValues options;               ///< options of the method
+    std::optional<double> focal_depth;  ///< metres in front of the array; nullopt: as requested
     bool operator==(const Setting&) const = default;
   };
   std::vector<Setting> settings;
 };
 
-/// Throws Error with file, JSON pointer, what was found and what is allowed.
+/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
 BenchDocument read_bench(const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 BenchDocument parse_bench(std::string_view text, std::string_view name);
 std::string format_bench(const BenchDocument& bench);
 

@@ -39,7 +39,7 @@ void check_rigid(const Matrix4& m, const JsonNode& matrix) {
   if (element(3, 0) != 0 || element(3, 1) != 0 || element(3, 2) != 0 || element(3, 3) != 1) {
     throw matrix.at(3).input_error(
         fmt::format("found the last row {}, allowed: [0, 0, 0, 1]", matrix.at(3).value.dump()),
-        "Write the matrix by rows, with the translation in the last column");
+        "Write the matrix row by row, with the translation in the last column");
   }
   double worst = 0;
   for (std::size_t a = 0; a < 3; ++a) {
@@ -90,7 +90,7 @@ CameraGeometry camera_from(const JsonNode& object, std::set<std::string, std::le
                         .column = std::nullopt};
   if (object.has("row") != object.has("col")) {
     throw object.input_error("found only one of \"row\" and \"col\", allowed: both or neither",
-                             "Add the other");
+                             "Add the missing one");
   }
   if (object.has("row")) {
     camera.row = object.at("row").get<int>();

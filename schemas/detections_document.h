@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// schema "raystage/detections/1": the cameras that a table of detections is of.
+/// Schema "raystage/detections/1": the cameras to which a table of detections refers.
 struct DetectionsDocument {
   struct Camera {
     std::string id;
@@ -21,7 +21,7 @@ DetectionsDocument read_detections_document(const std::filesystem::path& file);
 void write_detections_document(const DetectionsDocument& document,
                                const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 DetectionsDocument parse_detections_document(std::string_view text, std::string_view name);
 std::string format_detections_document(const DetectionsDocument& document);
 

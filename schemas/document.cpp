@@ -19,14 +19,14 @@ namespace {
 
 using nlohmann::json;
 
-/// Versions are counted from 1; of a schema that is still at its first there is just one.
+/// Versions start at 1. A schema without older versions is embedded once.
 int newest_version(std::string_view kind) { return kind == "shot" ? 2 : 1; }
 
 std::string schema_name(std::string_view kind) {
   return fmt::format("raystage/{}/{}", kind, newest_version(kind));
 }
 
-/// Each validator is made once, when first asked for: most commands need one or two of them.
+/// Each validator is created once, on first use: most commands need one or two.
 const SchemaValidator& validator_of(std::string_view kind) {
   struct Slot {
     std::once_flag once;
@@ -44,7 +44,7 @@ const SchemaValidator& validator_of(std::string_view kind) {
   return *slot.validator;
 }
 
-/// The version that the document says it is of: one that can be read.
+/// Returns the version that the document states. Throws Error (bad input) if it is not readable.
 int version_of(std::string_view kind, const json& document, std::string_view name) {
   const std::string expected = schema_name(kind);
   if (!document.is_object()) {
@@ -115,7 +115,8 @@ std::string unique_id_from(const JsonNode& object, std::set<std::string, std::le
   const JsonNode id = object.at("id");
   auto text = id.get<std::string>();
   if (!seen.insert(text).second) {
-    throw id.input_error(fmt::format("the id \"{}\" comes twice", text), "Give each its own id");
+    throw id.input_error(fmt::format("the id \"{}\" comes twice", text),
+                         "Give each item a unique id");
   }
   return text;
 }

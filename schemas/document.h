@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside schemas/ only: what the typed documents share.
+// Internal to schemas/: helpers shared by the typed documents.
 #pragma once
 
 #include <filesystem>
@@ -17,7 +17,7 @@
 
 namespace raystage {
 
-/// A JSON value in a document, and where it stands.
+/// A JSON value with its JSON pointer in a document.
 struct JsonNode {
   const nlohmann::json& value;
   std::string_view name;  ///< of the document
@@ -36,13 +36,13 @@ struct JsonNode {
   T get(std::string_view key, T otherwise) const {
     return has(key) ? at(key).get<T>() : otherwise;
   }
-  /// None where there is no such property.
+  /// Returns the property, or nullopt if it is absent.
   template <typename T>
   std::optional<T> get_if(std::string_view key) const {
     if (!has(key)) return std::nullopt;
     return at(key).get<T>();
   }
-  /// Bad input here.
+  /// Returns Error (bad input) at this value.
   Error input_error(std::string what_happened, std::string what_to_do) const {
     return json_value_error(name, pointer, std::move(what_happened), std::move(what_to_do));
   }
@@ -52,42 +52,43 @@ struct VersionedDocument {
   nlohmann::json json;
   int version = 1;
 };
-/// Parses a document of schema "raystage/KIND/VERSION", of any version up to the newest, and holds
-/// it to that schema. Throws Error.
+/// Parses a document of schema "raystage/KIND/VERSION", any version up to the newest, and validates
+/// it with that schema. Throws Error (bad input).
 VersionedDocument parse_versioned_document(std::string_view kind, std::string_view text,
                                            std::string_view name);
-/// The same of a kind that has had one version only.
+/// Returns the JSON of parse_versioned_document() for a kind with a single version.
 nlohmann::json parse_document(std::string_view kind, std::string_view text, std::string_view name);
 
-/// An object that begins with the schema's name and version.
+/// Returns an object whose first member is the schema's name and version.
 nlohmann::ordered_json make_document(std::string_view kind);
 
-/// Writes what is given.
+/// Sets `key` if `value` is given.
 template <typename T>
 void add_optional(nlohmann::ordered_json& object, const char* key, const std::optional<T>& value) {
   if (value) object[key] = *value;
 }
 
-/// Refuses an id that came before (`seen` collects them).
+/// Returns the object's id and adds it to `seen`. Throws Error (bad input) if it is there already.
 std::string unique_id_from(const JsonNode& object, std::set<std::string, std::less<>>& seen);
-/// A path without control characters.
+/// Returns a path. Throws Error (bad input) if it contains control characters.
 std::string path_from(const JsonNode& text);
-/// A relative path that stays inside its folder.
+/// Returns a relative path. Throws Error (bad input) if it leaves its folder.
 std::string relative_path_from(const JsonNode& text);
 Nanoseconds utc_from(const JsonNode& text);
 
 std::optional<DepthRange> depth_range_from(const JsonNode& object);
 void add_depth_range(const std::optional<DepthRange>& range, nlohmann::ordered_json& object);
 
-/// Reads id, size, intrinsics, pose and place in the grid; the pose must be rigid.
+/// Reads id, size, intrinsics, pose, row and column. Throws Error (bad input) for a pose that is
+/// not rigid.
 CameraGeometry camera_from(const JsonNode& object, std::set<std::string, std::less<>>& seen);
 nlohmann::ordered_json json_from(const CameraGeometry& camera);
 
-/// Reads what a camera's codes stand for; pixels must be in the camera's picture.
+/// Reads a camera's photometric response; hot pixels must be inside the camera's picture.
 PhotometricResponse photometric_from(const JsonNode& object, const CameraGeometry& camera);
 nlohmann::ordered_json json_from(const PhotometricResponse& response);
 
-/// Numbers, text, true and false by name; remarks ("x_", "comment") are left out.
+/// Returns the numbers, strings and booleans by name, without remarks ("x_...", "comment").
 OptionValues options_from(const JsonNode& object);
 nlohmann::ordered_json json_from(const OptionValues& options);
 

@@ -488,7 +488,7 @@ TEST(Documents, BenchSettingsAreRead) {
   json document = good("bench");
   document["settings"][1]["label"] = "one plane";
   EXPECT_THAT(refusal("bench", document),
-              AllOf(HasSubstr("#/settings/1/label"), HasSubstr("came before")));
+              AllOf(HasSubstr("#/settings/1/label"), HasSubstr("is used already")));
   document = good("bench");
   document["settings"][1]["options"]["planes"] = json::array({1});
   EXPECT_THAT(refusal("bench", document), HasSubstr("#/settings/1/options/planes"));

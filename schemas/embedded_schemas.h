@@ -6,10 +6,10 @@
 
 namespace raystage {
 
-/// schemas/NAME.schema.json, as it was when the library was built.
+/// The text of schemas/NAME.schema.json when the library was built.
 struct EmbeddedSchema {
-  /// "rig", "take", "shot", "import", "views", "record", "recording", "bench", "planes"; of an
-  /// older version with its number, as "shot-1".
+  /// "rig", "take", "shot", "import", "views", "record", "recording", "bench", "planes"; an
+  /// older version has its number appended: "shot-1".
   std::string_view name;
   std::string_view text;  ///< JSON Schema, draft 2020-12
 };

@@ -47,7 +47,7 @@ Json json_from(const FarmJobDocument::OutputOverrides& picture) {
   return output;
 }
 
-/// Empty where the document has no such property.
+/// Returns an empty list if the property is absent.
 std::string path_if_any(const JsonNode& document, std::string_view key) {
   return document.has(key) ? path_from(document.at(key)) : std::string();
 }
@@ -76,7 +76,7 @@ std::vector<FarmJobDocument::Chunk> chunks_from(const JsonNode& document, std::s
         chunk.instants.push_back(needed.at(j).get<int>());
         if (static_cast<std::size_t>(chunk.instants.back()) >= instants) {
           throw needed.at(j).input_error(
-              "found " + found(needed.at(j).value) + ", and the job has fewer instants",
+              "found " + found(needed.at(j).value) + ", but the job has fewer instants",
               "Submit the shot again");
         }
       }
@@ -109,9 +109,9 @@ FarmJobDocument::Distributed distributed_from(const JsonNode& object) {
 
 Json json_from(const FarmJobDocument::Distributed& distributed) {
   Json output{{"nodes", distributed.nodes},
-            {"mpirun", distributed.mpirun},
-            {"missing_archives", distributed.missing_archives},
-            {"fragments", distributed.fragments}};
+              {"mpirun", distributed.mpirun},
+              {"missing_archives", distributed.missing_archives},
+              {"fragments", distributed.fragments}};
   add_optional(output, "fragment_quality", distributed.fragment_quality);
   return output;
 }

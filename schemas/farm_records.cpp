@@ -14,7 +14,7 @@ constexpr std::array<std::string_view, 6> kResultNames{"done",          "failed"
                                                        "out_of_memory", "stopped", "declined"};
 constexpr std::array<std::string_view, 4> kEndNames{"done", "failed", "cancelled", "stopped"};
 
-/// The schema allows only these words.
+/// Returns the enumerator of a name; the schema has already rejected other names.
 template <class Enum, std::size_t n>
 Enum enum_from(const std::array<std::string_view, n>& names, const std::string& word) {
   std::size_t i = 0;
@@ -22,7 +22,7 @@ Enum enum_from(const std::array<std::string_view, n>& names, const std::string& 
   return static_cast<Enum>(i);
 }
 
-/// Messages of other programs need not be UTF-8, and may be cut within a character.
+/// Messages of other programs may be invalid UTF-8 or cut within a character.
 std::string as_utf8(const std::string& text) {
   const std::string dumped = Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
   return Json::parse(dumped).get<std::string>();

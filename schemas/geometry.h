@@ -10,8 +10,8 @@ namespace raystage {
 /// A 4x4 matrix, row-major, for column vectors (translation in the last column).
 using Matrix4 = std::array<double, 16>;
 
-/// Brown-Conrady lens distortion on normalised image coordinates (x/z, y/z, y down), as OpenCV
-/// counts its coefficients. Unitless.
+/// Brown-Conrady lens distortion on normalised image coordinates (x/z, y/z, y down), with
+/// OpenCV's coefficients. Unitless.
 struct Distortion {
   double k1 = 0, k2 = 0, p1 = 0, p2 = 0, k3 = 0;
   bool operator==(const Distortion&) const = default;
@@ -25,18 +25,19 @@ struct Intrinsics {
   bool operator==(const Intrinsics&) const = default;
 };
 
-/// One camera as the documents hold it.
+/// One camera as stored in the documents.
 /// `world_from_camera`: rigid; camera x right, y up, looks down -z; metres.
 struct CameraGeometry {
   std::string id;
   int width = 0, height = 0;  ///< pixels
   Intrinsics intrinsics;
   Matrix4 world_from_camera{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-  std::optional<int> row, column;  ///< place in a grid, where there is one
+  std::optional<int> row, column;  ///< position in the grid, if there is one
   bool operator==(const CameraGeometry&) const = default;
 };
 
-/// Distances in front of the array between which the scene lies, metres; far may be infinite.
+/// The nearest and the farthest distance of the scene in front of the array, in metres; far may be
+/// infinite.
 struct DepthRange {
   double near = 0, far = 0;
   bool operator==(const DepthRange&) const = default;

@@ -3,10 +3,10 @@
 
 namespace raystage {
 
-/// What becomes of rays that no camera saw.
+/// The treatment of rays that no camera recorded.
 enum class HoleFill {
-  kNone,     ///< they stay transparent
-  kPushPull  ///< coloured from what was seen around them
+  kNone,     ///< they remain transparent
+  kPushPull  ///< push-pull interpolation from the surrounding pixels
 };
 
 }  // namespace raystage

@@ -44,7 +44,7 @@ void check_depth_range(const ImportManifest& manifest, const JsonNode& cameras) 
   constexpr double kNoDirection = 1e-3;
   if (length < kNoDirection) {
     throw cameras.input_error(
-        "the cameras look every way, so that a depth range in front of the array means nothing",
+        "the cameras look every way, so a depth range in front of the array is undefined",
         "Remove \"depth_range_m\", or correct \"world_from_camera\"");
   }
   for (double& value : forward) value /= length;
@@ -74,7 +74,7 @@ void check_depth_range(const ImportManifest& manifest, const JsonNode& cameras) 
   }
 }
 
-/// Refuses a time that is not after the one before.
+/// Throws Error (bad input) for a time that is not after the previous one.
 class IncreasingTimes {
  public:
   Nanoseconds next(const JsonNode& time) {
@@ -82,7 +82,7 @@ class IncreasingTimes {
     if (value <= last_) {
       throw time.input_error(
           fmt::format("found {} after {}, allowed: increasing times", value, last_),
-          "Sort the frames by time, and list each once");
+          "Sort the frames by time and list each once");
     }
     return last_ = value;
   }

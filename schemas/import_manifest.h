@@ -12,7 +12,7 @@
 
 namespace raystage {
 
-/// schema "raystage/import/1": what `raystage import` reads.
+/// Schema "raystage/import/1": the input of `raystage import`.
 struct ImportManifest {
   struct Frame {
     std::string file;  ///< relative to the manifest's folder
@@ -28,18 +28,18 @@ struct ImportManifest {
   Nanoseconds epoch_utc = 0;  ///< since 1970
   double nominal_fps = 0;
   std::string color_space;       ///< of the frames: "srgb_texture", "lin_rec709_scene"
-  bool arbitrary_scale = false;  ///< lengths are in an unknown unit, called metres all the same
+  bool arbitrary_scale = false;  ///< the unit of length is unknown, though called metres
   std::optional<DepthRange> depth_range;
   std::vector<Camera> cameras;
 };
 
-/// Throws Error with file, JSON pointer, what was found and what is allowed.
-/// Beyond the schema: unique ids, rigid poses, increasing times, as many times as there may be.
+/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
+/// Checks in addition to the schema: unique ids, rigid poses, increasing times and their number.
 ImportManifest read_import_manifest(const std::filesystem::path& file);
 
 void write_import_manifest(const ImportManifest& manifest, const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 ImportManifest parse_import_manifest(std::string_view text, std::string_view name);
 std::string format_import_manifest(const ImportManifest& manifest);
 

@@ -25,7 +25,7 @@ std::string place_in_text(std::string_view text, std::size_t end, std::string_vi
   return fmt::format("{}:{}:{}", name, line, before.size() - start + 1);
 }
 
-/// Builds the document as nlohmann's own parser does, but refuses what that one lets pass.
+/// Builds the document like nlohmann's parser, but also rejects duplicate keys and deep nesting.
 class DocumentBuilder final : public json::json_sax_t {
  public:
   DocumentBuilder(std::string_view text, std::string_view name) : text_(text), name_(name) {}
@@ -64,8 +64,8 @@ class DocumentBuilder final : public json::json_sax_t {
       if (at == reason.npos) continue;
       if (lead != "parse error") reason.erase(0, at + lead.size());
     }
-    throw Error::bad_input("this is no JSON: " + reason, place_in_text(text_, position, name_),
-                           kMendSyntax);
+    throw Error::bad_input("this is not valid JSON: " + reason,
+                           place_in_text(text_, position, name_), kMendSyntax);
   }
 
  private:

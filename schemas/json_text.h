@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For .cpp files only: shows nlohmann's types, which take a second to compile.
+// Include in .cpp files only: nlohmann's types take a second to compile.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -10,23 +10,24 @@
 
 namespace raystage {
 
-/// Parses strict JSON. Throws Error (bad input): syntax with "NAME:line:column"; a key that comes
-/// twice, a number too large for a double, and nesting deeper than 64 likewise.
+/// Parses strict JSON. Throws Error (bad input) for a syntax error (at "NAME:line:column"), a
+/// duplicate key, a number too large for a double, or nesting deeper than 64.
 nlohmann::json parse_json(std::string_view text, std::string_view name);
 
-/// Human-readable JSON: two spaces of indent; arrays and objects of plain values on one line where
-/// they fit into 100 columns, so that a matrix has a row per line. Doubles come back exactly.
+/// Returns human-readable JSON, indented by two spaces. Arrays and objects of plain values are on
+/// one line if they fit into 100 columns: a matrix has one row per line. Doubles round-trip
+/// exactly.
 std::string format_json(const nlohmann::ordered_json& value);
 
-/// `pointer` extended by one step (RFC 6901).
+/// Returns `pointer` extended by one reference token (RFC 6901).
 std::string append_json_pointer(std::string_view pointer, std::string_view key);
 std::string append_json_pointer(std::string_view pointer, std::size_t index);
 
-/// Bad input at "NAME#POINTER".
+/// Returns Error (bad input) at "NAME#POINTER".
 Error json_value_error(std::string_view name, std::string_view pointer, std::string what_happened,
                        std::string what_to_do);
 
-/// What stands in a document, short enough for a message.
+/// Returns a description of a value that is short enough for an error message.
 std::string found(const nlohmann::json& value);
 
 }  // namespace raystage

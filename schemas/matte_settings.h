@@ -8,31 +8,35 @@
 
 namespace raystage {
 
-/// What shows of a take's frames: a shot layer's "matte".
+/// How the subject of a take is separated from its background: "matte" of a shot's layer.
 struct MatteSettings {
-  using Box = std::array<std::array<double, 3>, 2>;  ///< least and most corner, world, metres
+  using Box = std::array<std::array<double, 3>, 2>;  ///< minimum and maximum corner, world, metres
   enum class Kind {
     kBlueScreen,
     kGreenScreen,
-    kDifference,  ///< from what the empty take shows
+    kDifference,  ///< difference from the clean plate take
     kFiles        ///< TAKE/mattes, docs/formats/mattes.md
   } kind = Kind::kBlueScreen;
-  /// Of a screen: its colour, scene-linear. None, and no empty take: found in the take itself.
+  /// Screen keys: colour of the screen, scene-linear. Without it and without a clean plate take, it
+  /// is determined from the take itself.
   std::optional<std::array<double, 3>> screen_color = {};
   std::string clean_plate_take =
-      {};  ///< the same array and no actor; relative to the shot's folder
-  /// Of a screen: how much of its colour others may have: the larger of them (1), the smaller (0).
+      {};  ///< same array without the subject; relative to the shot's folder
+  /// Screen keys: limit of the screen's channel in the subject: the larger (1) or the smaller (0)
+  /// of the other two channels.
   double balance = 0.5;
-  double despill = 1;  ///< of a screen: how much of its light is taken off what stands before it
-  /// Alpha up to `black` is 0, from `white` on 1.
+  double despill =
+      1;  ///< screen keys: share of the screen's spill that is removed from the subject
+  /// Alpha at or below `black` becomes 0, at or above `white` 1.
   double black = 0.05, white = 0.95;
-  /// Of a difference: in codes of 255, transparent up to `low`, opaque from `high` on.
+  /// Difference key, in codes of 255: transparent up to `low`, opaque from `high`.
   double low = 10, high = 30;
-  std::vector<Box> keep = {};     ///< what no ray through one of them sees is transparent, if any
-  std::vector<Box> garbage = {};  ///< so is what rays through these see
+  std::vector<Box> keep =
+      {};  ///< if any: pixels whose ray meets none of these boxes are transparent
+  std::vector<Box> garbage = {};  ///< pixels whose ray meets one of these boxes are transparent
 };
 
-/// As it stands in a shot, with everything not given.
+/// Returns the JSON text of a shot's "matte", with the defaults of settings that are not given.
 std::string format_matte(const MatteSettings& matte);
 
 }  // namespace raystage

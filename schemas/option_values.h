@@ -7,10 +7,10 @@
 
 namespace raystage {
 
-/// A setting as a document or a command line gives it.
+/// The value of an option in a document or on a command line.
 using OptionValue = std::variant<bool, double, std::string>;
 
-/// Settings by name, as given: what they mean, and which there are, is for their reader to say.
+/// Options by name, as given. Their reader defines which names exist and what they mean.
 using OptionValues = std::map<std::string, OptionValue>;
 
 }  // namespace raystage

@@ -22,7 +22,7 @@ std::vector<double> curve_from(const JsonNode& codes) {
     throw codes.at(static_cast<std::size_t>(fall - curve.begin()) + 1)
         .input_error(
             fmt::format("the curve does not rise: {:.6g} comes after {:.6g}", fall[1], fall[0]),
-            "Give what higher codes ought to be as higher numbers");
+            "Give values that increase with the code");
   }
   return curve;
 }
@@ -30,7 +30,7 @@ std::vector<double> curve_from(const JsonNode& codes) {
 Vignetting vignetting_from(const JsonNode& object, const CameraGeometry& camera) {
   Vignetting lens{object.at("cx").get<double>(), object.at("cy").get<double>(),
                   object.at("a").get<std::array<double, 3>>()};
-  // As far as the picture's farthest corner.
+  // Checked up to the picture's farthest corner.
   const double half_diagonal = std::hypot(camera.width, camera.height) / 2;
   const double farthest =
       std::hypot(std::max(std::abs(lens.cx), std::abs(camera.width - lens.cx)),
@@ -56,7 +56,7 @@ GainMap gain_map_from(const JsonNode& object) {
   if (map.gain.size() != nodes) {
     throw object.at("gain").input_error(
         fmt::format("found {} nodes, allowed: columns * rows = {}", map.gain.size(), nodes),
-        "Give R, G, B of every node, by rows");
+        "Give R, G, B of every node, row by row");
   }
   return map;
 }
@@ -78,7 +78,7 @@ std::vector<HotPixel> dark_pixels_from(const JsonNode& list, const CameraGeometr
     if (!pixels.empty() &&
         std::pair(pixel.y, pixel.x) <= std::pair(pixels.back().y, pixels.back().x)) {
       throw list.at(i).input_error("the pixel does not come after the one before it",
-                                   "List pixels by rows, from left to right, each once");
+                                   "List each pixel once, sorted by row and then by column");
     }
     pixels.push_back(pixel);
   }

@@ -9,21 +9,21 @@
 
 namespace raystage {
 
-/// schema "raystage/planes/1": flat polygons that stand for objects.
+/// Schema "raystage/planes/1": flat polygons that approximate objects.
 struct PlanesDocument {
   struct Plane {
     std::string id;                              ///< unique
-    std::vector<std::array<double, 3>> corners;  ///< 3 to 64, around it; world, metres
+    std::vector<std::array<double, 3>> corners;  ///< 3 to 64, in order around it; world, metres
     bool operator==(const Plane&) const = default;
   };
   std::vector<Plane> planes;
 };
 
-/// Throws Error with file, JSON pointer, what was found and what is allowed. Whether corners lie in
-/// a plane is not looked at.
+/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
+/// Does not check that the corners are coplanar.
 PlanesDocument read_planes(const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 PlanesDocument parse_planes(std::string_view text, std::string_view name);
 std::string format_planes(const PlanesDocument& planes);
 

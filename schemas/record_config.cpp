@@ -49,7 +49,7 @@ const char* word_of(Value value, const Words<Value, count>& words) {
   return words.front().second;
 }
 
-/// Text for another library, which may end it at a control character, or worse.
+/// Returns text for another library. Rejects control characters, which may truncate it.
 std::string plain_text(const JsonNode& object, std::string_view key) {
   if (!object.has(key)) return {};
   const JsonNode text = object.at(key);
@@ -83,7 +83,7 @@ RecordConfig::FfmpegSource ffmpeg_from(const JsonNode& object) {
     if (key.empty() || !value.is_string()) {
       throw options.at(key).input_error(
           fmt::format("found {}, allowed: an option's value as text", found(value)),
-          "Put it into quotes, as FFmpeg's command line would have it");
+          "Write it as a string, as on FFmpeg's command line");
     }
     source.options.emplace(key, plain_text(options, key));
   }

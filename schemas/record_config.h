@@ -14,38 +14,39 @@
 
 namespace raystage {
 
-/// schema "raystage/record/1": what one ingest node records, and how.
+/// Schema "raystage/record/1": what one ingest node records, and how.
 struct RecordConfig {
-  /// Anything FFmpeg opens.
+  /// Any input that FFmpeg can open.
   struct FfmpegSource {
     std::string url;  ///< a URL, file or device, or "pipe:0"; "v4l2:/dev/video0" names the format
-    std::string format;                          ///< FFmpeg's input format; empty: by the URL
-    std::map<std::string, std::string> options;  ///< FFmpeg's, e.g. "video_size": "640x480"
-    bool realtime = false;  ///< deliver a file at its own pace, as a camera would
+    std::string format;  ///< FFmpeg's input format; empty: detected from the URL
+    std::map<std::string, std::string> options;  ///< FFmpeg's options, e.g. "video_size": "640x480"
+    bool realtime = false;  ///< deliver a file at its frame rate, like a camera
   };
-  /// GigE Vision or USB3 Vision.
+  /// A GigE Vision or USB3 Vision camera.
   struct AravisSource {
-    std::string device;                 ///< Aravis' id or "serial", empty: the first found
+    std::string device;  ///< Aravis's id or serial number; empty: the first device found
     std::optional<double> exposure_us;  ///< microseconds
-    std::optional<double> gain;         ///< the device's unit, mostly dB
+    std::optional<double> gain;         ///< in the device's unit, mostly dB
     std::optional<double> fps;
     std::string trigger;             ///< the device's trigger source; empty: free running
-    std::string pixel_format;        ///< GenICam's name, e.g. "Mono8"; empty: as it is set
+    std::string pixel_format;        ///< GenICam's name, e.g. "Mono8"; empty: the device's setting
     std::optional<int> packet_size;  ///< bytes
     int buffers = 16;
     bool packet_resend = true;
     bool packet_socket = true;  ///< raw socket: faster, but not over loopback
     int socket_buffer_bytes = 4 << 20;
   };
-  /// The simulated array's camera `index`, in real time.
+  /// Camera `index` of the simulated array, in real time.
   struct SimulatedSource {
     std::string scene = "stage";
     std::uint64_t seed = 1;
     int rows = 8, columns = 8, index = 0;
     int width = 320, height = 240;
     double fps = 15;
-    double seconds = 3.8;  ///< of scene that is rendered beforehand, then played to and fro
-    bool jpeg = false;     ///< deliver JPEG, as a webcam does, instead of raw pixels
+    double seconds =
+        3.8;  ///< of the scene that are rendered in advance, then played forwards and backwards
+    bool jpeg = false;  ///< deliver JPEG like a webcam, not raw pixels
   };
   using Source = std::variant<FfmpegSource, AravisSource, SimulatedSource>;
 
@@ -58,24 +59,25 @@ struct RecordConfig {
   enum class Chroma { k444, k422, k420 };
 
   std::string name;
-  std::string node;        ///< of this ingest node; empty: the host's name
-  std::string rig;         ///< rig.json relative to this file; empty: not calibrated yet
-  double nominal_fps = 0;  ///< 0: as the sources say
+  std::string node;        ///< name of this ingest node; empty: the host name
+  std::string rig;         ///< path of rig.json, relative to this file; empty: uncalibrated
+  double nominal_fps = 0;  ///< 0: as the sources report
   std::string color_space = "srgb_texture";
   double memory_mb = 1024;  ///< for all frames of all cameras, 10^6 bytes
   bool hold = false;        ///< keep everything in memory until the end
   OverflowPolicy when_full = OverflowPolicy::kDropNewest;
   LostSourcePolicy when_lost = LostSourcePolicy::kContinue;
-  double lost_after_seconds = 5;  ///< without a frame a source counts as lost
-  int quality = 90;               ///< of raw frames that are encoded, libjpeg's scale
+  double lost_after_seconds = 5;  ///< without a frame, after which a source is lost
+  int quality = 90;               ///< JPEG quality of encoded raw frames, libjpeg's scale
   Chroma chroma = Chroma::k420;
   int restart_interval = -1;  ///< MCUs; -1: the default, 0: none
   std::vector<Camera> cameras;
 };
 
-/// Throws Error (bad input) at "FILE#/json/pointer" for what the schema or this program refuses.
+/// Throws Error (bad input) at "FILE#/json/pointer" for a value that the schema or this program
+/// rejects.
 RecordConfig read_record_config(const std::filesystem::path& file);
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 RecordConfig parse_record_config(std::string_view text, std::string_view name);
 std::string format_record_config(const RecordConfig& config);
 

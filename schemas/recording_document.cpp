@@ -69,15 +69,15 @@ Session session_from(const JsonNode& object) {
 
 Json json_from(const RecordedCamera& camera) {
   Json output{{"id", camera.id},
-            {"source", camera.source},
-            {"clock", camera.clock},
-            {"time_marks", camera.timestamp_event},
-            {"arrived", camera.arrived},
-            {"stored", camera.stored},
-            {"dropped", Json::object()},
-            {"skipped_by_source", camera.skipped_by_source},
-            {"corrected_times", camera.corrected_timestamps},
-            {"events", Json::array()}};
+              {"source", camera.source},
+              {"clock", camera.clock},
+              {"time_marks", camera.timestamp_event},
+              {"arrived", camera.arrived},
+              {"stored", camera.stored},
+              {"dropped", Json::object()},
+              {"skipped_by_source", camera.skipped_by_source},
+              {"corrected_times", camera.corrected_timestamps},
+              {"events", Json::array()}};
   for (const auto& [reason, count] : camera.dropped) output["dropped"][reason] = count;
   for (const RecordingDocument::Event& event : camera.events) {
     output["events"].push_back({{"time_utc", format_utc(event.time_utc)}, {"what", event.what}});
@@ -97,7 +97,8 @@ Json json_from(const Session& session) {
   if (session.clock.offset_s) output["clock"]["offset_s"] = *session.clock.offset_s;
   if (session.clock.max_error_s) output["clock"]["max_error_s"] = *session.clock.max_error_s;
   output["cameras"] = Json::array();
-  for (const RecordedCamera& camera : session.cameras) output["cameras"].push_back(json_from(camera));
+  for (const RecordedCamera& camera : session.cameras)
+    output["cameras"].push_back(json_from(camera));
   if (session.audit) {
     output["audit"] = {{"holds", session.audit->holds}, {"complaints", session.audit->problems}};
   }
@@ -122,7 +123,8 @@ std::string format_recording(const RecordingDocument& recording) {
   Json output = make_document("recording");
   output["node"] = recording.node;
   output["sessions"] = Json::array();
-  for (const Session& session : recording.sessions) output["sessions"].push_back(json_from(session));
+  for (const Session& session : recording.sessions)
+    output["sessions"].push_back(json_from(session));
   return format_json(output);
 }
 

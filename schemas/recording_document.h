@@ -13,23 +13,23 @@
 
 namespace raystage {
 
-/// schema "raystage/recording/1" (TAKE/recording/NODE.json): how a node recorded its cameras.
+/// Schema "raystage/recording/1" (TAKE/recording/NODE.json): how a node recorded its cameras.
 struct RecordingDocument {
   struct Event {
     Nanoseconds time_utc = 0;  ///< since 1970
     std::string what;
   };
-  /// What one camera's frames became in a session.
+  /// What happened to the frames of one camera in a session.
   struct Camera {
     std::string id;
-    std::string source;  ///< for people
+    std::string source;  ///< description for the user
     std::string clock = "host", timestamp_event = "unknown";
     std::uint64_t arrived = 0, stored = 0;
-    std::map<std::string, std::uint64_t> dropped;  ///< by reason; only those that happened
+    std::map<std::string, std::uint64_t> dropped;  ///< count by reason; only reasons that occurred
     std::uint64_t skipped_by_source = 0, corrected_timestamps = 0;
     std::vector<Event> events;
   };
-  /// What disciplined the node's clock.
+  /// The synchronisation of the node's clock.
   struct Clock {
     std::string source = "unknown";     ///< "chrony", "ptp", "kernel", "unknown"
     std::optional<double> offset_s;     ///< clock minus reference, seconds
@@ -43,9 +43,8 @@ struct RecordingDocument {
   struct Session {
     std::string program;
     Nanoseconds started_utc = 0;
-    std::optional<Nanoseconds>
-        start_at_utc;                        ///< frames were to count from then on; absent: at once
-    std::optional<Nanoseconds> stopped_utc;  ///< absent: runs, or was killed
+    std::optional<Nanoseconds> start_at_utc;  ///< requested start; absent: at once
+    std::optional<Nanoseconds> stopped_utc;   ///< absent: running, or killed
     std::string stop_reason;
     std::uint64_t memory_bytes = 0, memory_peak_bytes = 0;
     bool held = false;
@@ -53,8 +52,8 @@ struct RecordingDocument {
     std::vector<Camera> cameras;
     std::optional<AuditResult> audit;  ///< with stopped_utc
 
-    /// By how much it came too late for start_at_utc: frames of that time are missing, and other
-    /// nodes have them. 0 where it did not.
+    /// Returns the delay after start_at_utc, or 0. Frames of that time are missing on this node,
+    /// though other nodes may have them.
     Nanoseconds late() const {
       return start_at_utc && started_utc > *start_at_utc ? started_utc - *start_at_utc : 0;
     }
@@ -66,7 +65,7 @@ struct RecordingDocument {
 RecordingDocument read_recording(const std::filesystem::path& file);
 void write_recording(const RecordingDocument& recording, const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 RecordingDocument parse_recording(std::string_view text, std::string_view name);
 std::string format_recording(const RecordingDocument& recording);
 

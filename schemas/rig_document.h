@@ -11,19 +11,19 @@
 
 namespace raystage {
 
-/// schema "raystage/rig/1" (TAKE/rig.json): the physical array.
+/// Schema "raystage/rig/1" (TAKE/rig.json): the physical array.
 struct RigDocument {
   struct Camera {
     CameraGeometry geometry;
     PhotometricResponse photometric;
   };
   std::string name;
-  std::string topology = "auto";  ///< "auto" | "grid" | "delaunay": who neighbours whom
+  std::string topology = "auto";  ///< "auto" | "grid" | "delaunay": which cameras are neighbours
   std::vector<Camera> cameras;
 };
 
-/// The name of a rig whose places and lenses nobody measured: `raystage record` without a rig
-/// guesses them, cameras in a row this far apart (metres).
+/// The name of an uncalibrated rig: without a rig, `raystage record` assumes default lenses and
+/// cameras in a row with this spacing (metres).
 inline constexpr std::string_view kUncalibratedRigName = "not calibrated";
 inline constexpr double kDefaultCameraSpacing = 0.1;
 inline bool is_calibrated(const RigDocument& rig) { return rig.name != kUncalibratedRigName; }
@@ -31,7 +31,7 @@ inline bool is_calibrated(const RigDocument& rig) { return rig.name != kUncalibr
 RigDocument read_rig(const std::filesystem::path& file);
 void write_rig(const RigDocument& rig, const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 RigDocument parse_rig(std::string_view text, std::string_view name);
 std::string format_rig(const RigDocument& rig);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside schemas/ only: the camera of a shot as it stands in shot.json.
+// Internal to schemas/: the JSON of a shot's camera.
 #pragma once
 
 #include "schemas/document.h"
@@ -7,7 +7,7 @@
 
 namespace raystage {
 
-/// `version`: of the shot's schema; in version 1 a camera is a list of keys.
+/// Reads a camera. `version` is that of the shot's schema; in version 1 a camera is a list of keys.
 ShotDocument::Camera shot_camera_from(const JsonNode& camera, int version);
 nlohmann::ordered_json json_from(const ShotDocument::Camera& camera);
 

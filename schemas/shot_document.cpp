@@ -37,11 +37,11 @@ void check_volumes(const std::vector<ShotDocument::Layer>& layers, const JsonNod
     if (first == layers.begin() + static_cast<std::ptrdiff_t>(i)) continue;
     if (layers[i - 1].volume != layers[i].volume) {
       throw place.at("volume").input_error("found another layer between those of the volume",
-                                           "Put the volume's layers one after the other");
+                                           "List the volume's layers consecutively");
     }
     if (layers[i].opacity != first->opacity || layers[i].holdout != first->holdout) {
       throw place.input_error("found another opacity or holdout than the volume's first layer has",
-                              "Give all of them the same: they are one picture");
+                              "Give all layers of a volume the same opacity and holdout");
     }
   }
 }

@@ -15,21 +15,22 @@
 
 namespace raystage {
 
-/// schema "raystage/shot/2": what to render. Shots of version 1 are read as what they mean now.
+/// Schema "raystage/shot/2": what to render. Shots of version 1 are converted when read.
 struct ShotDocument {
-  /// What a key does not say is left to its neighbours.
+  /// A value that a key does not state is interpolated from neighbouring keys.
   struct CameraKey {
     double frame = 0;
     std::optional<std::array<double, 3>> position = {};     ///< world, metres
     std::optional<std::array<double, 4>> orientation = {};  ///< world_from_camera: w, x, y, z
-    /// Full angle, (0, 180); this or a focal length.
+    /// Full angle in degrees, (0, 180). Either this or a focal length is given.
     std::optional<double> horizontal_fov_deg = {};
     std::optional<double> focal_length_mm = {};
-    std::optional<std::array<double, 3>> target = {};  ///< looked at; world, metres
+    std::optional<std::array<double, 3>> target =
+        {};  ///< point at the picture's centre; world, metres
     std::optional<double> roll_deg = {}, orbit_deg = {}, focus_m = {}, f_number = {},
                           shutter_deg = {};
   };
-  /// Another program's camera.
+  /// A camera exported from another program.
   struct CameraFile {
     std::string path = {};  ///< .chan, .gltf or .glb, relative to the shot's folder
     std::string camera_name = {}, rotation_order = "ZXY";
@@ -40,14 +41,14 @@ struct ShotDocument {
   };
   struct DollyZoom {
     std::array<double, 3> target{0, 0, 0};
-    std::optional<double> frame = {};  ///< at which the lens is as the keys say; none: the first
+    std::optional<double> frame = {};  ///< frame whose lens is that of the keys; nullopt: the first
   };
   struct Stereo {
     double interaxial_m = 0.065;
-    std::optional<double> convergence_m = {};  ///< none: parallel
+    std::optional<double> convergence_m = {};  ///< nullopt: parallel views
   };
   struct Camera {
-    double film_back_mm = 36;          ///< width
+    double film_back_mm = 36;          ///< width of the film back
     std::vector<CameraKey> keys = {};  ///< by increasing frame
     std::optional<CameraFile> file = {};
     std::optional<Orbit> orbit = {};
@@ -60,8 +61,8 @@ struct ShotDocument {
       kDepth,
       kInfinity,
       kEquation,
-      kCamera,  ///< at the shot camera's focus distance, across its axis
-      kKeys     ///< as kDepth, changing
+      kCamera,  ///< at the shot camera's focus distance, perpendicular to its axis
+      kKeys     ///< like kDepth, animated
     } kind = Kind::kBest;
     struct Key {
       double frame = 0;
@@ -71,113 +72,116 @@ struct ShotDocument {
     std::array<double, 4> equation{0, 0, 0, 1};  ///< kEquation: a x + b y + c z + d = 0, world
     std::vector<Key> keys = {};                  ///< kKeys: by increasing frame
   };
-  /// One colour everywhere.
+  /// A layer of constant colour.
   struct Solid {
     std::array<double, 3> color{0, 0, 0};  ///< scene-linear, not premultiplied
     double alpha = 1;
-    std::optional<double> depth_m = {};  ///< along the view's axis; none: behind everything
+    std::optional<double> depth_m = {};  ///< along the view's axis; nullopt: behind everything
   };
-  /// Pictures made elsewhere.
+  /// A picture or picture sequence from another program.
   struct Plate {
-    std::string file;  ///< EXR, PNG or JPEG, as a sequence's name; relative to the shot's folder
-    int frame_offset = 0;  ///< shown at a frame is the file of that frame plus this
+    std::string file;      ///< EXR, PNG or JPEG, as a sequence name; relative to the shot's folder
+    int frame_offset = 0;  ///< frame n shows file n + frame_offset
     std::optional<double> depth_m =
-        {};                  ///< along the view's axis; none: the file's Z, else behind all
-    std::string space = {};  ///< of its colours; empty: as the file says, else linear or sRGB
+        {};  ///< along the view's axis; nullopt: the file's Z, else behind everything
+    std::string space = {};  ///< colour space; empty: the file's, else linear or sRGB
   };
-  /// Shares of the picture's width and height from the top left.
+  /// A rectangle as fractions of the picture's width and height from the top left.
   struct ScreenRegion {
     double left = 0, right = 1, top = 0, bottom = 1;
   };
-  /// What a layer is cut to: a plane's side, a box, or a part of the picture.
+  /// The region to which a layer is clipped: one side of a plane, a box or a part of the picture.
   struct Clip {
     std::optional<std::array<double, 4>> plane = {};  ///< a x + b y + c z + d = 0, world
-    std::optional<std::array<std::array<double, 3>, 2>> box = {};  ///< least and most corner, world
-    ScreenRegion screen = {};                                      ///< where there is neither
-    double feather = 0;  ///< metres; of a screen a share of the picture's width
+    std::optional<std::array<std::array<double, 3>, 2>> box =
+        {};                    ///< minimum and maximum corner, world
+    ScreenRegion screen = {};  ///< if there is neither
+    double feather = 0;        ///< metres; for `screen` a fraction of the picture's width
     bool inverted = false;
   };
-  /// In place of what a mesh's file says of its surfaces.
+  /// A material that overrides that of a mesh's file.
   struct Material {
     std::string kind = "diffuse";                     ///< diffuse | mirror | glossy
-    std::optional<std::array<double, 3>> color = {};  ///< scene-linear; none: the file's
+    std::optional<std::array<double, 3>> color = {};  ///< scene-linear; nullopt: the file's
     std::string texture = {};                         ///< relative to the shot's folder
-    double roughness = 0.2;                           ///< of glossy ones, (0, 1]
+    double roughness = 0.2;                           ///< of glossy materials, (0, 1]
   };
   struct TransformKey {
     double frame = 0;
     std::optional<std::array<double, 3>> position = {};     ///< world, metres
     std::optional<std::array<double, 4>> orientation = {};  ///< world_from_object: w, x, y, z
-    std::optional<double> scale = {};                       ///< metres a unit of the file
+    std::optional<double> scale = {};                       ///< metres per unit of the file
   };
   struct Geometry {
     std::string file;  ///< glTF, OBJ, PLY ..., relative to the shot's folder
     std::optional<Material> material = {};
-    std::vector<TransformKey> keys = {};  ///< by increasing frame; none: as in the file
-    int samples = 16;                     ///< rays a pixel, a square number
+    std::vector<TransformKey> keys = {};  ///< by increasing frame; empty: as in the file
+    int samples = 16;                     ///< rays per pixel, a square number
   };
-  /// What lights geometry; one of these.
+  /// A light on geometry: exactly one of ambient, direction, environment, light_field.
   struct Light {
     std::optional<std::array<double, 3>> ambient = {};    ///< radiance from everywhere
-    std::optional<std::array<double, 3>> direction = {};  ///< in which the light goes, world
-    std::array<double, 3> color{1, 1, 1};  ///< what a white diffuse surface that faces it shows
+    std::optional<std::array<double, 3>> direction = {};  ///< direction of propagation, world
+    std::array<double, 3> color{1, 1, 1};  ///< radiance of a white diffuse surface that faces it
     bool shadows = true;
-    std::string environment = {};  ///< picture all around, relative to the shot's folder
+    std::string environment = {};  ///< panorama file, relative to the shot's folder
     double rotation_deg = 0;       ///< of the environment about the y axis, counter-clockwise
-    std::string light_field = {};  ///< name of a layer that answers rays where it saw them
-    double strength = 1;           ///< of the environment or light field
-    int rays = 0;                  ///< by which diffuse surfaces gather it, each sample
+    std::string light_field =
+        {};               ///< name of the layer that supplies radiance for rays that it recorded
+    double strength = 1;  ///< of the environment or light field
+    int rays = 0;         ///< per sample, with which diffuse surfaces gather the light
   };
-  /// How what a light field shows receives the shadows of geometry.
+  /// How a light field layer receives shadows of geometry.
   struct ReceivedShadows {
-    double strength = 1;  ///< a share of what is taken away
-    double occlusion_distance_m =
-        0.5;        ///< within which meshes take away light that comes from everywhere
-    int rays = 64;  ///< a pixel, for that; 0: it is not taken away
+    double strength = 1;                ///< fraction of the shadow that is applied
+    double occlusion_distance_m = 0.5;  ///< within which meshes occlude ambient light
+    int rays = 64;                      ///< per pixel, for ambient occlusion; 0: none
   };
   struct Layer {
     std::string name;
-    /// A light field's: folder of the take, relative to the shot's folder. Empty: something else.
+    /// Folder of the take, relative to the shot's folder. Empty: not a light field layer.
     std::string take;
     std::optional<Solid> solid = {};
     std::optional<Geometry> geometry = {};
     std::optional<Plate> plate = {};
     std::vector<Clip> clips = {};
-    bool holdout = false;  ///< cuts what lies behind it, and shows nothing of itself
+    bool holdout = false;  ///< removes what is behind it without being visible
     double opacity = 1;
-    std::optional<int> first_frame = {}, last_frame = {};  ///< shows in these alone
+    std::optional<int> first_frame = {}, last_frame = {};  ///< visible only within these frames
     bool is_light_field() const { return !take.empty(); }
 
     std::string method = "focal_plane";
-    OptionValues options;  ///< of the method; which there are is the renderer's to say
+    OptionValues options;  ///< of the method; the renderer defines them
     FocalPlane focal_plane;
     HoleFill fill = HoleFill::kNone;
-    std::optional<MatteSettings> matte = {};  ///< what shows of the take's frames; none: all
-    double start_seconds = 0;  ///< time in the take, since its first tick, shown at first_frame
-    double speed = 1;          ///< take seconds per shot second: 0 freezes, negative runs backwards
-    /// Of takes around one volume, the same name: each ray is answered by the one that faces where
-    /// it goes.
+    std::optional<MatteSettings> matte =
+        {};                    ///< mattes of the take's frames; nullopt: everything is visible
+    double start_seconds = 0;  ///< time in the take at first_frame, since its first tick
+    double speed = 1;          ///< take seconds per shot second; 0: frozen, negative: backwards
+    /// Takes around one volume share this name; each ray is taken from the take that faces its
+    /// direction.
     std::string volume = {};
-    std::optional<ReceivedShadows> shadows = {};  ///< of geometry; none: it receives none
+    std::optional<ReceivedShadows> shadows = {};  ///< of geometry; nullopt: no shadows are received
   };
   struct Color {
-    std::string space = "lin_rec709_scene";  ///< of the files: linear light
-    std::string config = {};                 ///< OpenColorIO's, relative to the shot's folder;
+    std::string space = "lin_rec709_scene";  ///< colour space of the output files: linear light
+    std::string config = {};                 ///< OpenColorIO config, relative to the shot's folder;
                                              ///< empty: the built-in one
-    std::string rec709_space = {};           ///< the config's name of linear Rec.709; empty: found
-    /// What layers are put together in, and the colours that the shot states are of:
+    std::string rec709_space = {};  ///< the config's name of linear Rec.709; empty: searched
+    /// Colour space in which layers are merged and in which the shot's colours are given:
     /// lin_rec709_scene or lin_ap1_scene.
     std::string working = "lin_rec709_scene";
   };
   struct Output {
     std::string compression = "piz";  ///< none | rle | zips | zip | piz
-    std::string data_compression;     ///< of parts of data; empty: the same
+    std::string data_compression;     ///< of data parts; empty: same as `compression`
     std::string layout = "standard";  ///< standard | single | nuke
-    bool cryptomatte = false;         ///< object ids
-    /// What the files tell beside the picture and its depth, as they name it; of layers that know.
+    bool cryptomatte = false;         ///< writes object IDs
+    /// Additional channels of the files, by EXR name, from the layers that have them.
     std::vector<std::string> aovs{"lf.coverage", "P", "N", "albedo"};
     Color color = {};
-    std::array<int, 2> overscan{0, 0};  ///< pixels beyond the picture on its sides, above and below
+    std::array<int, 2> overscan{0,
+                                0};  ///< pixels beyond the picture: left and right, top and bottom
   };
   std::string name;
   int width = 0, height = 0;
@@ -185,13 +189,13 @@ struct ShotDocument {
   int fps_numerator = 24, fps_denominator = 1;  ///< fps as the exact ratio
   int first_frame = 1, last_frame = 1;
   Camera camera;
-  /// How layers cover each other.
+  /// The order in which layers cover each other.
   enum class Merge {
-    kLayerOrder,  ///< each those before it
-    kDepth        ///< the nearer the farther, at every pixel
+    kLayerOrder,  ///< each layer covers those before it
+    kDepth        ///< at each pixel the nearer layer covers the farther one
   };
-  std::vector<Layer> layers;  ///< the rearmost first; at least one
-  std::vector<Light> lights;  ///< of all geometry
+  std::vector<Layer> layers;  ///< rearmost first; at least one
+  std::vector<Light> lights;  ///< on all geometry
   Merge merge = Merge::kLayerOrder;
   Output output;
 };
@@ -199,7 +203,7 @@ struct ShotDocument {
 ShotDocument read_shot(const std::filesystem::path& file);
 void write_shot(const ShotDocument& shot, const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 ShotDocument parse_shot(std::string_view text, std::string_view name);
 std::string format_shot(const ShotDocument& shot);
 

@@ -204,7 +204,7 @@ TEST(ShotLayerDocument, RefusesWhatIsNoLayer) {
   EXPECT_THAT(of({{"name", "none"}}), HasSubstr("#/layers/0: found not exactly one of \"take\""));
   EXPECT_THAT(of({{"take", "a"}, {"solid", {{"color", {0, 0, 0}}}}}), HasSubstr("not exactly one"));
   EXPECT_THAT(of({{"solid", {{"color", {0, 0, 0}}}}, {"speed", 0}}),
-              HasSubstr("#/layers/0/speed: only light fields"));
+              HasSubstr("#/layers/0/speed: only light field layers have this property"));
   EXPECT_THAT(of({{"take", "a"}, {"first_frame", 9}, {"last_frame", 3}}),
               HasSubstr("#/layers/0/last_frame"));
   const auto clip = [&](const json& c) { return of({{"take", "a"}, {"clips", {c}}}); };
@@ -234,7 +234,8 @@ TEST(ShotLayerDocument, LayersAroundAVolumeAreOnePicture) {
   EXPECT_THAT(refusal(with({front, faded})), HasSubstr("#/layers/1: found another opacity"));
   EXPECT_THAT(refusal(with({front, cut})), HasSubstr("#/layers/1: found another opacity"));
   const json solid = {{"solid", {{"color", {0, 0, 0}}}}, {"volume", "room"}};
-  EXPECT_THAT(refusal(with({solid})), HasSubstr("#/layers/0/volume: only light fields"));
+  EXPECT_THAT(refusal(with({solid})),
+              HasSubstr("#/layers/0/volume: only light field layers have this property"));
 }
 
 json shot_with_matte(const json& matte) {
@@ -286,7 +287,8 @@ TEST(ShotMatteDocument, RefusesWhatMeansNothing) {
   EXPECT_THAT(refusal(filled), HasSubstr("#/layers/0/fill"));
   json solid = shot_of_today();
   solid["layers"] = {{{"solid", {{"color", {0, 0, 0}}}}, {"matte", {{"kind", "files"}}}}};
-  EXPECT_THAT(refusal(solid), HasSubstr("#/layers/0/matte: only light fields"));
+  EXPECT_THAT(refusal(solid),
+              HasSubstr("#/layers/0/matte: only light field layers have this property"));
 }
 
 json shot_with_geometry() {

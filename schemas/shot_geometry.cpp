@@ -21,7 +21,8 @@ Material material_from(const JsonNode& object) {
   material.roughness = object.get("roughness", material.roughness);
   if (object.has("roughness") && material.kind != "glossy") {
     throw object.at("roughness")
-        .input_error("only glossy materials have this", "Remove it, or write \"kind\": \"glossy\"");
+        .input_error("only glossy materials have this property",
+                     "Remove it, or write \"kind\": \"glossy\"");
   }
   return material;
 }
@@ -64,7 +65,7 @@ Geometry shot_geometry_from(const JsonNode& object) {
       if (i == 0 || geometry.keys[i].frame > geometry.keys[i - 1].frame) continue;
       throw keys.at(i).at("frame").input_error(
           fmt::format("found {} after {}", geometry.keys[i].frame, geometry.keys[i - 1].frame),
-          "Order keys by frame, each frame once");
+          "Sort the keys by frame, and keep one key per frame");
     }
   }
   geometry.samples = object.get("samples", geometry.samples);
@@ -88,7 +89,7 @@ Light shot_light_from(const JsonNode& object) {
   if (kinds != 1) {
     throw object.input_error(
         "found not exactly one of \"ambient\", \"direction\", \"environment\" and \"light_field\"",
-        "Say what kind of light it is; use one light for each");
+        "Give each light exactly one of these properties");
   }
   const auto only = [&](std::initializer_list<const char*> kinds_with,
                         std::initializer_list<const char*> words) {
@@ -111,7 +112,7 @@ Light shot_light_from(const JsonNode& object) {
   light.direction = object.get_if<Three>("direction");
   if (light.direction == Three{0, 0, 0}) {
     throw object.at("direction")
-        .input_error("found a direction of length 0", "Say where light goes");
+        .input_error("found a direction of length 0", "Give the direction of propagation");
   }
   light.color = object.get("color", light.color);
   light.shadows = object.get("shadows", light.shadows);

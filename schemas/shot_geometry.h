@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside schemas/ only: geometry and lights of a shot as they stand in shot.json.
+// Internal to schemas/: the JSON of a shot's geometry and lights.
 #pragma once
 
 #include "schemas/document.h"

@@ -125,7 +125,7 @@ ShotDocument::Clip clip_from(const JsonNode& object) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if ((*clip.box)[0][axis] < (*clip.box)[1][axis]) continue;
       throw object.at("box").input_error("found a box without an inside",
-                                         "Give the corner of the least x, y and z first");
+                                         "Give the corner with the smallest x, y and z first");
     }
   }
   if (object.has("screen")) {
@@ -178,17 +178,18 @@ void read_light_field(const JsonNode& object, Layer& layer) {
   }
   if (object.has("matte")) layer.matte = matte_settings_from(object.at("matte"));
   if (layer.matte && layer.fill != HoleFill::kNone) {
-    throw object.at("fill").input_error("what a matte makes transparent would be filled again",
-                                        "Use one of \"fill\" and \"matte\"");
+    throw object.at("fill").input_error(
+        "hole filling would fill the transparent areas of the matte",
+        "Remove \"fill\" or \"matte\"");
   }
 }
 
-/// What only a light field has must not stand beside something else, where it would do nothing.
+/// Rejects properties of light fields in other layers, where they would have no effect.
 void refuse_light_field_words(const JsonNode& object) {
   for (const char* word : {"method", "options", "focal_plane", "fill", "start_seconds", "speed",
                            "matte", "volume", "receives_shadows"}) {
     if (!object.has(word)) continue;
-    throw object.at(word).input_error("only light fields have this, and the layer is none",
+    throw object.at(word).input_error("only light field layers have this property",
                                       "Remove it, or give the layer a take instead");
   }
 }
@@ -199,7 +200,7 @@ Layer shot_layer_from(const JsonNode& object) {
   if (count_of(object, {"take", "geometry", "plate", "solid"}) != 1) {
     throw object.input_error(
         "found not exactly one of \"take\", \"geometry\", \"plate\" and \"solid\"",
-        "Say what the layer shows");
+        "Give the layer exactly one of these properties");
   }
   Layer layer;
   layer.name = object.get("name", layer.name);

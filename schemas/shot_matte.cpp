@@ -24,7 +24,7 @@ std::vector<Box> boxes_from(const JsonNode& object, const char* name) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       if (boxes.back()[0][axis] < boxes.back()[1][axis]) continue;
       throw list.at(i).input_error("found a box without an inside",
-                                   "Give the corner of the least x, y and z first");
+                                   "Give the corner with the smallest x, y and z first");
     }
   }
   return boxes;
@@ -34,7 +34,7 @@ void refuse_words(const JsonNode& object, std::initializer_list<const char*> wor
                   const char* whose) {
   for (const char* word : words) {
     if (!object.has(word)) continue;
-    throw object.at(word).input_error(fmt::format("only {} has this", whose),
+    throw object.at(word).input_error(fmt::format("only {} has this property", whose),
                                       "Remove it, or choose another \"kind\"");
   }
 }
@@ -42,7 +42,7 @@ void refuse_words(const JsonNode& object, std::initializer_list<const char*> wor
 void check_order(const JsonNode& object, const char* upper_name, double lower, double upper) {
   if (lower < upper) return;
   throw object.input_error(fmt::format("\"{}\" is {}, allowed: above {}", upper_name, upper, lower),
-                           "Leave both out for what is usual");
+                           "Correct the values, or remove both for the defaults");
 }
 
 }  // namespace
@@ -64,13 +64,13 @@ MatteSettings matte_settings_from(const JsonNode& object) {
   }
   if (matte.kind == Kind::kDifference && !object.has("empty_take")) {
     throw object.input_error("a difference matte needs \"empty_take\"",
-                             "Name a take of the same array, taken with nobody before it");
+                             "Name a take of the same array without the subject");
   }
   matte.screen_color = object.get_if<std::array<double, 3>>("screen_color");
   if (object.has("empty_take")) matte.clean_plate_take = path_from(object.at("empty_take"));
   if (matte.screen_color && !matte.clean_plate_take.empty()) {
     throw object.input_error("found both \"screen_color\" and \"empty_take\"",
-                             "One of them says what the screen looks like");
+                             "Remove one of them");
   }
   if (matte.screen_color) {
     const auto& c = *matte.screen_color;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside schemas/ only: a layer's matte as it stands in shot.json.
+// Internal to schemas/: the JSON of a layer's matte.
 #pragma once
 
 #include "schemas/document.h"

@@ -12,21 +12,21 @@
 
 namespace raystage {
 
-/// schema "raystage/take/1" (TAKE/take.json): one recording on a rig. Camera i here is camera i of
-/// rig.json, with the same id.
+/// Schema "raystage/take/1" (TAKE/take.json): one recording with a rig. Camera i has the id of
+/// camera i of rig.json.
 struct TakeDocument {
   struct Camera {
     std::string id;
     std::string archive;  ///< Matroska file, relative to the take, e.g. "archive/r0c0.mkv"
     std::string journal;  ///< e.g. "archive/r0c0.journal"
-    std::string node;     ///< ingest node whose clock stamped the frames; may be empty
-    /// Time 0 of the archive, since 1970; none: the take's.
+    std::string node;     ///< ingest node that time-stamped the frames; may be empty
+    /// Time 0 of the archive, since 1970; nullopt: the take's.
     std::optional<Nanoseconds> archive_epoch_utc = {};
   };
-  /// Where a take was made from another one.
+  /// The origin of a take that was derived from another take.
   struct Derived {
-    std::string take;  ///< the other's name
-    std::string by;    ///< what was done, e.g. "retime flow"
+    std::string take;  ///< name of the other take
+    std::string by;    ///< the operation, e.g. "retime flow"
   };
   std::string name;
   std::string created_by;  ///< program and version
@@ -44,7 +44,7 @@ struct TakeDocument {
 TakeDocument read_take(const std::filesystem::path& file);
 void write_take(const TakeDocument& take, const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 TakeDocument parse_take(std::string_view text, std::string_view name);
 std::string format_take(const TakeDocument& take);
 

@@ -88,7 +88,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 std::string unknown_property(std::string_view key, const json& properties) {
   std::vector<std::string> names;
   for (const auto& [name, ignored] : properties.items()) names.push_back(name);
-  constexpr std::size_t kLongestKey = 64;  // a longer one is no slip of the pen
+  constexpr std::size_t kLongestKey = 64;  // a longer key is not a typing error
   std::string guess;
   std::size_t best = 3;
   for (const std::string& name : names) {
@@ -257,7 +257,7 @@ void SchemaValidator::check_object(const Json& schema, const Json& value,
     if (free) continue;
     throw json_value_error(place.name, append_json_pointer(place.pointer, key),
                            unknown_property(key, properties),
-                           "Remove it, or let a remark of yours begin with \"x_\" or \"comment\"");
+                           "Remove it; names of remarks begin with \"x_\" or \"comment\"");
   }
 }
 
@@ -310,7 +310,7 @@ std::string SchemaValidator::allowed(const Json& unresolved) const {
   append("exclusiveMinimum", "greater than");
   append("maximum", "up to");
   append("exclusiveMaximum", "less than");
-  // In words: a regular expression says nothing to most.
+  // In words: users need not read regular expressions.
   const auto described = schema.find("patternDescription");
   if (described == schema.end()) append("pattern", "that matches");
   if (type == "string" && schema.contains("maxLength")) {

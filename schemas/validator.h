@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// For .cpp files only: shows nlohmann's types, which take a second to compile.
+// Include in .cpp files only: nlohmann's types take a second to compile.
 #pragma once
 
 #include <map>
@@ -10,17 +10,17 @@
 
 namespace raystage {
 
-/// Checks documents against a JSON Schema, draft 2020-12: type, const, enum, minimum,
+/// Validates documents with a subset of JSON Schema, draft 2020-12: type, const, enum, minimum,
 /// exclusiveMinimum, maximum, exclusiveMaximum, minLength, maxLength (bytes), pattern, items,
 /// minItems, maxItems, properties, patternProperties ("^prefix" only, any value),
 /// additionalProperties (false only), required, oneOf, anyOf and $ref to "#/$defs/NAME".
 class SchemaValidator {
  public:
-  /// Throws std::logic_error for a schema that says anything beyond that: a rule that nobody checks
-  /// is worse than none.
+  /// Throws std::logic_error for a schema with any other keyword, so that no rule is silently
+  /// ignored.
   explicit SchemaValidator(nlohmann::json schema);
 
-  /// Throws Error (bad input) at "NAME#/json/pointer" with what was found and what is allowed.
+  /// Throws Error (bad input) at "NAME#/json/pointer" with the value found and what is allowed.
   void validate(const nlohmann::json& document, std::string_view name) const;
 
  private:

@@ -11,22 +11,22 @@
 
 namespace raystage {
 
-/// schema "raystage/views/1": views that were never recorded, with the image that is true there.
+/// Schema "raystage/views/1": views that no camera recorded, with their ground-truth images.
 struct ViewsDocument {
   struct View {
     CameraGeometry geometry;  ///< geometry.id names the view
-    std::string file;         ///< truth image, relative to the document's folder; may be empty
+    std::string file;  ///< ground-truth image, relative to the document's folder; may be empty
     Nanoseconds time_ns = 0;  ///< since the take's epoch
   };
   std::string color_space;
   std::vector<View> views;
 };
 
-/// Throws Error with file, JSON pointer, what was found and what is allowed.
+/// Throws Error (bad input) with the file, the JSON pointer, the value found and what is allowed.
 ViewsDocument read_views(const std::filesystem::path& file);
 void write_views(const ViewsDocument& views, const std::filesystem::path& file);
 
-/// The same in memory; `name` stands for the file in errors.
+/// Parses and formats the document in memory; errors use `name` as the file name.
 ViewsDocument parse_views(std::string_view text, std::string_view name);
 std::string format_views(const ViewsDocument& views);
 

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Renders the linear image of one camera (width x height) from a world. Takes one sample at each
+// pixel centre, then several samples in pixels whose neighbours see different surfaces or
+// shadows. Samples of static parts are cached from frame to frame. The cost is one sample per
+// pixel and `edge_samples` per edge pixel; render_supersampled() takes `samples` in every pixel.
 #include "simulate/camera_renderer.h"
 
 #include <algorithm>
@@ -47,7 +52,7 @@ PixelRays::PixelRays(const CameraModel& model, const Pose& pose)
   }
 }
 
-bool PixelRays::sees(int column, int row) const { return !std::isnan(ideal(column, row).x()); }
+bool PixelRays::has_ray(int column, int row) const { return !std::isnan(ideal(column, row).x()); }
 
 Ray PixelRays::ray(int column, int row, float x, float y) const {
   Vector2f point = ideal(column, row);
@@ -82,7 +87,7 @@ void CameraRenderer::render_centres(const World& world, const PixelRays& rays,
       for (int block = 0; block < 16; ++block) {
         for (int i = 0; i < 16; ++i) {
           const int column = left + 4 * (block % 4) + i % 4, row = top + 4 * (block / 4) + i / 4;
-          if (column >= image.width || row >= image.height || !rays.sees(column, row)) continue;
+          if (column >= image.width || row >= image.height || !rays.has_ray(column, row)) continue;
           pixels_.push_back(
               {column, row,
                static_cast<std::size_t>(row) * width + static_cast<std::size_t>(column)});
@@ -242,7 +247,7 @@ void CameraRenderer::find_edges(const LinearImage& image, const PixelRays& rays)
         for (std::size_t column = left; column < std::min(left + kBlock, width); ++column) {
           const std::size_t at = row * width + column;
           const Pixel pixel{static_cast<int>(column), static_cast<int>(row), at};
-          if (edge_[at] == 0 || !rays.sees(pixel.column, pixel.row)) continue;
+          if (edge_[at] == 0 || !rays.has_ray(pixel.column, pixel.row)) continue;
           (moved(row, column) ? pixels_ : static_pixels_).push_back(pixel);
         }
       }
@@ -277,7 +282,7 @@ void CameraRenderer::render_supersampled(const World& world, const PixelRays& ra
   for (std::size_t index = 0; index < image.light.size(); ++index) {
     const int column = static_cast<int>(index % static_cast<std::size_t>(image.width));
     const int row = static_cast<int>(index / static_cast<std::size_t>(image.width));
-    if (rays.sees(column, row)) pixels_.push_back({column, row, index});
+    if (rays.has_ray(column, row)) pixels_.push_back({column, row, index});
   }
   supersample(world, rays, pixels_, samples, nullptr, image);
 }

@@ -20,7 +20,7 @@ class PixelRays {
   int width() const { return width_; }
   int height() const { return height_; }
   /// Whether the lens sees anything at this pixel (see CameraModel's fold).
-  bool sees(int column, int row) const;
+  bool has_ray(int column, int row) const;
   /// Ray through a place in the pixel, each coordinate in [0, 1), 0.5 the middle. World.
   Ray ray(int column, int row, float x, float y) const;
   /// Width of a pixel at 1 m, metres.

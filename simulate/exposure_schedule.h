@@ -9,7 +9,8 @@
 
 namespace raystage {
 
-/// When each camera exposes, what its node's clock says of it, and which frames are lost.
+/// The exposure times of each camera, their time stamps by the clock of its node, and the status of
+/// each frame.
 struct ExposureSchedule {
   struct Frame {
     Nanoseconds true_time = 0;     ///< middle of the exposure, since the take's epoch

@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Computes the light along rays through a scene with one point light, hard shadows, a sky and
+// ground term, highlights and mirrors (one reflection). Static parts are traced once
+// (sample_static) and combined with the moving parts at each time (sample). Textures are filtered
+// over the footprint of a ray; shadow rays start on the smooth surface (Hanika, "Hacking the
+// shadow terminator", 2021). Input: rays in the world, metres. Output: linear light, full scale
+// 1. The cost grows with the number of rays.
 #include "simulate/radiance_sampler.h"
 
 #include <algorithm>

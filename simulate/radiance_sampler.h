@@ -11,7 +11,7 @@
 
 namespace raystage {
 
-/// What comes back along a ray.
+/// The light that a camera receives along a ray, and the surface seen.
 struct LightSample {
   Eigen::Vector3f light = Eigen::Vector3f::Zero();  ///< linear, Rec.709 primaries; full scale 1
   /// Of the surface seen (in the mirror, if there is one), towards the ray; world.
@@ -39,7 +39,7 @@ struct StaticSample {
   int reflected_part = -1;
 };
 
-/// Light along rays through a world. Keeps scratch memory: one per thread.
+/// Computes the light along rays through a world. Keeps scratch memory: use one per thread.
 class RadianceSampler {
  public:
   /// `footprint`: width of a sample at 1 m, metres.

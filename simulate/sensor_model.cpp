@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+//
+// Converts linear light (full scale 1) to 8-bit sRGB codes as one camera shows it: the inverse of
+// its photometric response, with noise and hot pixels. Noise is a hash of its seed, so that the
+// codes do not depend on threads. The cost is linear in the number of pixels.
 #include "simulate/sensor_model.h"
 
 #include <algorithm>

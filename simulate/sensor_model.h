@@ -11,7 +11,7 @@
 
 namespace raystage {
 
-/// How a camera turns light into 8-bit sRGB codes: what `response` turns back into light.
+/// Converts light to the 8-bit sRGB codes of a camera: the inverse of `response`.
 class SensorModel {
  public:
   /// `noise`: standard deviation at full scale; falls with the root of the light.

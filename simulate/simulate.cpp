@@ -182,7 +182,7 @@ class Simulation {
       std::vector<Ray> rays;
       for (int row = 0; row < pixels.height(); row += kStride) {
         for (int column = 0; column < pixels.width(); column += kStride) {
-          if (pixels.sees(column, row)) rays.push_back(pixels.ray(column, row, 0.5F, 0.5F));
+          if (pixels.has_ray(column, row)) rays.push_back(pixels.ray(column, row, 0.5F, 0.5F));
         }
       }
       std::vector<Hit> hits(rays.size()), moving_hits(rays.size());

@@ -81,7 +81,7 @@ PhotometricResponse simulated_response(const SimulationSettings& s, std::uint64_
   HashRandom random{s.seed, kErrorSalt, index};
   add_contrast(errors, random, response);
   if (errors.vignetting > 0) response.vignetting = random_vignetting(s, random);
-  if (errors.mix > 0) response.matrix = random_matrix(errors.mix, random);
+  if (errors.crosstalk > 0) response.matrix = random_matrix(errors.crosstalk, random);
   if (errors.curve > 0) {
     for (std::vector<double>& curve : response.curve) curve = random_curve(errors.curve, random);
   }

@@ -6,7 +6,8 @@
 
 namespace raystage {
 
-/// How the colours of camera number `index` are wrong, as what mends them: the true calibration.
+/// Returns the true photometric response of camera `index`: the calibration that corrects its
+/// simulated colour errors.
 PhotometricResponse simulated_response(const SimulationSettings& settings, std::uint64_t index);
 
 }  // namespace raystage

@@ -49,7 +49,7 @@ void check_simulation_settings(const SimulationSettings& s) {
   check_range("white balance", s.color_errors.white_balance, 0.0, 0.9);
   check_range("offset", s.color_errors.offset, 0.0, 0.5);
   check_range("vignetting", s.color_errors.vignetting, 0.0, 0.9);
-  check_range("mix of colours", s.color_errors.mix, 0.0, 0.3);
+  check_range("mix of colours", s.color_errors.crosstalk, 0.0, 0.3);
   check_range("curve", s.color_errors.curve, 0.0, 0.5);
   check_range("hot pixels", s.color_errors.hot_pixels, 0,
               static_cast<int>(PhotometricResponse::kMaxHotPixels));

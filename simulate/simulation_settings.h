@@ -15,7 +15,7 @@ struct ColorErrors {
   double white_balance = 0;  ///< of red and blue beside green: 1 +- this at most
   double offset = 0;         ///< of a channel, light with full scale 1: this at most
   double vignetting = 0;     ///< share of light lost in the corner, at most
-  double mix = 0;            ///< of each other channel's light in a channel, at most
+  double crosstalk = 0;      ///< of each other channel's light in a channel, at most
   double curve = 0;          ///< codes are raised to the power of 1 +- this at most
   int hot_pixels = 0;        ///< per camera, which show light in the dark
 };
@@ -72,7 +72,7 @@ struct SimulationSettings {
   int view_height() const { return truth_height > 0 ? truth_height : height; }
 };
 
-/// Throws Error (bad input) that names the setting, what it is and what it may be.
+/// Throws Error (bad input) that names the setting, its value and the allowed range.
 void check_simulation_settings(const SimulationSettings& settings);
 
 }  // namespace raystage

@@ -28,7 +28,7 @@ ordered_json settings_json(const SimulationSettings& s) {
           {"white_balance", s.color_errors.white_balance},
           {"offset", s.color_errors.offset},
           {"vignetting", s.color_errors.vignetting},
-          {"color_mix", s.color_errors.mix},
+          {"color_mix", s.color_errors.crosstalk},
           {"curve", s.color_errors.curve},
           {"hot_pixels", s.color_errors.hot_pixels},
           {"calibration", s.nominal_calibration ? "nominal" : "true"},

@@ -20,7 +20,7 @@ struct Ray {
   Eigen::Vector3f direction = -Eigen::Vector3f::UnitZ();  ///< unit
 };
 
-/// What a ray meets first.
+/// The first intersection of a ray.
 struct Hit {
   float distance = std::numeric_limits<float>::infinity();  ///< metres along the ray
   int part = -1;                                            ///< index into Scene::parts

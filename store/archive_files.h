@@ -15,29 +15,30 @@
 
 namespace raystage {
 
-/// Throws Error (bad input) where no archive can have this description.
+/// Throws Error (bad input) if no archive can have this description.
 void check_description(const ArchiveWriter::Description& description,
                        const std::filesystem::path& archive);
 
-/// The two open files behind an ArchiveWriter, and where they end.
+/// The two open files of an ArchiveWriter and their end offsets.
 struct ArchiveWriter::Files {
   /// Creates both.
   Files(const std::filesystem::path& archive_path, const std::filesystem::path& journal_path,
         const Description& description);
   struct Existing {};
-  /// Opens both as they are; the rest is up to resume().
+  /// Opens both unchanged; resume() does the rest.
   Files(Existing, const std::filesystem::path& archive_path, const Description& description);
 
   void append(std::span<const NewFrame> frames);
   void close();
   void flush();
 
-  /// Cuts both files back to the last whole frame and says so in an Error with errno's text.
+  /// Truncates both files to the last complete frame. Returns an Error that reports this with the
+  /// text of errno.
   Error roll_back(const OutputFile& failed);
   void check(std::span<const NewFrame> frames) const;
 
   OutputFile archive;
-  // Made second; if that fails the archive is taken away again.
+  // Created second; if that fails, the archive is removed.
   std::unique_ptr<OutputFile> journal;
   matroska::Header header;
   std::uint64_t archive_end = 0, journal_end = 0;

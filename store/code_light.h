@@ -6,8 +6,8 @@
 
 namespace raystage {
 
-/// Linear light of an 8-bit code (0 to 255, also between codes) in a take's frames, full scale 1,
-/// as the camera shows it: not photometrically corrected.
+/// Returns the linear light (full scale 1) of an 8-bit code, 0 to 255 or between codes, in a take's
+/// frames, without photometric correction.
 inline double linear_of_code(const TakeDocument& take, double code) {
   const double value = code / 255.0;
   return take.color_space == "lin_rec709_scene" ? value : linear_from_srgb(value);

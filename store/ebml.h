@@ -10,10 +10,10 @@
 
 namespace raystage::ebml {
 
-/// Length of a size field as we write it where the value is filled in later: one fixed width lets
-/// it be patched in place (RFC 8794 section 6).
+/// Bytes of a size field whose value is filled in later: the fixed width allows patching in place
+/// (RFC 8794 section 6).
 inline constexpr std::size_t kSizeBytes = 8;
-/// The eight-byte size field that says "until the parent ends".
+/// The eight-byte size field for an unknown size: the element ends with its parent.
 inline constexpr std::uint64_t kUnknownSize = 0x00FF'FFFF'FFFF'FFFF;
 
 /// Builds EBML elements in memory (RFC 8794). Identifiers are written with their marker bits, as
@@ -41,7 +41,7 @@ class Writer {
   std::vector<std::byte> bytes_;
 };
 
-/// Where an element lies in the bytes it was read from.
+/// Identifier and position of an element in the bytes from which it was read.
 struct Element {
   std::uint32_t id = 0;  ///< with its marker bits
   std::size_t offset = 0;
@@ -52,11 +52,12 @@ struct Element {
   std::size_t end() const { return data_offset + static_cast<std::size_t>(size); }
 };
 
-/// Reads the header of the element at `offset`; nullopt where it is cut or no valid EBML. The data
-/// may reach beyond the bytes.
+/// Returns the header of the element at `offset`, or nullopt if it is truncated or not valid EBML.
+/// The data may extend beyond the bytes.
 std::optional<Element> read_element(std::span<const std::byte> bytes, std::size_t offset);
 
-/// As read_element, but the element must have a known size and end at or before the bytes' end.
+/// Returns what read_element returns, but nullopt if the size is unknown or the data extends beyond
+/// the bytes.
 std::optional<Element> read_whole_element(std::span<const std::byte> bytes, std::size_t offset);
 
 /// Calls `visit(const Element&)` for the whole elements that lie one after the other in `parent`,

@@ -92,7 +92,7 @@ void check_settings(double fps, Nanoseconds tolerance, std::string_view name);
 /// too few), from the first instant by which half of the cameras run to the last such. Tolerance 0
 /// means half a frame time. A frame is used for one tick only: the nearest.
 /// Times are taken as they are: takes that were simulated or stamped exactly. What recordings need
-/// is in store/sync/resync.h.
+/// is in store/processing/sync/resync.h.
 Timeline build_timeline(const Take& take, double fps, Nanoseconds tolerance);
 
 /// The same from the cameras' frame times alone; `name` stands for the take in errors.

@@ -10,7 +10,7 @@
 
 namespace raystage {
 
-/// For tests: a fresh folder of its own among the system's temporary files, removed at the end.
+/// For tests: a new temporary folder that is removed by the destructor.
 class TestFolder {
  public:
   TestFolder() {

@@ -12,7 +12,7 @@
 
 namespace raystage::testing {
 
-/// While it lives, kernels run under the instruction set chosen last.
+/// During its lifetime, kernels use the instruction set chosen last.
 class ScopedSimdTarget {
  public:
   ScopedSimdTarget() = default;

@@ -7,10 +7,10 @@
 
 namespace raystage {
 
-/// A contact sheet of what a take's cameras show in the middle of the take, sRGB codes: on the left
-/// as it was recorded, on the right as `rig` corrects it; cameras where they stand in the array, in
-/// a square where they have no such place. Throws Error (bad input) where the rig has not the
-/// take's cameras, or one of them has no frames.
+/// Returns a contact sheet of the frames in the middle of a take, sRGB codes: as recorded on the
+/// left, corrected by `rig` on the right. Cameras are placed by their rows and columns in the
+/// array, or in a square without these. Throws Error (bad input) if the cameras of rig and take
+/// differ, or one has no frames.
 RgbImage make_color_contact_sheet(const Take& take, const RigDocument& rig);
 
 }  // namespace raystage

@@ -10,10 +10,10 @@ struct Lab {
   double l = 0, a = 0, b = 0;
 };
 
-/// Of linear light, Rec.709 primaries, full scale 1 (IEC 61966-2-1, CIE 15:2004).
+/// Converts linear light with Rec.709 primaries, full scale 1 (IEC 61966-2-1, CIE 15:2004).
 Lab lab_from_linear(const std::array<double, 3>& rgb);
 
-/// CIEDE2000 with kL = kC = kH = 1 (Sharma, Wu and Dalal 2005). 1 is about what an eye can tell.
+/// Returns CIEDE2000 with kL = kC = kH = 1 (Sharma, Wu and Dalal 2005); about 1 is just noticeable.
 double color_difference(const Lab& one, const Lab& other);
 
 }  // namespace raystage

@@ -63,8 +63,10 @@ std::string format_color_match(const std::vector<ColorMatch>& steps, const std::
 std::string color_match_json(const std::vector<ColorMatch>& steps, const std::string& reference,
                              const std::vector<std::string>& cameras) {
   nlohmann::ordered_json json;
-  json["vouched_for"] =
+  const bool is_accepted =
       std::ranges::all_of(steps, [](const ColorMatch& step) { return step.reasons.empty(); });
+  json["accepted"] = is_accepted;
+  json["vouched_for"] = is_accepted;  // deprecated alias
   json["reference"] = reference;
   for (const ColorMatch& step : steps) {
     nlohmann::ordered_json fits = nlohmann::ordered_json::array();

@@ -24,14 +24,15 @@ struct ColorFit {
   double uncertainty = 0;
 };
 
-/// What makes an array's cameras alike, and whether it can be vouched for. Sentences for people.
+/// Colour responses of an array's cameras, and whether they are accepted. Texts are sentences for
+/// reports.
 struct ColorMatch {
   std::string what;                            ///< they all showed: "targets", "chart" or "scene"
   std::vector<PhotometricResponse> responses;  ///< of each camera
   ColorSpread before, after;
   std::vector<ColorFit> fits;         ///< of each camera
   std::vector<std::string> findings;  ///< what else was found, a line each: a word, then what
-  std::vector<std::string> reasons, warnings;  ///< why it cannot be vouched for; what is weak
+  std::vector<std::string> reasons, warnings;  ///< why it is rejected; what is uncertain
 };
 
 /// Standard deviation of one channel over cameras, by the mean; 0 where there are none.

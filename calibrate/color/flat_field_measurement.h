@@ -9,34 +9,34 @@
 
 namespace raystage {
 
-/// Part of a picture, and what is shown there.
+/// Mean of a part of a picture.
 struct FlatFieldCell {
   double x = 0, y = 0;  ///< its middle, pixels from the picture's top-left corner
   Rgb mean{};
 };
 
-/// What one camera shows of a target that is everywhere as bright: linear light, full scale 1.
+/// Measurement of an evenly lit target by one camera: linear light, full scale 1.
 struct FlatFieldMeasurement {
-  static constexpr double kDark = 0.1;  ///< brighter ones say little about what is seen in the dark
+  static constexpr double kDark = 0.1;  ///< limit of a dark target
   Rgb mean{};          ///< over the middle of the picture, half of its width and height
   Rgb deviation{};     ///< there, from pixel to pixel
-  Rgb black{};         ///< share of pixels at code 0 there: they may be darker than they can say
+  Rgb black{};         ///< share of pixels at code 0 there, whose light may be below 0
   double clipped = 0;  ///< share of pixels with a channel at full scale there
   PictureSize size;
   std::vector<FlatFieldCell> cells;  ///< all of the picture, by rows
-  /// Where the mean over frames stands out from the pixels around, by how much: by rows.
+  /// Pixels whose mean over frames exceeds those around them, and by how much; by rows.
   std::vector<HotPixel> hot_pixels;
 };
 
-/// The mean over at most `most_frames` frames, spread over the take; `response`: of the camera,
-/// whose curve alone counts. Throws Error (bad input) for a camera without frames.
+/// Returns the mean over at most `most_frames` frames, spread over the take. Uses the curve of
+/// `response` only. Throws Error (bad input) for a camera without frames.
 FlatFieldMeasurement measure_flat_field(const Take& take, int camera,
                                         const PhotometricResponse& response = {},
                                         int most_frames = 12);
 
-/// Sights of all cameras in one take of a target.
+/// Measurements of all cameras in one take of a target.
 using FlatFieldMeasurements = std::vector<FlatFieldMeasurement>;
-/// `responses`: of each camera, or none.
+/// Returns the measurements of all cameras. `responses`: of each camera, or none.
 FlatFieldMeasurements measure_flat_fields(const Take& take,
                                           const std::vector<PhotometricResponse>& responses,
                                           const std::stop_token& stop);

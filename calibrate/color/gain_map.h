@@ -8,10 +8,9 @@
 
 namespace raystage {
 
-/// What makes a target that is everywhere as bright as even as it is: per channel, on top of
-/// `response`, by least squares with nodes that follow each other smoothly; 1 in the middle, as a
-/// lens' is.
-/// Throws Error (bad input), naming the camera, where part of its picture shows no light.
+/// Returns the gains that, after `response`, make an evenly lit target even: per channel, by least
+/// squares with a smoothness term between nodes; 1 in the centre. Throws Error (bad input), which
+/// names the camera, if a part of the picture has no light.
 GainMap fit_gain_map(std::span<const FlatFieldCell> cells, PictureSize size,
                      const PhotometricResponse& response, const std::string& camera);
 

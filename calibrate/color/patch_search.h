@@ -12,25 +12,25 @@
 
 namespace raystage {
 
-/// What a camera shows, ready to be compared.
+/// A frame prepared for comparison.
 struct PatchSearchImage {
   int camera = -1;
   PictureSize size;
   std::vector<std::array<float, 4>> light;      ///< R, G, B and the root of their luminance
-  std::array<float, 3> darkest{}, brightest{};  ///< beyond which codes say too little
+  std::array<float, 3> darkest{}, brightest{};  ///< limits of usable codes
 
-  /// Bilinear between pixel centres; (x, y) in pixels from the picture's top-left corner, half a
-  /// pixel within it at least.
+  /// Returns the bilinear sample at (x, y), pixels from the top-left corner, at least half a pixel
+  /// inside.
   std::array<float, 4> at(const Eigen::Vector2d& pixel) const;
 };
 
-/// `levels`: of linear light. Throws Error (bad input) for a damaged frame or one whose size is not
-/// the rig's.
+/// Loads a frame. `levels`: linear light by code. Throws Error (bad input) for a damaged frame, or
+/// one whose size is not that of the rig.
 PatchSearchImage load_patch_search_image(const Take& take, const Rig& rig, int camera, int frame,
                                          const LevelTable& levels);
 
-/// Surfaces across the array's viewing direction, evenly spaced in 1 / depth so that from one to
-/// the next a patch moves by three quarters of a pixel in the camera that sees it move most.
+/// Planes across the array's viewing direction, evenly spaced in inverse depth: between
+/// neighbouring planes a patch moves by at most three quarters of a pixel.
 class InverseDepthSteps {
  public:
   static constexpr double kStepPx = 0.75;
@@ -39,12 +39,13 @@ class InverseDepthSteps {
   InverseDepthSteps(const Rig& rig, const DepthRange& range, int base,
                     const std::vector<int>& others);
 
-  /// Steps of depths that are looked at: [0, count()) from far to near; of these the scene's are
-  /// [first(), last()], the others show what lies beyond.
+  /// Steps are numbered [0, count()) from far to near; those of the scene are [first(), last()],
+  /// the others detect what lies beyond.
   int count() const { return count_; }
   int first() const { return first_; }
   int last() const { return last_; }
-  /// Where a ray comes to a step's depth (or between two); nowhere where it goes another way.
+  /// Returns the point of a ray at a step's depth (or between two); none if the ray does not reach
+  /// it.
   std::optional<Eigen::Vector3d> point(const Eigen::Vector3d& origin,
                                        const Eigen::Vector3d& direction, double step) const;
 
@@ -58,13 +59,13 @@ class InverseDepthSteps {
   int count_ = 0, first_ = 0, last_ = 0;
 };
 
-/// Looks for patches of one camera in the cameras around it. What it is given must outlive it.
+/// Searches patches of one camera in neighbouring cameras. Refers to its arguments.
 class PatchSearch {
  public:
   PatchSearch(const Rig& rig, const PatchSearchSettings& settings, const PatchSearchImage& base,
               const std::vector<PatchSearchImage>& others);
 
-  /// The patch about a pixel, in as many cameras as show it.
+  /// Returns the patch around a pixel with all cameras that observe it.
   std::optional<ScenePatch> find(const Eigen::Vector2d& middle) const;
 
  private:

@@ -10,14 +10,14 @@
 namespace raystage {
 
 struct SceneColorMatch : ColorMatch {
-  static constexpr double kMaxUncertainty = 0.03;  ///< that is vouched for; see ColorFit
+  static constexpr double kMaxUncertainty = 0.03;  ///< largest accepted uncertainty; see ColorFit
 };
 
-/// Contrast and brightness of each camera and channel against a reference camera (thesis 4.3, eq.
-/// 4.1) without a target: those by which cameras agree about the light of the same points, by
-/// robust least squares over cameras and points together. Everything else stays as `rig` has it,
-/// the reference camera's contrast and brightness too. Sights that do not fit (ghosts, reflections,
-/// what moved) are left out and counted. Throws Error (failed) when a stop is asked for.
+/// Returns contrast and brightness of each camera and channel relative to a reference camera
+/// (thesis 4.3, eq. 4.1) without a target: robust least squares over cameras and the light of
+/// common points. Everything else stays as in `rig`, including the reference camera's response.
+/// Observations that do not fit (ghosts, reflections, motion) are removed and counted. Throws Error
+/// (failed) if a stop is requested.
 SceneColorMatch match_scene_colors(std::span<const ScenePatch> points, const Rig& rig,
                                    int reference, const std::stop_token& stop);
 

@@ -41,7 +41,7 @@ struct SmallBrightness {
   }
 };
 
-/// How a observation's error moves with its camera and with its point, weighed as the solver did.
+/// How an observation's error moves with its camera and with its point, weighed as the solver did.
 struct Rows {
   Eigen::Matrix<double, 3, 6, Eigen::RowMajor> by_camera;
   Eigen::Matrix<double, 3, 3, Eigen::RowMajor> by_light;

@@ -32,15 +32,15 @@ class SceneFit {
   const std::vector<CameraParameters>& cameras() const { return cameras_; }
   const std::vector<CameraParameters>& start() const { return start_; }  ///< as the rig has them
 
-  /// The light that a observation stands for.
+  /// The light that an observation stands for.
   Rgb estimated_light(const Observation& observation, const CameraParameters& camera) const;
-  /// How far a observation is from what its camera should show, standard deviations, the worst
+  /// How far an observation is from what its camera should show, standard deviations, the worst
   /// channel's.
   double normalised_residual(const Observation& observation) const;
 
   /// By the points of which `counts(point)`, and the observations that count. `scale`: in standard
-  /// deviations, beyond which a observation is told to be odd. Throws Error (failed) when a stop is
-  /// asked for.
+  /// deviations, beyond which an observation is told to be odd. Throws Error (failed) when a stop
+  /// is asked for.
   void solve(double scale, const std::function<bool(std::size_t)>& counts,
              const std::stop_token& stop);
 

@@ -9,17 +9,17 @@ namespace raystage {
 
 struct VignettingFit {
   Vignetting lens;
-  double residual = 0;  ///< root mean square of what is left, by the light in the middle
+  double residual = 0;  ///< RMS residual, relative to the light in the centre
 };
 
-/// The fall of light that makes a target everywhere as bright, by non-linear least squares (Ceres)
-/// over the cells of a picture; `response`: contrast and brightness of the camera. Cells with
-/// something on them (dust, a shadow) weigh little.
+/// Returns the vignetting that explains the picture of an evenly lit target, by robust non-linear
+/// least squares (Ceres) over the cells. `response`: contrast and brightness of the camera. Cells
+/// with dust or shadows get a low weight.
 VignettingFit fit_vignetting(std::span<const FlatFieldCell> cells, PictureSize size,
                              const PhotometricResponse& response);
 
-/// The mean share of light that vignetting and gain map leave over the middle of the picture that
-/// FlatFieldMeasurement::mean is of.
+/// Returns the mean transmission of vignetting and gain map over the area of
+/// FlatFieldMeasurement::mean.
 Rgb mean_centre_transmission(const PhotometricResponse& response, PictureSize size);
 
 }  // namespace raystage

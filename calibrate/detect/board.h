@@ -22,21 +22,22 @@ struct Board {
   bool inverted = false;  ///< black and white exchanged
 
   int corners() const { return (columns - 1) * (rows - 1); }
-  /// Inner corner, row by row: place on the board, metres; x right, y down.
+  /// Returns the position of an inner corner on the board, metres; x right, y down. Counted row by
+  /// row.
   Eigen::Vector2d corner(int index) const;
   std::vector<Eigen::Vector2d> all_corners() const;
 };
 
-/// Names of dictionaries that Board knows.
+/// Returns the names of the supported marker dictionaries.
 std::vector<std::string> marker_dictionary_names();
 
-/// Throws Error (bad input) for a board that nobody can find: fewer than 3x3 squares, a marker that
-/// is no part of its square, an unknown dictionary; a checkerboard that looks the same when turned
-/// by half a circle (an even number of squares in columns plus rows), as its corners are then
-/// ambiguous between cameras and `unique_corners` asks for more.
+/// Throws Error (bad input) for a board that cannot be detected: fewer than 3x3 squares, a marker
+/// as large as its square, an unknown dictionary. With `unique_corners` also for a checkerboard
+/// with an even number of columns plus rows: it looks the same upside down, so that its corners are
+/// ambiguous between cameras.
 void check_board(const Board& board, bool unique_corners);
 
-/// Where a picture shows a board's corners.
+/// A corner of a board in a picture.
 struct BoardCornerDetection {
   int index = 0;          ///< see Board::corner()
   Eigen::Vector2d pixel;  ///< centres at +0.5, y down
@@ -47,7 +48,7 @@ class BoardDetector {
  public:
   explicit BoardDetector(Board board);
   const Board& board() const { return board_; }
-  /// Empty where it is not found, or of a checkerboard only part.
+  /// Returns the corners of the board; none if it is not found, or if a checkerboard is not whole.
   std::vector<BoardCornerDetection> find(const RgbImage& picture) const;
 
  private:

@@ -13,14 +13,14 @@
 
 namespace raystage {
 
-/// Looks for a board in frames of one camera, `most` of them at most, spread over the take.
-/// `progress` gets the part done, in [0, 1]. Throws Error (failed) when a stop is asked for.
+/// Returns the views of a board in at most `most` frames of one camera, spread over the take. Calls
+/// `progress` with the share that is done, in [0, 1]. Throws Error (failed) if a stop is requested.
 std::vector<BoardView> detect_board_views(const Take& take, int camera, const BoardDetector& finder,
                                           int most, const std::function<void(double)>& progress,
                                           const std::stop_token& stop);
 
-/// Follows a board's corners through a take: a track of each, by camera, for interpolate_tracks().
-/// Every frame is looked at. Errors and progress as track_light().
+/// Returns a track of each corner of a board per camera, for interpolate_tracks(). Searches every
+/// frame. Errors and progress as track_light().
 PointTracks track_board_corners(const Take& take,
                                 const std::vector<std::vector<Nanoseconds>>& times,
                                 const BoardDetector& finder,

@@ -13,24 +13,25 @@
 
 namespace raystage {
 
-/// What became of the search for a light in one picture.
+/// Result of detect_light().
 enum class LightDetectionStatus : std::uint8_t {
   kFound,
   kDark,       ///< nothing bright enough
-  kAmbiguous,  ///< a second one all but as bright: a reflection, or another light
+  kAmbiguous,  ///< a second spot of similar brightness: a reflection or another light
   kTooLarge,   ///< blown out, out of focus, or a lamp that lights the room
-  kSaturated,  ///< clipped so widely that its middle is that of the clipping
+  kSaturated,  ///< clipped so widely that its centre is that of the clipped area
   kAtBorder,   ///< cut off by the picture's border
-  kUnsteady    ///< much dimmer than this camera saw it otherwise: blinking, or half hidden
+  kUnsteady    ///< much dimmer than usual for this camera: blinking or half hidden
 };
 inline constexpr std::size_t kLightDetectionStatusCount = 7;
 std::string_view name_of(LightDetectionStatus result);
 
 struct LightDetectionSettings {
-  double min_light = 0.05;            ///< linear light above the background, full scale 1
-  double ambiguity_ratio = 0.4;       ///< of the brightest's light: from there on it is ambiguous
+  double min_light = 0.05;  ///< linear light above the background, full scale 1
+  double ambiguity_ratio =
+      0.4;  ///< light of the second spot by that of the first, from which on they are ambiguous
   double max_area = 0.004;            ///< of the picture
-  double max_saturated_share = 0.75;  ///< share of its pixels at full scale, where these are many
+  double max_saturated_share = 0.75;  ///< share of its pixels at full scale, if these are many
 };
 
 /// A light in a picture.
@@ -41,18 +42,19 @@ struct LightSpot {
   int area = 0;      ///< pixels
 };
 
-/// What a camera sees when the light is elsewhere, linear, full scale 1: by pixel the median of
-/// several pictures, in which the light is at different places.
+/// Background of a camera without the light: per pixel the median of several pictures in which the
+/// light is at different positions. Linear light, full scale 1.
 class LightBackground {
  public:
-  /// Pictures of the same size, at least one. `linear_from_code`: linear, full scale 1, rising.
+  /// `pictures`: at least one, of one size. `linear_from_code`: linear light, full scale 1,
+  /// increasing.
   LightBackground(std::span<const RgbImage> pictures,
                   const std::array<float, 256>& linear_from_code);
 
   int width() const { return width_; }
   int height() const { return height_; }
   std::span<const float> light() const { return light_; }
-  /// Luminance of a pixel's codes R, G, B (Rec.709's weights), linear, full scale 1.
+  /// Returns the luminance of a pixel (Rec.709 weights), linear, full scale 1.
   float luminance(const std::uint8_t* rgb) const {
     return 0.2126F * linear_from_code_[rgb[0]] + 0.7152F * linear_from_code_[rgb[1]] +
            0.0722F * linear_from_code_[rgb[2]];
@@ -64,9 +66,9 @@ class LightBackground {
   std::vector<float> light_;
 };
 
-/// Finds the light in a picture of the background's size: of the groups of touching pixels that are
-/// a quarter as bright as the brightest at least, the one with most light. Its centre is the mean
-/// of its pixels' places, and those around it, by their light.
+/// Detects the light in a picture of the background's size: of the connected components of pixels
+/// with at least a quarter of the largest brightness, the one with the most light. Its centre is
+/// the mean position of its pixels and those around it, weighted by their light.
 LightSpot detect_light(const RgbImage& picture, const LightBackground& background,
                        const LightDetectionSettings& settings);
 

@@ -33,8 +33,8 @@ svg .nothing { fill:var(--red); fill-opacity:.55 }
 
 std::string verdict_list(const CalibrationVerdict& verdict) {
   std::string items =
-      fmt::format("<li>{}</li>", verdict.is_accepted() ? "This rig can be relied upon."
-                                                       : "This rig cannot be vouched for.");
+      fmt::format("<li>{}</li>", verdict.is_accepted() ? "This calibration is accepted."
+                                                       : "This calibration is rejected.");
   const auto add = [&](const char* lead, const std::vector<std::string>& sentences) {
     for (const std::string& s : sentences) {
       items += fmt::format("<li>{}{}</li>", lead, escape_html(s));

@@ -44,7 +44,8 @@ std::string calibration_report_json(const Calibration& calibration) {
   const ArrayModel& model = calibration.model;
   const std::vector<CameraFit> fits = camera_fits(model);
   const Overlap overlap = compute_overlap(model);
-  Json json{{"vouched_for", calibration.verdict.is_accepted()},
+  Json json{{"accepted", calibration.verdict.is_accepted()},
+            {"vouched_for", calibration.verdict.is_accepted()},  // deprecated alias
             {"reasons", calibration.verdict.reasons},
             {"warnings", calibration.verdict.warnings},
             {"next_steps", calibration.verdict.next_steps}};
@@ -154,7 +155,7 @@ std::string format_calibration_report(const Calibration& calibration) {
   for (const std::string& warning : calibration.verdict.warnings) line("Weak       " + warning);
   for (const std::string& reason : calibration.verdict.reasons) line("Not sure   " + reason);
   for (const std::string& step : calibration.verdict.next_steps) line("Next       " + step);
-  if (calibration.verdict.is_accepted()) line("Verdict    this rig can be relied upon");
+  if (calibration.verdict.is_accepted()) line("Verdict    accepted");
   return text;
 }
 

@@ -98,9 +98,8 @@ void judge_fit(CalibrationVerdict& verdict, const ArrayModel& model,
   const double rms = rms_reprojection_error(model);
   if (!(rms <= limits.max_rms_px)) {
     verdict.reasons.push_back(
-        fmt::format("Points are {:.2f} px (RMS) from where they should be; at most {:.2f} are "
-                    "vouched for.",
-                    rms, limits.max_rms_px));
+        fmt::format("The reprojection error is {:.2f} px RMS; at most {:.2f} px are accepted.", rms,
+                    limits.max_rms_px));
     say_once(verdict.next_steps, kMendFit);
   }
   std::vector<int> seen_by(model.points.size(), 0);
@@ -118,8 +117,7 @@ void judge_fit(CalibrationVerdict& verdict, const ArrayModel& model,
   const double share = 1 - static_cast<double>(count) / std::max(could_count, 1);
   if (share > limits.max_outlier_ratio) {
     verdict.reasons.push_back(
-        fmt::format("{:.0f} % of the detections do not fit; at most {:.0f} "
-                    "are vouched for.",
+        fmt::format("{:.0f} % of the detections are outliers; at most {:.0f} % are accepted.",
                     100 * share, 100 * limits.max_outlier_ratio));
     verdict.next_steps.push_back(
         "Darken the room, cover what reflects the light, and see whether frames are matched "
@@ -292,7 +290,8 @@ CalibrationVerdict judge_calibration(const ArrayModel& model,
     }
   }
   if (!scale_is_known) {
-    verdict.reasons.emplace_back("Nothing tells the scale: a light's path looks the same in any.");
+    verdict.reasons.emplace_back(
+        "The scale is unknown: the path of a light looks the same at any scale.");
     verdict.next_steps.emplace_back(
         "Give the distance between neighbouring cameras, or any measured distance between two.");
   }

@@ -40,7 +40,8 @@ struct AcceptanceLimits {
   Tolerances tolerances = {};
 };
 
-/// Whether a calibration can be vouched for, and what to do where not. Sentences for people.
+/// Whether a calibration is accepted, why not, and what to record next. Texts are sentences for
+/// reports.
 struct CalibrationVerdict {
   bool is_accepted() const { return reasons.empty(); }
   std::vector<std::string> reasons;     ///< why not

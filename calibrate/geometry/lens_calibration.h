@@ -39,7 +39,7 @@ struct LensCalibration {
   int views = 0, corners = 0, outliers = 0;
   double image_coverage = 0;  ///< share of the picture's sixteenths with a corner that counts
   double max_tilt_deg = 0;    ///< of a view's board against the picture's plane
-  std::vector<std::string> reasons;     ///< why it cannot be vouched for; empty: it can
+  std::vector<std::string> reasons;     ///< why it is rejected; empty: it is accepted
   std::vector<std::string> next_steps;  ///< what to record
 };
 
@@ -51,14 +51,14 @@ struct CameraBoardViews {
 };
 
 /// Zhang's method (2000): a first guess of the focal length from the boards' vanishing points, then
-/// all views and the lens refined at once, by least squares over the corners. Vouched for where the
+/// all views and the lens refined at once, by least squares over the corners. Accepted if the
 /// focal length is known to 1 % (two standard deviations) and nine of ten corners fit. Throws Error
 /// (bad input) with fewer than three views of six corners.
 LensCalibration calibrate_lens(const CameraBoardViews& camera,
                                const LensCalibrationSettings& settings);
 
 /// Of cameras whose lenses are of one kind: all at once, so that what one shows of the lens counts
-/// for the others, too; each has a principal point of its own. Not vouched for where one differs
+/// for the others, too; each has a principal point of its own. Rejected if one differs
 /// from its own calibration by more than lenses of a make do (kLensPriorDeviations). Errors as
 /// calibrate_lens(); (bad input) also for pictures of different sizes.
 std::vector<LensCalibration> calibrate_lenses_with_shared_prior(

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside rig/calibration only: CameraModel's projection, for numbers with derivatives.
+// Inside calibrate/geometry only: CameraModel's projection, for numbers with derivatives.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside rig/calibration only: poses as OpenCV has them.
+// Inside calibrate/geometry only: poses as OpenCV has them.
 #pragma once
 
 #include <opencv2/core.hpp>

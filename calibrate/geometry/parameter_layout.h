@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside rig/calibration only: what a bundle adjustment was free to change, as one vector.
+// Inside calibrate/geometry only: what a bundle adjustment was free to change, as one vector.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Inside rig/calibration only: how a solve goes on once cameras have first poses.
+// Inside calibrate/geometry only: how a solve goes on once cameras have first poses.
 #pragma once
 
 #include "calibrate/geometry/solve.h"

@@ -91,10 +91,9 @@ ShotCamera::ShotCamera(const ShotDocument& shot, const std::filesystem::path& sh
   const auto refuse = [&](const char* what, const char* what_to_do) {
     throw Error::bad_input(what, where_, what_to_do);
   };
-  if (!channels_.position) refuse("nobody says where the camera stands", "Give a key a position");
+  if (!channels_.position) refuse("the camera has no position", "Give a key a position");
   if (!channels_.focal) {
-    refuse("nobody says what lens the camera has",
-           "Give a key horizontal_fov_deg or focal_length_mm");
+    refuse("the camera has no focal length", "Give a key horizontal_fov_deg or focal_length_mm");
   }
   if (channels_.orientation && channels_.target) {
     refuse("the camera has both orientations and targets", "Use one of them in all keys");

@@ -72,7 +72,7 @@ class FetchedFrames : public RemoteFrames {
   }
 
   Error damaged(int frame) const {
-    return Error::failed("a part of a frame has another size than it should",
+    return Error::failed("a part of a frame has the wrong size",
                          fmt::format("camera {} frame {}", camera_, frame),
                          "Check the network between the hosts and render again");
   }
@@ -159,7 +159,7 @@ RankTake open_rank_take(MpiWorld& world, int number, const fs::path& folder) {
 
 fs::path local_take_folder(const std::string& folder, std::span<const PathMappingRule> rules,
                            int rank) {
-  std::string mine = mapped(folder, rules);
+  std::string mine = map_path(folder, rules);
   std::array<char, 256> host{};
   if (gethostname(host.data(), host.size() - 1) != 0) host = {};
   const auto replace = [&](std::string_view name, const std::string& value) {

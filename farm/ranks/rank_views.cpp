@@ -43,8 +43,8 @@ class MpiCommunicator : public RankCommunicator {
   MpiCommunicator(const RankSet& members, std::uint32_t view_number)
       : members_(members), tag_(tag_of_group(view_number)) {}
 
-  int host() const override { return host_index(members_.ranks, members_.world.rank()); }
-  int hosts() const override { return static_cast<int>(members_.ranks.size()); }
+  int rank() const override { return host_index(members_.ranks, members_.world.rank()); }
+  int size() const override { return static_cast<int>(members_.ranks.size()); }
 
   std::vector<Message> exchange(std::vector<Message> messages) const override {
     for (Message& message : messages) message.push_back(kHere);
@@ -111,7 +111,7 @@ struct Failure {
   std::string what;
   bool is_bad_input = false;
   Error error() const {
-    const std::string advice = "Mend that and render again";
+    const std::string advice = "Correct the cause and render again";
     return is_bad_input ? Error::bad_input(what, "", advice) : Error::failed(what, "", advice);
   }
 };

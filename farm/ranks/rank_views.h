@@ -38,7 +38,7 @@ struct RankSet {
 };
 /// Returns the number of a rank among them; -1: it is none of them.
 int host_index(std::span<const int> ranks, int rank);
-/// The same for the holder of each camera.
+/// Returns the host number of each camera's owner, or -1.
 std::vector<int> host_indices(std::span<const int> ranks, std::span<const int> camera_owners);
 
 /// Calls `own` for a view: with all hosts as its group where the view is made in step. Where it
@@ -47,7 +47,7 @@ Contribution contribute_as_rank(const RankSet& members, const DistributedViewReq
                                 std::uint32_t view_number,
                                 const DistributedRenderer::ContributeFunction& own);
 
-/// What summing took, wall-clock milliseconds.
+/// Times of the reduction, in wall-clock milliseconds.
 struct ReduceTimes {
   double local_ms = 0;  ///< this rank's contribution
   double wait_ms = 0;   ///< until those below had sent theirs

@@ -105,10 +105,10 @@ std::vector<int> RootRank::find_camera_owners(const Take& take,
                                        missing.size(), cameras, list_text(missing));
   if (options_.missing == MissingArchives::kError || missing.size() == cameras) {
     throw Error::bad_input(what, take.folder().string(),
-                           "Start ranks on the hosts that hold them, or render without these "
-                           "cameras: --missing-archives absent");
+                           "Start ranks on the hosts that have them, or set missing archives to "
+                           "\"absent\" to render without these cameras");
   }
-  options_.say(what + "; they are absent from all frames");
+  options_.on_message(what + "; they are absent from all frames");
   return holders;
 }
 
@@ -135,10 +135,11 @@ Take RootRank::open(const fs::path& folder) {
         throw Error::bad_input(fmt::format("rank {} cannot open it: {}", rank, tables[rank].error),
                                request.folder,
                                "Copy take.json, rig.json and timeline.zst to that host "
-                               "(raystage join --documents-only makes them), or render without its "
-                               "cameras: --missing-archives absent");
+                               "(raystage join can make the documents alone), or set missing "
+                               "archives to \"absent\" to render without its cameras");
       }
-      options_.say(fmt::format("rank {} cannot open the take: {}", rank, tables[rank].error));
+      options_.on_message(
+          fmt::format("rank {} cannot open the take: {}", rank, tables[rank].error));
       tables[rank].cameras.clear();
     } else if (tables[rank].documents != own.table.documents) {
       throw Error::bad_input(
@@ -169,7 +170,7 @@ Take RootRank::open(const fs::path& folder) {
 void RootRank::check_rules() const {
   for (const PathMappingRule& rule : options_.takes) {
     const bool is_used = std::ranges::any_of(
-        takes_, [&](const OpenTake& opened) { return holds(rule, opened.named); });
+        takes_, [&](const OpenTake& opened) { return path_rule_matches(rule, opened.named); });
     if (is_used) continue;
     throw Error::bad_input(fmt::format("no take of the shot is in the folder {}", rule.from),
                            "take folders of the ranks",

@@ -27,7 +27,7 @@ struct RankOptions {
   std::vector<PathMappingRule> takes;  ///< where ranks keep takes: see local_take_folder()
   MissingArchives missing = MissingArchives::kError;
   FragmentEncodingSettings encoding;
-  std::function<void(std::string_view)> say = [](std::string_view) {};
+  std::function<void(std::string_view)> on_message = [](std::string_view) {};
 };
 
 /// What crossed between the ranks.
@@ -51,7 +51,7 @@ class RootRank : public DistributedTakes {
 
   Take open(const std::filesystem::path& folder) override;
   void share(const Take& take, RendererSettings& settings) override;
-  /// Tells all ranks that nothing follows, and asks what they took. Once.
+  /// Sends the stop request to all ranks and returns their costs. Call it once.
   RankTraffic finish();
 
  private:

@@ -16,8 +16,8 @@ struct WorkerRankOptions {
   int out_of_memory_code = 1;  ///< exit code of the job where this rank's memory does not suffice
 };
 
-/// Any rank but the first: does what rank 0 asks for, and returns when that says that nothing
-/// follows. What cannot be done is reported to rank 0, never thrown.
+/// Runs any rank except the root: serves the requests of rank 0 and returns at the stop request.
+/// Reports failures to rank 0 instead of throwing them.
 void run_worker_rank(MpiWorld& world, const WorkerRankOptions& options);
 
 }  // namespace raystage::farm

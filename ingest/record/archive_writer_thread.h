@@ -19,9 +19,10 @@
 
 namespace raystage {
 
-/// From memory to the archives, in a thread of its own. A disk that is slow or full holds up nobody
-/// but this: frames stay in memory until they can be written, and what cannot be kept there is
-/// dropped by the intakes. An archive that refuses alone holds up no other camera's.
+/// Writes frames from memory to the archives, in a thread of its own. A slow or full disk delays
+/// only this thread: frames stay in memory until they can be written, and the capture threads drop
+/// those for which there is no memory. An archive that refuses writes does not delay the archives
+/// of other cameras.
 class ArchiveWriterThread {
  public:
   struct Camera {
@@ -47,16 +48,17 @@ class ArchiveWriterThread {
   ArchiveWriterThread(const ArchiveWriterThread&) = delete;
   ArchiveWriterThread& operator=(const ArchiveWriterThread&) = delete;
 
-  /// Writes all that is left; intakes and encoders have finished. `progress` gets the part done.
+  /// Writes all remaining frames; capture and encoders must have finished. `progress` receives the
+  /// fraction done, in [0, 1].
   void drain(const std::function<void(double)>& progress);
 
   /// Records on disk, per camera and FrameStatus.
   std::uint64_t written(std::size_t camera, FrameStatus status) const;
   std::uint64_t bytes_written() const { return bytes_written_.load(std::memory_order_relaxed); }
-  /// Why the disk refuses at this moment, for the first camera it does so; empty where it does not.
+  /// Returns the current write error of the first camera that has one; empty without an error.
   std::string write_error() const;
-  /// The first time that what was written could not be made safe; empty: never. A disk says so once
-  /// and may have lost it all the same when it works again.
+  /// Returns the first error of flushing written data to the disk; empty if there was none. A disk
+  /// reports such an error once and may have lost the data even if it works again afterwards.
   std::string flush_error() const;
 
  private:
@@ -94,8 +96,9 @@ class ArchiveWriterThread {
   std::jthread writer_, flusher_;  // last: they use all of the above
 };
 
-/// What went wrong in an attempt; empty: nothing. Of any exception, as where memory has run out:
-/// one that leaves a thread would end the process, and all frames in memory with it.
+/// Runs `attempt` and returns the message of its exception, or an empty text. Catches every
+/// exception, also bad_alloc: one that leaves a thread would end the process and lose all frames in
+/// memory.
 std::string exception_message(const std::function<void()>& attempt);
 
 }  // namespace raystage

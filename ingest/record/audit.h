@@ -11,9 +11,9 @@
 
 namespace raystage {
 
-/// Draws up the account at the end of a session: what the sources delivered (counted as it came in)
-/// against what stands in the archives (opened anew and counted). Fills the session's cameras and
-/// its audit, which holds only if every frame seen is stored or recorded as dropped.
+/// Compares the frames that the sources delivered (counted on arrival) with the records in the
+/// archives (opened again and counted). Fills the cameras and the audit of the session. The audit
+/// passes only if every frame seen is stored or recorded as dropped.
 void audit_session(const RecordingTake& take, const ArchiveWriterThread& flow,
                    std::span<const CameraCounters> counters, RecordingDocument::Session& session,
                    std::vector<std::string> problems);

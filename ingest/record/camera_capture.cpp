@@ -33,11 +33,11 @@ std::vector<RecordingEvent> CameraCounters::events() const {
 }
 
 CameraCapture::CameraCapture(const Settings& settings, std::unique_ptr<FrameSource> source,
-                             Open reopen, Pipeline plumbing)
+                             Open reopen, Pipeline pipeline)
     : settings_(settings),
       source_(std::move(source)),
       reopen_(std::move(reopen)),
-      pipeline_(std::move(plumbing)),
+      pipeline_(std::move(pipeline)),
       clock_(settings.epoch_utc, settings.last_time),
       reconnect_backoff_(settings.reconnect) {}
 

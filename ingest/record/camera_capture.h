@@ -22,13 +22,14 @@
 
 namespace raystage {
 
-/// Something worth telling that happened to a camera while it was recorded.
+/// An event of one camera during a recording.
 struct RecordingEvent {
   Nanoseconds time_utc = 0;
   std::string what;
 };
 
-/// What has become of one camera's frames so far. Written by the camera's threads, read by anyone.
+/// Counts the frames of one camera by outcome. The threads of the camera write it; any thread may
+/// read it.
 struct CameraCounters {
   enum class State { kRunning, kLost, kEnded };
   std::atomic<State> state = State::kRunning;
@@ -46,7 +47,8 @@ struct CameraCounters {
   std::vector<RecordingEvent> events_;
 };
 
-/// Takes one camera's frames from its source into memory: never waits for anything but the source.
+/// Moves the frames of one camera from its source into memory. Waits only for the source, or for
+/// memory if `wait_for_memory` permits it.
 class CameraCapture {
  public:
   enum class LostSourcePolicy { kContinue, kReconnect, kStop };
@@ -63,7 +65,7 @@ class CameraCapture {
     std::chrono::milliseconds lost_after{5000};
     ReconnectBackoff::Limits reconnect;
   };
-  /// What it works with; all of it outlives the intake.
+  /// The objects that a capture uses; all of them outlive it.
   struct Pipeline {
     FrameQueue& queue;
     MemoryBudget& memory;   ///< for frames
@@ -75,11 +77,12 @@ class CameraCapture {
   using Open = std::function<std::unique_ptr<FrameSource>()>;
 
   CameraCapture(const Settings& settings, std::unique_ptr<FrameSource> source, Open reopen,
-                Pipeline plumbing);
+                Pipeline pipeline);
 
-  /// The camera's thread: until stopped, or the source has ended or is lost for good.
+  /// Runs the thread of the camera until it is stopped, or its source has ended or is lost for
+  /// good.
   void run(const std::stop_token& stop);
-  /// One frame from the source; for run() and tests.
+  /// Processes one frame of the source; called by run() and by tests.
   void take(SourceFrame frame);
 
  private:

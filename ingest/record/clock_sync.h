@@ -8,16 +8,16 @@
 
 namespace raystage {
 
-/// What disciplines this machine's clock at this moment: chrony (asked by `chronyc`), PTP (a
-/// running phc2sys or ptp4l), else what the kernel says, else "unknown".
+/// Returns what disciplines the clock of this machine now: chrony (asked by `chronyc`), PTP (a
+/// running phc2sys or ptp4l), else the state that the kernel reports, else "unknown".
 RecordingDocument::Clock query_clock_sync();
 
-/// How far the clock is from its PTP master, seconds: the answer of `pmc ... 'GET
-/// CURRENT_DATA_SET'`. Empty where it holds no number of nanoseconds.
+/// Parses the answer of `pmc ... 'GET CURRENT_DATA_SET'`. Returns the clock offset from the PTP
+/// master in seconds, or nothing if the answer has no number of nanoseconds.
 std::optional<double> parse_pmc_offset(std::string_view answer);
 
-/// The answer of `chronyc -c tracking` (comma separated). "unknown" where it is none, or chrony has
-/// no reference.
+/// Parses the answer of `chronyc -c tracking` (comma separated). Returns "unknown" if it is not
+/// such an answer or chrony has no reference.
 RecordingDocument::Clock parse_chrony_tracking(std::string_view answer);
 
 }  // namespace raystage

@@ -45,7 +45,7 @@ inline constexpr std::size_t kMissingRecordBytes = sizeof(QueuedFrame) + 64;
 /// pushes, encoders work on frames in the middle, the writer takes them from the front.
 class FrameQueue {
  public:
-  /// EncoderPool hold on to what they work on; nobody else touches a frame in kEncoding.
+  /// The encoders hold the frames they work on; no other thread may touch a frame in kEncoding.
   using Frame = std::shared_ptr<QueuedFrame>;
 
   void push(Frame frame);

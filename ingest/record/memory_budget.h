@@ -11,7 +11,7 @@
 
 namespace raystage {
 
-/// One limit for the bytes of all frames that are in memory at once. Thread-safe.
+/// Limits the bytes of all frames that are in memory at once. Thread-safe.
 class MemoryBudget {
  public:
   explicit MemoryBudget(std::size_t limit) : limit_(limit) {}
@@ -43,10 +43,10 @@ class MemoryBudget {
     std::size_t bytes_ = 0;
   };
 
-  /// Never waits: an empty Reservation where there is no room.
+  /// Reserves `bytes` without waiting; returns an empty Reservation if they exceed what is left.
   Reservation try_reserve(std::size_t bytes);
 
-  /// More than half is used.
+  /// Returns true if more than half of the budget is used.
   bool is_under_pressure() const { return used() > limit_ / 2; }
   /// Returns early when it becomes tight, or at a stop.
   void wait_for_pressure(const std::stop_token& stop, std::chrono::milliseconds most);

@@ -6,26 +6,26 @@
 
 namespace raystage {
 
-/// How long to wait before a lost camera is opened once more: at first not at all, then longer and
-/// longer, so that a device that dies as soon as it is opened keeps nobody busy.
+/// Computes the pause before the next attempt to open a lost camera: none at first, then doubled
+/// after each attempt. A device that fails as soon as it is opened therefore costs little time.
 class ReconnectBackoff {
  public:
   using Duration = std::chrono::milliseconds;
   struct Limits {
-    Duration first{250}, longest{5000};
-    Duration steady{10000};  ///< frames for so long: the next loss is a new story
+    Duration initial{250}, maximum{5000};
+    Duration reset_after{10000};  ///< frames for this long reset the pause to 0
   };
   explicit ReconnectBackoff(const Limits& limits) : limits_(limits) {}
 
   /// The pause before the next try; each is twice the one before.
   Duration next() {
     const Duration pause = next_;
-    next_ = std::clamp(2 * next_, limits_.first, limits_.longest);
+    next_ = std::clamp(2 * next_, limits_.initial, limits_.maximum);
     return pause;
   }
   /// Frames came for so long since the camera was opened.
   void report_uptime(std::chrono::steady_clock::duration time) {
-    if (time >= limits_.steady) next_ = Duration(0);
+    if (time >= limits_.reset_after) next_ = Duration(0);
   }
 
  private:

@@ -93,7 +93,7 @@ TEST_F(Reconnect, MayBeStoppedWhileThereIsNoSource) {
 }
 
 TEST_F(Reconnect, PausesLongerAndLongerWhereTheNewSourceDiesAtOnce) {
-  pauses = {.first = 20ms, .longest = 80ms};
+  pauses = {.initial = 20ms, .maximum = 80ms};
   device.outcomes = {Outcome::kLost, Outcome::kLost, Outcome::kLost,
                      Outcome::kLost, Outcome::kLost, Outcome::kEnded};
   const auto start = std::chrono::steady_clock::now();
@@ -103,7 +103,7 @@ TEST_F(Reconnect, PausesLongerAndLongerWhereTheNewSourceDiesAtOnce) {
 }
 
 TEST_F(Reconnect, MayBeStoppedInAPause) {
-  pauses = {.first = 60s, .longest = 60s};
+  pauses = {.initial = 60s, .maximum = 60s};
   device.outcomes = {Outcome::kLost, Outcome::kLost, Outcome::kEnded};
   const auto start = std::chrono::steady_clock::now();
   const std::jthread stopper([this] {

@@ -40,7 +40,7 @@ struct RecorderCamera {
   CameraCapture::Open reopen;
 };
 
-/// How a recording stands.
+/// The state of a recording.
 struct RecorderStatus {
   struct Camera {
     std::string id;

@@ -21,13 +21,13 @@ RecordingMemoryPlan plan_recording_memory(const RecorderSettings& settings,
   RecordingMemoryPlan plan{settings.memory_bytes, kProgramBytes};
   std::size_t largest = 0;
   for (const RecorderCamera& camera : cameras) {
-    plan.beside += camera.source->memory_overhead();
+    plan.overhead += camera.source->memory_overhead();
     const SourceDescription& source = camera.source->description();
     if (source.delivers_jpeg) continue;
     largest = std::max(
         largest, static_cast<std::size_t>(source.width) * static_cast<std::size_t>(source.height));
   }
-  plan.beside += static_cast<std::size_t>(settings.threads) * kBytesOfAPixel * largest;
+  plan.overhead += static_cast<std::size_t>(settings.threads) * kBytesOfAPixel * largest;
   return plan;
 }
 
@@ -35,7 +35,7 @@ std::string format_memory_plan(const RecordingMemoryPlan& plan) {
   return fmt::format(
       "RAM: {:.0f} MB for frames; beside it up to about {:.0f} MB for decoders, camera buffers and "
       "the program",
-      megabytes(plan.frames), megabytes(plan.beside));
+      megabytes(plan.frames), megabytes(plan.overhead));
 }
 
 void check_recording_memory(std::size_t frames, std::size_t machine) {
@@ -50,7 +50,7 @@ void check_recording_memory(std::size_t frames, std::size_t machine) {
 
 std::string memory_warning(const RecordingMemoryPlan& plan, std::size_t free_now) {
   constexpr double kMost = 0.8;
-  const std::size_t all = plan.frames + plan.beside;
+  const std::size_t all = plan.frames + plan.overhead;
   if (static_cast<double>(all) <= kMost * static_cast<double>(free_now)) return {};
   return fmt::format(
       "it may take {:.0f} MB of RAM in all, more than 80 % of the {:.0f} MB that are free now: the "

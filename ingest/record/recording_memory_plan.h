@@ -15,7 +15,7 @@ struct RecordingMemoryPlan {
   /// An estimate from above: the sources (FrameSource::memory_overhead), the encoders, and the
   /// program itself. What grows with the length of the recording is not in it: 16 to 32 bytes for
   /// each frame stored, the archives' index.
-  std::size_t beside = 0;
+  std::size_t overhead = 0;
 };
 
 /// The program with its libraries, and with the leftovers of freed memory that the C library keeps.

@@ -37,11 +37,11 @@ TEST(RecordingMemoryPlan, CountsSourcesAndEncoders) {
   std::vector<RecorderCamera> cameras;
   cameras.push_back({"a", std::make_unique<Source>(7'000'000, true), {}});
   cameras.push_back({"b", std::make_unique<Source>(20'000'000, true), {}});
-  EXPECT_EQ(plan_recording_memory(settings, cameras).beside, kProgramBytes + 27'000'000);
+  EXPECT_EQ(plan_recording_memory(settings, cameras).overhead, kProgramBytes + 27'000'000);
   cameras.push_back({"c", std::make_unique<Source>(0, false), {}});
   const RecordingMemoryPlan plan = plan_recording_memory(settings, cameras);
   EXPECT_EQ(plan.frames, 500'000'000U);
-  EXPECT_EQ(plan.beside, kProgramBytes + 27'000'000 + std::size_t{3} * 3 * 1000 * 500);
+  EXPECT_EQ(plan.overhead, kProgramBytes + 27'000'000 + std::size_t{3} * 3 * 1000 * 500);
   EXPECT_THAT(format_memory_plan(plan),
               HasSubstr("500 MB for frames; beside it up to about 99 MB"));
 }

@@ -15,9 +15,9 @@
 
 namespace raystage {
 
-/// A take while it is recorded. Unlike a take that is imported it stands under its own name from
-/// the beginning, and whatever ends the recording leaves a take that opens: documents first, each
-/// frame whole, the account of the session last.
+/// A take during its recording. Unlike an imported take it has its final name from the beginning.
+/// However the recording ends, the take can be opened: documents are written first, each frame
+/// whole, and the account of the session last.
 class RecordingTake {
  public:
   /// A new take. Throws Error: bad input where something of this name is there or the epoch is too

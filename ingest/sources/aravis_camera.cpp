@@ -52,13 +52,13 @@ class Settings {
   template <typename Bounds, typename Set>
   void number(const char* name, double value, const Bounds& bounds, const Set& set) {
     double low = 0, high = 0;
-    bounds(camera_, &low, &high, error_.fresh());
+    bounds(camera_, &low, &high, error_.clear_and_get());
     if (!error_ && !(value >= low && value <= high)) {
       throw Error::bad_input(
           fmt::format("{} is {}, the camera allows: {} to {}", name, value, low, high), where_,
           "Give a value within that range");
     }
-    set(camera_, value, error_.fresh());
+    set(camera_, value, error_.clear_and_get());
     check(name);
   }
 
@@ -81,17 +81,19 @@ std::string pixel_formats_of(ArvCamera* camera) {
   guint count = 0;
   GErrorHolder error;
   const char** names =
-      arv_camera_dup_available_pixel_formats_as_strings(camera, &count, error.fresh());
+      arv_camera_dup_available_pixel_formats_as_strings(camera, &count, error.clear_and_get());
   return list_of(names, count);
 }
 
 void set_pixel_format(ArvCamera* camera, const std::string& wanted, const std::string& where,
                       Settings& settings) {
   if (!wanted.empty()) {
-    arv_camera_set_pixel_format_from_string(camera, wanted.c_str(), settings.error().fresh());
+    arv_camera_set_pixel_format_from_string(camera, wanted.c_str(),
+                                            settings.error().clear_and_get());
     if (settings.error()) settings.check("pixel format", pixel_formats_of(camera));
   }
-  const ArvPixelFormat format = arv_camera_get_pixel_format(camera, settings.error().fresh());
+  const ArvPixelFormat format =
+      arv_camera_get_pixel_format(camera, settings.error().clear_and_get());
   settings.check("question for its pixel format");
   if (av_pixel_format(format) >= 0) return;
   throw Error::bad_input(
@@ -106,14 +108,15 @@ void set_pixel_format(ArvCamera* camera, const std::string& wanted, const std::s
 void set_trigger(ArvCamera* camera, const std::string& trigger, Settings& settings) {
   if (trigger.empty()) {
     // Cameras without triggers object, and run freely all the same.
-    arv_camera_clear_triggers(camera, settings.error().fresh());
+    arv_camera_clear_triggers(camera, settings.error().clear_and_get());
     return;
   }
   guint count = 0;
   GErrorHolder ignored;
-  const char** names = arv_camera_dup_available_trigger_sources(camera, &count, ignored.fresh());
+  const char** names =
+      arv_camera_dup_available_trigger_sources(camera, &count, ignored.clear_and_get());
   const std::string allowed = list_of(names, count);
-  arv_camera_set_trigger(camera, trigger.c_str(), settings.error().fresh());
+  arv_camera_set_trigger(camera, trigger.c_str(), settings.error().clear_and_get());
   settings.check("trigger", allowed);
 }
 
@@ -124,12 +127,12 @@ GObjectPtr<ArvCamera> open_aravis_camera(const std::string& device) {
   const char* name = device.empty() ? nullptr : device.c_str();
   // Names and addresses are asked directly, which takes milliseconds; looking around takes a
   // second.
-  GObjectPtr<ArvCamera> camera(arv_camera_new(name, error.fresh()));
+  GObjectPtr<ArvCamera> camera(arv_camera_new(name, error.clear_and_get()));
   if (camera) return camera;
   const std::string reason = error.text();
   arv_update_device_list();
   const std::string id = device.empty() ? "" : find_device(device);
-  if (!id.empty()) camera.reset(arv_camera_new(id.c_str(), error.fresh()));
+  if (!id.empty()) camera.reset(arv_camera_new(id.c_str(), error.clear_and_get()));
   if (camera) return camera;
   throw Error::failed(
       fmt::format("the camera cannot be opened: {}; found: {}", error ? error.text() : reason,
@@ -145,12 +148,12 @@ void configure_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource
   set_pixel_format(camera, source.pixel_format, where, settings);
   if (source.exposure_us) {
     // Those that have no automatic exposure object to its being switched off.
-    arv_camera_set_exposure_time_auto(camera, ARV_AUTO_OFF, settings.error().fresh());
+    arv_camera_set_exposure_time_auto(camera, ARV_AUTO_OFF, settings.error().clear_and_get());
     settings.number("exposure_us", *source.exposure_us, arv_camera_get_exposure_time_bounds,
                     arv_camera_set_exposure_time);
   }
   if (source.gain) {
-    arv_camera_set_gain_auto(camera, ARV_AUTO_OFF, settings.error().fresh());
+    arv_camera_set_gain_auto(camera, ARV_AUTO_OFF, settings.error().clear_and_get());
     settings.number("gain", *source.gain, arv_camera_get_gain_bounds, arv_camera_set_gain);
   }
   if (source.fps) {
@@ -159,10 +162,10 @@ void configure_aravis_camera(ArvCamera* camera, const RecordConfig::AravisSource
   }
   set_trigger(camera, source.trigger, settings);
   arv_camera_set_acquisition_mode(camera, ARV_ACQUISITION_MODE_CONTINUOUS,
-                                  settings.error().fresh());
+                                  settings.error().clear_and_get());
   if (arv_camera_is_gv_device(camera) == FALSE) return;
   if (source.packet_size) {
-    arv_camera_gv_set_packet_size(camera, *source.packet_size, settings.error().fresh());
+    arv_camera_gv_set_packet_size(camera, *source.packet_size, settings.error().clear_and_get());
     settings.check("packet size");
     arv_camera_gv_set_packet_size_adjustment(camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
   }

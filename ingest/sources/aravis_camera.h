@@ -29,7 +29,7 @@ class GErrorHolder {
   GErrorHolder& operator=(const GErrorHolder&) = delete;
 
   /// For a call that reports into it; empty before each.
-  GError** fresh() {
+  GError** clear_and_get() {
     g_clear_error(&error_);
     return &error_;
   }

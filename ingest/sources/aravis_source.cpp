@@ -100,7 +100,7 @@ class AravisSource final : public FrameSource {
     g_signal_connect(arv_camera_get_device(camera_.get()), "control-lost",
                      G_CALLBACK(&AravisSource::on_control_lost), this);
     GErrorHolder error;
-    arv_camera_start_acquisition(camera_.get(), error.fresh());
+    arv_camera_start_acquisition(camera_.get(), error.clear_and_get());
     if (error) {
       g_signal_handlers_disconnect_by_data(arv_camera_get_device(camera_.get()), this);
       throw fail("the camera does not start: " + error.text());
@@ -110,7 +110,7 @@ class AravisSource final : public FrameSource {
   ~AravisSource() override {
     g_signal_handlers_disconnect_by_data(arv_camera_get_device(camera_.get()), this);
     GErrorHolder ignored;
-    arv_camera_stop_acquisition(camera_.get(), ignored.fresh());
+    arv_camera_stop_acquisition(camera_.get(), ignored.clear_and_get());
   }
 
   const SourceDescription& description() const override { return description_; }
@@ -154,18 +154,19 @@ class AravisSource final : public FrameSource {
   void describe() {
     GErrorHolder error;
     gint x = 0, y = 0;
-    format_ = arv_camera_get_pixel_format(camera_.get(), error.fresh());
-    const char* format = arv_camera_get_pixel_format_as_string(camera_.get(), error.fresh());
+    format_ = arv_camera_get_pixel_format(camera_.get(), error.clear_and_get());
+    const char* format =
+        arv_camera_get_pixel_format_as_string(camera_.get(), error.clear_and_get());
     const auto text = [](const char* value) { return std::string(value == nullptr ? "" : value); };
-    const std::string model = text(arv_camera_get_model_name(camera_.get(), error.fresh()));
+    const std::string model = text(arv_camera_get_model_name(camera_.get(), error.clear_and_get()));
     const std::string serial =
-        text(arv_camera_get_device_serial_number(camera_.get(), error.fresh()));
+        text(arv_camera_get_device_serial_number(camera_.get(), error.clear_and_get()));
     description_.what = fmt::format("aravis {} {}, {}", model, serial, text(format));
     arv_camera_get_region(camera_.get(), &x, &y, &description_.width, &description_.height,
-                          error.fresh());
+                          error.clear_and_get());
     if (error) throw fail("the camera does not say how large its pictures are: " + error.text());
     // Triggered cameras have no rate of their own.
-    description_.fps = arv_camera_get_frame_rate(camera_.get(), error.fresh());
+    description_.fps = arv_camera_get_frame_rate(camera_.get(), error.clear_and_get());
     if (error) description_.fps = 0;
     description_.clock = "device";
     // GigE Vision and USB3 Vision stamp the start of the exposure or of the readout, as the maker
@@ -176,7 +177,7 @@ class AravisSource final : public FrameSource {
   void open_stream(const RecordConfig::AravisSource& source) {
     GErrorHolder error;
     ArvStream* stream =
-        arv_camera_create_stream(camera_.get(), note_arrival, nullptr, error.fresh());
+        arv_camera_create_stream(camera_.get(), note_arrival, nullptr, error.clear_and_get());
     if (stream == nullptr) throw fail("the camera does not stream: " + error.text());
     stream_ = std::make_shared<Stream>(stream);
     if (ARV_IS_GV_STREAM(stream)) {
@@ -186,7 +187,7 @@ class AravisSource final : public FrameSource {
                                         : ARV_GV_STREAM_PACKET_RESEND_NEVER,
                    nullptr);
     }
-    const guint bytes = arv_camera_get_payload(camera_.get(), error.fresh());
+    const guint bytes = arv_camera_get_payload(camera_.get(), error.clear_and_get());
     if (error) throw fail("the camera does not say how many bytes it sends: " + error.text());
     payload_ = bytes;
     for (int i = 0; i < buffers_; ++i) stream_->add_buffer(payload_);

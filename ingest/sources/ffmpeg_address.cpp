@@ -98,7 +98,7 @@ FfmpegAddress resolve_ffmpeg_address(const RecordConfig::FfmpegSource& source,
           "Choose one that `ffmpeg -demuxers` or `ffmpeg -devices` lists");
     }
   }
-  address.shown = without_secrets(address.url);
+  address.display_url = without_secrets(address.url);
   if (is_device(address.format)) {
     const bool graph = std::string_view(address.format->name) == "lavfi";
     address.kind = graph && !keeps_real_time(source, address.url)
@@ -115,7 +115,7 @@ FfmpegAddress resolve_ffmpeg_address(const RecordConfig::FfmpegSource& source,
     std::string path = address.url;
     if (path.starts_with("file:")) path.erase(0, 5);
     const std::filesystem::path file = base / path;
-    address.shown = file.string();
+    address.display_url = file.string();
     address.url = "file:" + file.string();
     address.kind = is_named_pipe(file) ? FfmpegAddress::Kind::kPipe : FfmpegAddress::Kind::kFile;
   } else {

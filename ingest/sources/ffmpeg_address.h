@@ -21,7 +21,7 @@ struct FfmpegAddress {
   };
   Kind kind = Kind::kFile;
   std::string url;                        ///< as FFmpeg wants it
-  std::string shown;                      ///< for people: without user name and password
+  std::string display_url;                ///< for people: without user name and password
   const AVInputFormat* format = nullptr;  ///< null: FFmpeg finds out
 
   bool is_live() const { return kind == Kind::kNetwork || kind == Kind::kDevice; }

@@ -77,10 +77,10 @@ TEST(FfmpegAddress, AColonInAFilesNameIsNoFormat) {
 }
 
 TEST(FfmpegAddress, PasswordsAreNotShown) {
-  EXPECT_EQ(address("rtsp://me:secret@10.0.0.1/a@b").shown, "rtsp://10.0.0.1/a@b");
+  EXPECT_EQ(address("rtsp://me:secret@10.0.0.1/a@b").display_url, "rtsp://10.0.0.1/a@b");
   EXPECT_EQ(address("rtsp://me:secret@10.0.0.1/a@b").url, "rtsp://me:secret@10.0.0.1/a@b");
-  EXPECT_EQ(address("rtsp://10.0.0.1").shown, "rtsp://10.0.0.1");
-  EXPECT_EQ(address("http://10.0.0.1/a@b").shown, "http://10.0.0.1/a@b");
+  EXPECT_EQ(address("rtsp://10.0.0.1").display_url, "rtsp://10.0.0.1");
+  EXPECT_EQ(address("http://10.0.0.1/a@b").display_url, "http://10.0.0.1/a@b");
 }
 
 }  // namespace

@@ -54,10 +54,10 @@ int FfmpegInput::should_interrupt(void* self) {
 void FfmpegInput::open(FfmpegOptions& options) {
   const auto refuse = [&](int code, const std::string& what, const std::string& advice) {
     if (code == AVERROR_EXIT || code == AVERROR(ETIMEDOUT)) {
-      return Error::failed("nothing came in time", address_.shown,
+      return Error::failed("nothing came in time", address_.display_url,
                            "Check that the camera is switched on and sends, and the address");
     }
-    return Error::bad_input(fmt::format("{}: {}", what, av_error_text(code)), address_.shown,
+    return Error::bad_input(fmt::format("{}: {}", what, av_error_text(code)), address_.display_url,
                             advice);
   };
   AVFormatContext* context = check_allocation(avformat_alloc_context());
@@ -94,7 +94,7 @@ void FfmpegInput::open(FfmpegOptions& options) {
   }
   stream_ = av_find_best_stream(context, AVMEDIA_TYPE_VIDEO, -1, -1, nullptr, 0);
   if (stream_ < 0) {
-    throw Error::bad_input("there is no video in this source", address_.shown,
+    throw Error::bad_input("there is no video in this source", address_.display_url,
                            "Check that it is the right one");
   }
   for (unsigned i = 0; i < context->nb_streams; ++i) {

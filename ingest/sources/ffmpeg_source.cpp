@@ -49,7 +49,7 @@ class FfmpegSource final : public FrameSource {
     if (parameters.codec_id != AV_CODEC_ID_MJPEG) open_decoder(parameters);
     if (const std::string unknown = options_.names(); !unknown.empty()) {
       throw Error::bad_input(fmt::format("FFmpeg does not know these options here: {}", unknown),
-                             input_.address().shown,
+                             input_.address().display_url,
                              "Remove them, or look them up in `ffmpeg -h demuxer=NAME`");
     }
     // A wall clock read at arrival says nothing that we do not know.
@@ -100,7 +100,7 @@ class FfmpegSource final : public FrameSource {
     if (decoder == nullptr) {
       throw Error::bad_input(
           fmt::format("FFmpeg has no decoder for {}", avcodec_get_name(parameters.codec_id)),
-          input_.address().shown, "Set the camera to a codec that `ffmpeg -decoders` lists");
+          input_.address().display_url, "Set the camera to a codec that `ffmpeg -decoders` lists");
     }
     codec_.reset(check_allocation(avcodec_alloc_context3(decoder)));
     codec_->thread_count = 1;  // there are as many decoders as cameras
@@ -110,7 +110,7 @@ class FfmpegSource final : public FrameSource {
     if (code >= 0) code = avcodec_open2(codec_.get(), decoder, options_.get());
     if (code < 0) {
       throw Error::bad_input("the decoder does not start: " + av_error_text(code),
-                             input_.address().shown, "Check the options");
+                             input_.address().display_url, "Check the options");
     }
     picture_.reset(check_allocation(av_frame_alloc()));
   }
@@ -119,7 +119,7 @@ class FfmpegSource final : public FrameSource {
     // FFmpeg lists all that one reader is good for: "video4linux2,v4l2", "mov,mp4,m4a,...".
     std::string format = input_.format().name;
     format = format.ends_with(",v4l2") ? "v4l2" : format.substr(0, format.find(','));
-    description_.what = fmt::format("{} {}, {}", format, input_.address().shown,
+    description_.what = fmt::format("{} {}, {}", format, input_.address().display_url,
                                     avcodec_get_name(parameters.codec_id));
     description_.width = parameters.width;
     description_.height = parameters.height;
@@ -158,7 +158,7 @@ class FfmpegSource final : public FrameSource {
               ? "no frame came within 10 seconds"
               : fmt::format("no frame came: {}",
                             outcome == Outcome::kLost ? loss_reason_ : "the stream ended"),
-          input_.address().shown, "Check that the camera is switched on and sends");
+          input_.address().display_url, "Check that the camera is switched on and sends");
     }
     has_held_ = true;
     const JpegMarkerInfo glance = scan_jpeg_markers(held_.jpeg);

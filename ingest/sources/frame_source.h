@@ -13,8 +13,8 @@
 
 namespace raystage {
 
-/// What a source delivers: a JPEG as it arrived, or raw pixels. A torn frame may have neither
-/// (`raw.width` is 0): something came that cannot be made out.
+/// A frame of a source: a JPEG as it arrived, or raw pixels. A torn frame may have neither
+/// (`raw.width` is 0) if its data cannot be interpreted.
 struct SourceFrame {
   std::vector<std::byte> jpeg;  ///< empty where `raw` is the picture
   RawImage raw;
@@ -38,7 +38,8 @@ struct SourceDescription {
   std::string timestamp_event = "arrival";  ///< what device_time (or else arrival) marks
 };
 
-/// Where one camera's frames come from. Used by one thread; `interrupt` may come from another.
+/// The source of the frames of one camera. Used by one thread; only `interrupt` may be called from
+/// another.
 class FrameSource {
  public:
   enum class Outcome {

@@ -7,7 +7,7 @@
 
 namespace raystage {
 
-/// A wait that another thread can cut short.
+/// Waits until a time or until another thread interrupts it.
 class InterruptibleWait {
  public:
   using Clock = std::chrono::steady_clock;

@@ -12,7 +12,8 @@ struct JpegMarkerInfo {
   bool whole = false;         ///< every marker is in its place, up to the end
 };
 
-/// Damage within the entropy-coded bytes that leaves all markers in place goes unnoticed.
+/// Scans all markers. Does not detect damage within the entropy-coded bytes that leaves all markers
+/// in place.
 JpegMarkerInfo scan_jpeg_markers(std::span<const std::byte> jpeg);
 
 /// The size alone, a microsecond: what comes after it may be cut short, `whole` stays false.

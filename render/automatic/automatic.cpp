@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Chooses a reconstruction method: the focal plane if the sampling theorem (thesis eq. 2.1) allows
+// it, otherwise the cheapest candidate whose leave-one-out PSNR meets the target, otherwise the
+// most accurate within the time limit. Costs are linear in pixels and disparity. Cost: up to nine
+// renderings per measured candidate.
+
 #include "render/automatic/automatic.h"
 
 #include <fmt/format.h>
@@ -13,7 +18,7 @@
 namespace raystage {
 namespace {
 
-/// What shows less of the pictures is no reconstruction of them, however near it comes: as bench.
+/// Least coverage of an acceptable reconstruction, whatever its PSNR; the same as in bench.
 constexpr double kLeastCovered = 0.85;
 
 double longest_focal_length(const Rig& rig) {
@@ -24,7 +29,7 @@ double longest_focal_length(const Rig& rig) {
   return longest;
 }
 
-/// What tells how dear a view is.
+/// The quantities on which the cost of a view depends.
 struct Work {
   double pixels = 0, source_pixels = 0;  ///< of the view; of all cameras
   double disparity = 0;                  ///< disparity_range() between neighbours
@@ -40,7 +45,7 @@ Work work_of(const ViewRequest& request, double disparity) {
   return work;
 }
 
-/// What a frame costs on the two threads that QualityTarget::seconds_per_frame speaks of.
+/// Returns the seconds per frame on the two threads of QualityTarget::seconds_per_frame.
 double seconds_per_frame(const MethodCandidate& c, const Work& work) {
   return 1e-9 / 2 *
          (work.pixels * (c.pixel_ns + c.disparity_ns * work.disparity) +
@@ -144,7 +149,7 @@ MethodChoice chosen(std::span<const MethodCandidate> candidates, const QualityTa
     return {0, fmt::format("{}: the take has no depth range, which the others need",
                            candidates[0].label)};
   }
-  // The sampling theorem speaks of this plane; on any other more is out of focus.
+  // The sampling theorem (eq. 2.1) assumes this plane; any other has more out of focus.
   ViewRequest on_best = request;
   on_best.focal_plane = fronto_parallel_plane(*request.instant.rig, optimal_focal_depth(*range));
   MethodChoice choice = choose_by_range(candidates, target, on_best, *range);

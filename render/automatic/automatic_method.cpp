@@ -19,14 +19,15 @@ namespace {
 constexpr std::array kOptions{
     number_option(
         "target_error", 0, 0, 100,
-        "PSNR in dB that must be met, measured at cameras left out, less its spread; 0: as "
-        "near to the truth as can be"),
-    number_option("near", 0, 0, 1e9, "nearest thing, metres in front of the array; 0: the take's"),
-    number_option("far", 0, 0, 1e12, "farthest thing, metres in front of the array; 0: the take's"),
+        "least PSNR in dB, as the mean minus the standard deviation at left-out cameras; 0: as "
+        "accurate as possible"),
+    number_option("near", 0, 0, 1e9, "nearest object, metres in front of the array; 0: the take's"),
+    number_option("far", 0, 0, 1e12,
+                  "farthest object, metres in front of the array; 0: the take's"),
     number_option("target_time", 0, 0, 1e6,
-                  "seconds that a frame may take on two threads of the machine of "
-                  "docs/benchmarks.md, to be rendered alone from decoded frames, one sample a "
-                  "pixel; 0: however long it takes")};
+                  "largest time in seconds to render a frame, on two threads of the machine of "
+                  "docs/benchmarks.md, from decoded frames with one sample per pixel; "
+                  "0: no limit")};
 
 /// From the least to the most accurate; docs/decisions.md says why no others. Costs are the
 /// processor's time per pixel of one thread, ns, with frames decoded: cpu_ns_per_px of
@@ -54,7 +55,7 @@ std::vector<MethodCandidate> candidates() {
       {.label = "depth", .method = &depth_method(), .pixel_ns = 400, .instant_ns = 980}};
 }
 
-/// The depth range that the options say, if they do.
+/// Returns the depth range in the options, if there is one.
 std::optional<DepthRange> scene_told(const ViewRequest& request) {
   if (request.options.number("near") == 0 && request.options.number("far") == 0) return {};
   return scene_depth_range(request.options, *request.instant.take, "auto");
@@ -73,16 +74,16 @@ RenderedView render_with(const ViewRequest& request, bool reference) {
   if (request.measure_coverage) {
     std::erase_if(all, [](const MethodCandidate& c) { return !c.method->measures_coverage(); });
   }
-  // Within a renderer take and cameras are the same throughout.
+  // Within a renderer the take and the cameras do not change.
   const std::string key =
       fmt::format("auto {} {} {} {} {}x{} of {}", target.psnr_db, target.seconds_per_frame,
                   request.options.number("near"), request.options.number("far"),
                   request.view.width / request.supersampling,
                   request.view.height / request.supersampling, all.size());
   const auto choice = request.kept.get<MethodChoice>(key, [&](std::size_t& bytes) {
-    bytes = 0;  // stays: what is rendered must not depend on the memory that others need
+    bytes = 0;  // never evicted: pixels must not depend on the memory budget
     auto chosen = std::make_shared<const MethodChoice>(choose(all, target, request));
-    request.buffers.release();  // another method than the chosen may have left them
+    request.buffers.release();  // methods that were measured but not chosen may have left blocks
     return chosen;
   });
   const MethodCandidate& chosen = all[choice->candidate];
@@ -120,7 +121,7 @@ class AutomaticMethod final : public Method {
  public:
   std::string_view name() const override { return "auto"; }
   std::string_view summary() const override {
-    return "chooses among focal_plane, plane_sweep and depth the cheapest that meets a target";
+    return "chooses the cheapest of focal_plane, plane_sweep and depth that meets a target";
   }
   std::span<const OptionSpec> options() const override { return kOptions; }
   std::span<const MethodPreset> presets() const override {
@@ -134,7 +135,7 @@ class AutomaticMethod final : public Method {
   RenderedView render_reference(const ViewRequest& request) const override {
     return render_with(request, true);
   }
-  /// The instants that are measured are the timeline's ticks.
+  /// Measurements use the ticks of the timeline.
   std::vector<std::filesystem::path> input_files(const MethodOptions& options, const Take& take,
                                                  const FrameSelection& /*frames*/) const override {
     const std::filesystem::path timeline = take.folder() / "timeline.zst";
@@ -143,7 +144,7 @@ class AutomaticMethod final : public Method {
   }
   void check_ray_support(const MethodOptions&) const override {
     throw Error::bad_input("the method auto chooses for views, not for single rays", "method auto",
-                           "Name the method whose rays are wanted");
+                           "Set the method by name");
   }
   bool uses_focal_plane() const override { return false; }
   bool may_use_focal_plane() const override { return true; }

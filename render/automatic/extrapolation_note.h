@@ -9,9 +9,10 @@
 
 namespace raystage {
 
-/// For people: that a view stands farther from every camera than the cameras from each other, how
-/// far (to one digit, so that a camera's way is not a line for every frame) and on which side of
-/// the array. None for views among the cameras, of which those left out tell.
+/// Returns a note if a view is farther from every camera than the cameras are from each other: the
+/// distance (to one digit, so that a moving camera does not get a note per frame) and the side of
+/// the array. Returns nullopt for views among the cameras, which leave-one-out measurements
+/// represent.
 std::optional<std::string> extrapolation_note(const VirtualCamera& view,
                                               const LightFieldFrame& instant);
 

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Leave-one-out quality: renders up to nine cameras, each from the others, and compares with their
+// undistorted frames. PSNR is the worst of five parts (corners and centre, two thirds wide and
+// high); returns its mean and standard deviation in dB over cameras. Cost: up to nine renderings.
+
 #include "render/automatic/leave_one_out.h"
 
 #include <algorithm>
@@ -19,13 +23,13 @@
 namespace raystage {
 namespace {
 
-/// Sums over the pictures compared.
+/// Sums over the compared images.
 struct Comparison {
   std::array<std::vector<double>, 5> psnr_db;  ///< by part: one of every camera that shows it
   std::int64_t asked = 0, covered = 0;         ///< pixels
 };
 
-/// The instant without a camera, none of whose frames it shall use.
+/// Returns the light field frame without a camera.
 LightFieldFrame without(const LightFieldFrame& instant, int camera) {
   LightFieldFrame rest = instant;
   rest.stored_data_counts = nullptr;  // what is measured here is never stored
@@ -49,7 +53,7 @@ VirtualCamera view_of(const Rig::Camera& camera) {
   return view;
 }
 
-/// Whether the camera stands between others: what is seen from elsewhere is extrapolated.
+/// Whether the camera has others around it; views from elsewhere are extrapolated.
 bool is_between_others(int camera, const LightFieldFrame& instant) {
   std::vector<int> others = instant.included_cameras;
   std::erase(others, camera);
@@ -58,9 +62,9 @@ bool is_between_others(int camera, const LightFieldFrame& instant) {
   return cells.locate(view.intrinsics.cx, view.intrinsics.cy).has_value();
 }
 
-/// The nearest to the array's centre, then again and again the farthest from those that there are.
+/// Farthest-point selection, starting with the camera nearest to the array's centre.
 std::vector<int> cameras_to_leave_out(const LightFieldFrame& instant) {
-  constexpr std::size_t kFewest = 4;  // three to blend when one is left out
+  constexpr std::size_t kFewest = 4;  // three remain to blend when one is left out
   constexpr std::size_t kMost = 9;
   std::vector<int> candidates = instant.included_cameras;
   std::vector<int> chosen;
@@ -118,7 +122,7 @@ double psnr_of_part(const RgbImage& image, const RgbImage& truth,
     }
   }
   if (pixels == 0) return std::numeric_limits<double>::quiet_NaN();
-  // Equal parts count as a single code off in a single pixel: a mean has to be taken.
+  // Identical parts count as one code of error in one pixel, so that the mean is finite.
   return 10 * std::log10(255.0 * 255.0 * 3 * pixels / std::max(squares, 1.0));
 }
 

@@ -7,25 +7,26 @@
 
 namespace raystage {
 
-/// How near a method comes to the pictures of cameras that are left out for it.
+/// The quality of a method at cameras that are left out of the reconstruction.
 struct LeaveOneOutQuality {
-  int cameras = 0;  ///< that were left out, one at a time; 0: none can be, and nothing is known
-  /// PSNR, dB, over these cameras: mean and standard deviation. Of that part of their pictures that
-  /// fares worst: of each corner and the middle, two thirds wide and high, as much as a view shows
-  /// that asks for half again the cameras' resolution, which may be filled by what is difficult.
-  /// Minus infinity where nothing is covered.
+  int cameras = 0;  ///< number of cameras left out, one at a time; 0: none can be, quality unknown
+  /// PSNR in dB over these cameras: mean and standard deviation. It is measured on the worst of
+  /// five parts of each image: the corners and the centre, each two thirds wide and high. A view
+  /// with one and a half times the cameras' resolution shows such a part, which difficult content
+  /// may fill. Minus infinity where nothing is covered.
   double mean_db = -std::numeric_limits<double>::infinity(), stddev_db = 0;
-  double covered = 0;  ///< share of the pictures' pixels that count (coverage_mask()), 0 to 1
+  double covered = 0;  ///< fraction of covered pixels (coverage_mask()), 0 to 1
 
-  /// What a view may count on: less than the mean by the spread.
+  /// Returns the PSNR that a view can be expected to reach: the mean minus the standard deviation.
   double expected_db() const { return mean_db - stddev_db; }
 };
 
-/// Leaves out up to nine cameras, one at a time, and compares what `method` shows in their place
-/// with what they saw. They are spread over the array as far as cameras stand between others, from
-/// the centre to the rim but for its corners, and over the take's instants (LightFieldSequence): a
-/// shot may show any. None of fewer than four. Of `request` it uses take and included_cameras of
-/// the instant, the focal plane and the means, not the view.
+/// Leaves out up to nine cameras, one at a time, and compares what `method` renders at their poses
+/// with their frames. The cameras have others around them and are spread over the array, from the
+/// centre to the rim without its corners. They are also spread over the take's frames
+/// (LightFieldSequence), because a shot may show any. No camera is left out of fewer than four. Of
+/// `request` it uses the take and included cameras, the focal plane and the memory limits, not the
+/// view.
 LeaveOneOutQuality measure_leave_one_out_quality(const Method& method, const OptionValues& options,
                                                  const ViewRequest& request);
 

@@ -9,13 +9,13 @@
 
 namespace raystage {
 
-/// The instants of a take: the ticks of its timeline, with the frames that these select (clocks
-/// corrected, frames that are not to be trusted left out); where it has none, the frames of the
-/// first member and what the other cameras stamped within tolerance_of_stamps() of them.
+/// The light field frames of a take: the ticks of its timeline with their selected frames (with
+/// clocks corrected and untrusted frames excluded). Without a timeline: the frames of the first
+/// included camera and the frames of the others within tolerance_of_stamps() of them.
 class LightFieldSequence {
  public:
-  /// Of the take and included_cameras of `now`, which has to stay. Throws Error (bad input) where
-  /// the timeline cannot be read.
+  /// Uses the take and included cameras of `now`, which must outlive it. Throws Error (bad input)
+  /// where the timeline cannot be read.
   explicit LightFieldSequence(const LightFieldFrame& now);
 
   int count() const;
@@ -23,7 +23,7 @@ class LightFieldSequence {
 
  private:
   const LightFieldFrame& now_;
-  std::vector<FrameSelection> ticks_;  ///< empty: by stamps
+  std::vector<FrameSelection> ticks_;  ///< empty: frames are selected by time stamps
 };
 
 }  // namespace raystage

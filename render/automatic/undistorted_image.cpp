@@ -10,7 +10,7 @@
 namespace raystage {
 namespace {
 
-/// One channel at a position within the frame, [0, 1].
+/// Returns one channel at a position within the frame, [0, 1].
 double code_at(const DecodedFrame& frame, double x, double y, std::size_t channel) {
   const double left = std::clamp(x - 0.5, 0.0, frame.width - 1.0);
   const double top = std::clamp(y - 0.5, 0.0, frame.height - 1.0);

@@ -11,13 +11,13 @@
 
 namespace raystage {
 
-/// What a camera saw, without the distortion of its lens, at its own size and focal length.
+/// A camera's frame without lens distortion, at its own size and focal length.
 struct UndistortedImage {
   RgbImage image;                    ///< 8-bit sRGB codes, photometrically corrected
   std::vector<std::uint8_t> within;  ///< 1 per pixel that the camera saw; the others are black
 };
 
-/// Interpolates linearly in the frame's codes. `full_scale` and `space` are the cache's.
+/// Resamples a frame linearly in its codes. `full_scale` and `space` are the cache's.
 UndistortedImage undistort_frame(const DecodedFrame& frame, const CameraModel& model,
                                  double full_scale, BlendSpace space);
 

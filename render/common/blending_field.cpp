@@ -1,4 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+// Blending weights of cameras on a grid of tiles (after Buehler et al. 2001 and thesis eq. 2.3,
+// without the resolution penalty). At each tile corner every included camera gets a penalty: the
+// angle between its ray and the view's ray, divided by its visibility. The best few get weights
+// that fall to 0 before a camera drops out; within tiles weights are linear. Also computes depth
+// ranges and plane counts in view (eq. 2.1). Input: view, rig, range of inverse depths (1/m). Cost:
+// corners x cameras.
+
 #include "render/common/blending_field.h"
 
 #include <Eigen/Geometry>
@@ -14,10 +21,11 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-/// A camera counts in full from this part of its frame's width inside the border on.
+/// The fraction of the frame's width inside the border from which a camera has full visibility.
 constexpr double kBorderPart = 0.05;
 
-/// The way from a point to a place, times the point's inverse depth: finite for points at infinity.
+/// Returns the vector from a position to a point, times the point's inverse depth: finite at
+/// infinity.
 struct RayPoint {
   Vector3d eye, ray;
   double inverse_depth = 0;
@@ -38,7 +46,7 @@ double sight_of_point(const Rig::Camera& camera, const RayPoint& point) {
   return std::clamp(to_border / (kBorderPart * camera.model.width()), 0.0, 1.0);
 }
 
-/// In the mean over a ray's stretch, as nobody knows yet where on it the point is.
+/// Averages over the ray's range of depths, because the depth of the point is not known yet.
 double sight_of(const Rig::Camera& camera, RayPoint point, const InverseDepthRange& range) {
   constexpr int kPoints = 5;
   double sum = 0;
@@ -70,7 +78,7 @@ std::vector<CameraWeight> choose(const RayPoint& point, const InverseDepthRange&
   const double next = all.size() > kept ? all[kept].share : kInfinity;
   all.resize(kept);
   if (all.empty()) return all;
-  // So that a ray through a camera's own centre can be weighed.
+  // Avoids a division by 0 for a ray through a camera's own centre.
   const double least = 0.01 * (next < kInfinity ? next : all.back().share) + 1e-12;
   const bool alike = !(next > all.front().share);  // no order, then
   double sum = 0;

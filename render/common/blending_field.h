@@ -12,31 +12,33 @@
 
 namespace raystage {
 
-/// Inverse planar depths along a view's axis, evenly spaced: the planes that are tried.
+/// Evenly spaced inverse planar depths along a view's axis: the planes of a sweep.
 struct SweepPlanes {
   int count = 1;
   double farthest = 0;  ///< 1/m, of plane 0
   double step = 0;      ///< 1/m
   double inverse_depth(double plane) const { return farthest + plane * step; }
-  /// The same, told from plane 0.
+  /// Returns the same planes relative to plane 0.
   SweepPlanes from_farthest() const { return {count, 0, step}; }
   double nearest() const { return inverse_depth(count - 1); }
 };
 
-/// A stretch of inverse depths, 1/m.
+/// A range of inverse depths, 1/m.
 struct InverseDepthRange {
   double farthest = 0, nearest = 0;
-  /// Nothing at all; as inverse_depth_range_in_view() says it.
+  /// Whether the range is empty, as inverse_depth_range_in_view() returns it where nothing is
+  /// visible.
   bool empty() const { return !(farthest <= nearest); }
 };
-/// A view's rays, through its lens: what the slow rendering of any view and the planning share.
+/// The rays of a view, lens distortion included. The per-ray references and the planning use it.
 class ViewRays {
  public:
   explicit ViewRays(const VirtualCamera& view);
-  /// In the world, scaled to planar depth 1; nullopt where no ray reaches the pixel.
+  /// Returns the ray in the world, scaled to planar depth 1, or nullopt where no ray reaches the
+  /// pixel.
   std::optional<Eigen::Vector3d> through(double x, double y) const;
-  /// Of pixels all over the view whose rays bound all others': the corners, unless the lens bends
-  /// them.
+  /// Returns rays of pixels that bound all rays of the view: those of the corners, or of pixels all
+  /// over the view if the lens distorts.
   std::vector<Eigen::Vector3d> bounding_rays() const;
 
  private:
@@ -44,31 +46,32 @@ class ViewRays {
   CameraModel model_;
 };
 
-/// A camera and its share of a ray.
+/// A camera and its blending weight for a ray.
 struct CameraWeight {
   int camera = 0;
   double share = 0;
 };
 
-/// Which cameras a view's rays are reconstructed from: the best few at the corners of tiles, with
-/// weights that fall to 0 before a camera leaves the choice (after Buehler et al. 2001 and eq. 2.3
-/// of the thesis, but with no penalty for resolution: README.md), and linear between corners: so
-/// nothing jumps, neither from pixel to pixel nor from view to view. A tile none of whose corners
-/// any camera sees has the choice of its middle: the one that is wider than all that the cameras
-/// see.
+/// The cameras from which a view's rays are reconstructed: the best few at each corner of a grid of
+/// tiles, with weights that fall to 0 before a camera is no longer chosen (after Buehler et al.
+/// 2001 and thesis eq. 2.3, without their resolution penalty: README.md).
+/// Weights are linear between corners, so that they are continuous across pixels and across views.
+/// If no camera sees any corner of a tile, the choice at the tile's centre applies; such a tile is
+/// wider than all that the cameras see.
 class BlendingField {
  public:
   static constexpr int kTile = 32;  ///< pixels
 
-  /// `members`: cameras to choose from. At a corner the penalty of a camera is the angle between
-  /// its ray and the view's to the point mid-way in `range`, divided by how well it sees the ray's
-  /// stretch (1 in the inner part of its frame, falling to 0 at the border; the mean over the
-  /// stretch). The `count` of least penalty count, with weights (1 - p / p_next) / p.
+  /// `members`: the cameras to choose from. The penalty p of a camera at a corner is the angle
+  /// between its ray and the view's ray to the midpoint of `range`, divided by the camera's
+  /// visibility of the ray within `range` (1 in the inner part of its frame, falling to 0 at the
+  /// border; the mean over the range). The `count` cameras with the smallest penalties are used,
+  /// with weights (1 - p / p_next) / p.
   BlendingField(const VirtualCamera& view, const Rig& rig, std::vector<int> members,
                 const InverseDepthRange& range, int count);
 
-  /// A camera within a tile: its share at the tile's upper left, upper right, lower left and lower
-  /// right corner. Shares sum to 1 at a corner, or are 0 where no camera sees.
+  /// A camera of a tile and its weights at the upper left, upper right, lower left and lower right
+  /// corner. The weights of all cameras sum to 1 at a corner, or are 0 where no camera sees it.
   struct TileCamera {
     int camera = 0;
     std::array<float, 4> share{};
@@ -76,8 +79,8 @@ class BlendingField {
   struct Tile {
     int left = 0, right = 0, top = 0, bottom = 0;  ///< pixels of the view
     std::vector<TileCamera> cameras;               ///< by index in the rig
-    bool is_chosen_at_centre = false;              ///< chosen there, not at the corners
-    /// Cameras whose share is greatest in the tile's middle, `count` at most, by index in the rig.
+    bool is_chosen_at_centre = false;  ///< chosen at the tile's centre instead of its corners
+    /// Cameras with the largest weights at the tile's centre, at most `count`, by index in the rig.
     std::vector<int> best;
   };
   int columns() const { return columns_; }
@@ -85,9 +88,9 @@ class BlendingField {
   const Tile& tile(int column, int row) const {
     return tiles_[static_cast<std::size_t>(row * columns_ + column)];
   }
-  /// A camera's share at the pixel's centre, by the tile that the pixel lies in.
+  /// Returns a camera's weight at a pixel's centre, from the tile that contains the pixel.
   static float share(const Tile& tile, const TileCamera& camera, int x, int y);
-  /// The same for the tile's pixels of row y, from its left on.
+  /// Writes the weights of the tile's pixels in row y, from the left edge of the tile.
   static void weights(const Tile& tile, const TileCamera& camera, int y, std::span<float> of_row);
   const std::vector<CameraWeight>& corner(int column, int row) const {
     return corners_[static_cast<std::size_t>(row * (columns_ + 1) + column)];
@@ -99,21 +102,22 @@ class BlendingField {
   std::vector<Tile> tiles_;
 };
 
-/// Inverse depths at which a view can see things that lie between `near` and `far` metres in front
-/// of the array (far may be infinite); nothing nearer to the eye than a quarter of `near` is looked
-/// for. Empty where the view sees nothing of that.
+/// Returns the inverse depths at which a view can show objects between `near` and `far` metres in
+/// front of the array (far may be infinite). Objects closer to the virtual camera than a quarter of
+/// `near` are ignored. The range is empty where the view shows none of that.
 InverseDepthRange inverse_depth_range_in_view(const VirtualCamera& view, const Rig& rig,
                                               DepthRange scene);
 
-/// How many planes across the range lie so close that from one to the next a point moves by no more
-/// than `step_px` pixels between neighbours among the cameras that `field` chose (eq. 2.1): a whole
-/// number, however large. One where the range is a point, or no two cameras see the same.
+/// Returns the number of planes needed across the range so that from plane to plane a point moves
+/// by at most `step_px` pixels between neighbouring cameras of `field` (eq. 2.1). The result is an
+/// integer of any size: 1 where the range is a point or no two cameras see the same rays.
 double required_plane_count(const InverseDepthRange& range, const VirtualCamera& view,
                             const Rig& rig, const BlendingField& field, double step_px);
-/// Such a number for people, so coarsely that it is the same for all of a shot: the next multiple
-/// of half its power of ten.
+/// Returns a plane count rounded for display, so coarsely that it is the same throughout a shot:
+/// the next multiple of half its power of ten.
 double rounded_for_display(double planes);
-/// `count` planes across the range; one, in its middle, if count is 1.
+/// Returns `count` planes across the range; a count of 1 gives the plane in the middle of the
+/// range.
 SweepPlanes evenly_spaced_planes(const InverseDepthRange& range, int count);
 
 }  // namespace raystage

@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// What the sampling kernels do with the sums of weighted samples of a pixel.
+/// Selects what the sampling kernels do with the sums of weighted samples of a pixel.
 enum class SumStage {
   kSampleAndFinish,  ///< sample the cameras and write finished pixels
   kSampleOnly,  ///< sample the cameras and write the sums: R, G, B, weight in codes of the blend
@@ -16,11 +16,11 @@ enum class SumStage {
   kFinishOnly   ///< sample no camera: finish the sums that are there instead of the pixels
 };
 
-/// What the cameras that one host holds contribute to a view (thesis 4.1.2): the sums of their
-/// weighted samples. The sums over all hosts, finished, are the view.
+/// The contribution of one rank's cameras to a view (thesis 4.1.2): the sums of their weighted
+/// samples. Summed over all ranks and finished, contributions are the view.
 struct Contribution {
-  /// Per plane on which rays are looked up: R, G, B, weight per pixel in codes of the blend space
-  /// (65535 is full scale), row-major, 0 where the host's cameras contribute nothing.
+  /// Per plane on which rays are sampled: R, G, B, weight per pixel in codes of the blend space
+  /// (65535 is full scale), row-major; 0 where the rank's cameras contribute nothing.
   std::vector<PixelValues> planes;
   RenderStatistics statistics;
   std::vector<std::string> notes;  ///< as RenderedView::notes

@@ -5,7 +5,7 @@
 
 namespace raystage {
 
-/// The Highway target (HWY_AVX2 ...) that the kernels' own dispatch picks in this process.
+/// Returns the Highway target (HWY_AVX2 ...) that the kernels' dispatch selects in this process.
 std::int64_t dispatched_target();
 
 }  // namespace raystage

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Filter footprint and supersampling (thesis 5.3). The footprint is the largest singular value of
+// the 2x2 derivative of source pixels by view pixels (central differences over one pixel, through
+// the focal plane and the lens), at 5x5 positions of the view. Downsampling averages factor x
+// factor pixels. Cost: 25 positions x cameras; one pass over the samples.
+
 #include "render/common/footprint.h"
 
 #include <Eigen/Dense>
@@ -20,7 +25,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-/// Where the camera sees what lies on the plane behind the view's pixel position, if it does.
+/// Returns where the camera sees the point on the plane behind the view's pixel position, if it
+/// does.
 std::optional<Vector2d> pixel_in(const CameraModel& model, const Matrix3d& ideal_from_pixel,
                                  double x, double y) {
   const Vector3d ideal = ideal_from_pixel * Vector3d(x, y, 1);
@@ -73,7 +79,8 @@ double source_pixels_per_pixel(const VirtualCamera& view, const LightFieldFrame&
     return most;
   });
   if (between > 0) return between;
-  // All rays pass the array by: methods that do not mind take the nearest camera that sees.
+  // If all rays miss the array, the nearest camera that sees the point counts, for methods that
+  // sample outside it.
   const Matrix3d ray_from_pixel = world_ray_from_pixel(ideal_view);
   return most_over_places([&](double x, double y) -> double {
     const Vector3d ray = (ray_from_pixel * Vector3d(x, y, 1)).normalized();

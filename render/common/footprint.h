@@ -8,29 +8,31 @@
 
 namespace raystage {
 
-/// How many pixels of the cameras, along one axis, a pixel of the view covers where its ray meets
-/// `plane`: the most of any camera between which the ray passes and that sees it, and of any of 5x5
-/// places in the view; where all of these pass the array by, of the nearest camera that sees. Above
-/// 1 the view has less resolution than the light field (thesis 5.3: it must be filtered), below 1
-/// more. 0 where no camera sees anything of the view.
+/// Returns the filter footprint of the view: the source pixels per pixel of the view, along one
+/// axis, where its rays meet `plane`. It is the maximum over 5x5 positions in the view and over the
+/// cameras between which each ray passes and that see the point. Where all these rays miss the
+/// array, the nearest camera that sees the point counts. Above 1 the view has less resolution than
+/// the light field and must be filtered (thesis 5.3). 0 where no camera sees any of the view.
 double source_pixels_per_pixel(const VirtualCamera& view, const LightFieldFrame& instant,
                                const Eigen::Vector4d& plane);
 
-/// The view with `factor` times as many pixels along each axis, over the same image.
+/// Returns the view with `factor` times as many pixels along each axis, over the same image area.
 VirtualCamera supersampled(const VirtualCamera& view, int factor);
 
-/// Rows [first, end) of the view as a view of their own: to the rounding, its pixels are theirs.
+/// Returns rows [first, end) of the view as a separate view. Its pixels equal those of the whole
+/// view up to rounding.
 VirtualCamera crop_rows(const VirtualCamera& view, int first, int end);
 
-/// The mean of factor x factor pixels each: of premultiplied linear light, alpha, coverage and,
-/// where measured, cameras; of inverse depths where alpha is above 0, by alpha (they are what is
-/// linear on a plane); the least, where measured, of nearest_ray. Statistics
-/// and notes are kept. `image`: of a view made by supersampled() with that factor.
+/// Returns the view downsampled by averaging factor x factor pixels. Averages premultiplied linear
+/// light, alpha, coverage and (where measured) cameras. Inverse depths are averaged where alpha is
+/// above 0, weighted by alpha, because they are linear on a plane. nearest_ray becomes the minimum
+/// where measured. Statistics and notes are kept. `image`: rendered from supersampled() with this
+/// factor.
 RenderedView downsampled(const RenderedView& image, int factor);
 
-/// Puts a view of crop_rows() in its place in the view of all rows, which is made with the first of
-/// them, and adds up their statistics: `cameras_used` are those of the rows that use most, and
-/// pixels needed in several parts count in each. Notes come once.
+/// Copies a view of crop_rows() into its rows of the full view, which the first call creates. Adds
+/// up the statistics: `cameras_used` is the maximum over the parts, and pixels needed in several
+/// parts are counted in each. Notes are not repeated.
 void insert_rows(RenderedView&& rows, int first, int height, RenderedView& whole);
 
 }  // namespace raystage

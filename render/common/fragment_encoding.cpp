@@ -41,7 +41,7 @@ void append(const T* values, std::size_t count, std::vector<std::byte>& message)
 
 Error damaged(const std::string& what) {
   return Error::bad_input("a message with fragments is damaged: " + what, "fragments",
-                          "Check the network between the hosts and render again");
+                          "Check the network between the ranks and render again");
 }
 
 /// Reads a message from its front.
@@ -49,7 +49,7 @@ class Reader {
  public:
   explicit Reader(std::span<const std::byte> message) : rest_(message) {}
   std::span<const std::byte> bytes(std::size_t count) {
-    if (count > rest_.size()) throw damaged("it is cut short");
+    if (count > rest_.size()) throw damaged("it is truncated");
     const auto taken = rest_.first(count);
     rest_ = rest_.subspan(count);
     return taken;
@@ -155,7 +155,7 @@ void add_jpeg(Reader& reader, const FragmentArea& area, int width, std::span<flo
   const auto jpeg = reader.bytes(size);
   const JpegLayout layout = parse_jpeg_layout(jpeg, "fragments");
   if (layout.width != area.width || layout.height != area.height) {
-    throw damaged("a picture has another size than its rectangle");
+    throw damaged("an image and its rectangle differ in size");
   }
   JpegDecoder decoder;
   const RgbImage image = decoder.decode(jpeg, "fragments");

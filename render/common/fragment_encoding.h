@@ -17,8 +17,8 @@ enum class FragmentEncoding : std::uint8_t {
   /// 8 bytes per pixel: half floats of sums / 65535. The error of each value is at most 2^-11 of
   /// it.
   kHalf = 1,
-  /// One rectangle around all: R, G, B as a JPEG of sums / 257, clamped to [0, 255]. No weights:
-  /// they depend on geometry alone, so that the reader can find them.
+  /// One bounding rectangle: R, G, B as a JPEG of sums / 257, clamped to [0, 255]. Weights are not
+  /// stored: they depend on geometry alone, so that the reader can compute them.
   kJpeg = 2
 };
 
@@ -27,7 +27,7 @@ struct FragmentEncodingSettings {
   int jpeg_quality = 85;  ///< 1 to 100, libjpeg's scale; chroma has half the resolution
 };
 
-/// What a message holds.
+/// Counts what messages contain.
 struct FragmentCounts {
   std::int64_t fragments = 0, samples = 0, bytes = 0;
   FragmentCounts& operator+=(const FragmentCounts& other) {
@@ -46,8 +46,8 @@ std::vector<std::byte> encode_fragments(const FragmentTag& tag, std::span<const 
                                         FragmentCounts& counts);
 
 /// Adds the fragments of a message to `sums`. Throws Error (bad input) where the message is
-/// damaged, its view has another size or its tag is another one than `tag`; `sums` may hold some of
-/// its fragments then.
+/// damaged, its view has another size or its tag differs from `tag`; `sums` may then contain some
+/// of its fragments.
 void add_fragments(std::span<const std::byte> message, const FragmentTag& tag, int width,
                    int height, std::span<float> sums);
 

@@ -8,10 +8,10 @@
 
 namespace raystage {
 
-/// Names what a fragment is part of (thesis 4.1.4).
+/// Identifies what a fragment is part of (thesis 4.1.4).
 struct FragmentTag {
-  std::uint32_t view = 0;   ///< the request for a view that it answers
-  std::uint32_t layer = 0;  ///< light field of the shot
+  std::uint32_t view = 0;   ///< identifies the request for a view that the fragment answers
+  std::uint32_t layer = 0;  ///< index of the light field in the shot
   std::uint32_t plane = 0;  ///< index into Contribution::planes
   bool operator==(const FragmentTag&) const = default;
 };
@@ -34,7 +34,7 @@ std::vector<FragmentArea> cover_nonzero_pixels(std::span<const float> sums, int 
 
 /// Height of a strip of rows in which cover_nonzero_pixels() looks for columns, pixels.
 inline constexpr int kFragmentRows = 8;
-/// Columns of zeros that are cheaper to send than another rectangle.
+/// Runs of zero columns up to this length are sent, because they cost less than another rectangle.
 inline constexpr int kMinGap = 16;
 
 }  // namespace raystage

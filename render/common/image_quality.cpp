@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// PSNR and SSIM (Wang, Bovik, Sheikh, Simoncelli 2004) of 8-bit sRGB images over covered pixels.
+// SSIM uses a separable Gaussian window of 11 pixels, normalised over covered pixels, per channel.
+// Cost: 11 operations per pixel, axis, channel and moment.
+
 #include "render/common/image_quality.h"
 
 #include <algorithm>
@@ -24,7 +28,7 @@ std::array<double, 2 * kRadius + 1> gaussian_window() {
   return window;
 }
 
-/// Smooths a plane with the window, rows then columns, weights outside the picture left out.
+/// Smooths a plane with the window, rows then columns, without weights outside the image.
 std::vector<double> smooth(const std::vector<double>& plane, int width, int height) {
   static constexpr int kTaps = 2 * kRadius + 1;
   const auto window = gaussian_window();

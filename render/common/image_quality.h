@@ -10,22 +10,24 @@
 
 namespace raystage {
 
-/// How near an image comes to the truth, over the pixels that were reconstructed.
+/// The quality of an image against the ground truth, over the pixels that were reconstructed.
 struct ImageQuality {
-  double psnr_db = 0;  ///< peak 255; infinity when equal; not-a-number without covered pixels
+  double psnr_db = 0;  ///< peak 255; infinity if equal; not-a-number without covered pixels
   double ssim = 0;     ///< mean structural similarity; not-a-number without covered pixels
-  double covered = 0;  ///< part of the pixels compared, 0 to 1
+  double covered = 0;  ///< fraction of the pixels compared, 0 to 1
 };
 
-/// A reconstructed view as 8-bit sRGB codes, un-premultiplied, black where nothing was seen.
+/// Returns a reconstructed view as 8-bit sRGB codes, un-premultiplied, black where no camera saw
+/// the ray.
 RgbImage srgb_image(const RenderedView& view);
 
-/// 1 per pixel that counts as covered: every camera it is made of saw the ray (alpha >= 0.999).
+/// Returns 1 for each covered pixel: one whose ray all its cameras saw (alpha >= 0.999).
 std::vector<std::uint8_t> coverage_mask(const RenderedView& view);
 
-/// PSNR over all channels, and SSIM (Wang, Bovik, Sheikh, Simoncelli 2004: Gaussian window of 11
-/// with sigma 1.5, K1 = 0.01, K2 = 0.03; per channel, then the mean; windows count covered pixels
-/// only, weights normalised). Both on 8-bit codes. Throws Error (bad input) when the sizes differ.
+/// Computes PSNR over all channels and SSIM (Wang, Bovik, Sheikh, Simoncelli 2004: Gaussian window
+/// of 11 with sigma 1.5, K1 = 0.01, K2 = 0.03; per channel, then the mean). Windows use covered
+/// pixels only, with normalised weights. Both compare 8-bit codes. Throws Error (bad input) if the
+/// sizes differ.
 ImageQuality compare_images(const RgbImage& image, const RgbImage& truth,
                             std::span<const std::uint8_t> covered);
 

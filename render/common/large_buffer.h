@@ -9,9 +9,10 @@
 
 namespace raystage {
 
-/// Memory that one matching leaves to the next: a fresh block costs as long as a tenth of the
-/// matching, in which the kernel clears it. Holds never more than was in use at once: where no free
-/// block is of the size wanted, all that are free go. For many threads; outlives its buffers.
+/// A pool of memory blocks that one matching leaves to the next. The kernel clears fresh blocks,
+/// which takes a tenth of the time of a matching. The pool never holds more memory than was in use
+/// at once: if no free block has the requested size, all free blocks are released. Thread-safe;
+/// must outlive its buffers.
 class BufferPool {
  public:
   BufferPool() = default;
@@ -19,10 +20,10 @@ class BufferPool {
   BufferPool(const BufferPool&) = delete;
   BufferPool& operator=(const BufferPool&) = delete;
 
-  /// `bytes` as of block_bytes(). Throws std::bad_alloc.
+  /// Allocates `bytes` (a result of block_bytes()). Throws std::bad_alloc.
   void* take(std::size_t bytes);
   void return_block(void* block, std::size_t bytes) noexcept;
-  /// Frees what is not in use.
+  /// Frees the blocks that are not in use.
   void release() noexcept;
   std::size_t free_bytes() const;
 
@@ -37,9 +38,9 @@ class BufferPool {
 
 namespace memory_block {
 
-/// What is taken for so many: large ones are whole pages of 2 MB.
+/// Returns the bytes allocated for a request: large blocks are whole pages of 2 MB.
 std::size_t rounded(std::size_t bytes);
-/// From the pool, or fresh where there is none. Throws std::bad_alloc.
+/// Allocates from the pool, or from the system if `pool` is null. Throws std::bad_alloc.
 void* take(std::size_t bytes, BufferPool* pool);
 
 struct BlockDeleter {
@@ -50,18 +51,18 @@ struct BlockDeleter {
 
 }  // namespace memory_block
 
-/// Uninitialised numbers by the megabyte. In pages of 2 MB where the system has them: with small
-/// ones a fifth of a matching's time goes to the first touch of each.
+/// An uninitialised array of megabytes of numbers, in pages of 2 MB where the system has them. With
+/// small pages a fifth of a matching's time is spent on the first access to each page.
 template <class T>
 class LargeBuffer {
   static_assert(std::is_trivial_v<T>);
 
  public:
   LargeBuffer() = default;
-  /// Throws std::bad_alloc. `pool`: where the memory comes from and goes to, or null.
+  /// Throws std::bad_alloc. `pool`: allocates and takes back the memory; null: the system does.
   explicit LargeBuffer(std::size_t count, BufferPool* pool = nullptr)
       : data_(static_cast<T*>(memory_block::take(bytes(count), pool)), {bytes(count), pool}) {}
-  /// Memory that so many take.
+  /// Returns the memory that `count` elements need.
   static std::size_t bytes(std::size_t count) { return memory_block::rounded(count * sizeof(T)); }
   T* data() const { return data_.get(); }
 

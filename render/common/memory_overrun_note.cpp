@@ -10,8 +10,8 @@ std::string memory_overrun_note(std::string_view method, const ViewRequest& requ
   const int height =
       request.full_height > 0 ? request.full_height : request.view.height / request.supersampling;
   return fmt::format(
-      "{}: a view of {}x{} takes more memory to work with than its share, {:.0f} MB: the least "
-      "that it can do with",
+      "{}: a view of {}x{} needs more working memory than its budget of {:.0f} MB, even at "
+      "its minimum",
       method, request.view.width / request.supersampling, height,
       static_cast<double>(request.working_bytes) / 1e6);
 }

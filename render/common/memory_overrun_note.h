@@ -8,8 +8,8 @@
 
 namespace raystage {
 
-/// For RenderedView::notes: the view takes more memory than ViewRequest::working_bytes, though as
-/// little as `method` can do with.
+/// Returns a line for RenderedView::notes: the view needs more memory than
+/// ViewRequest::working_bytes, even at the minimum of `method`.
 std::string memory_overrun_note(std::string_view method, const ViewRequest& request);
 
 }  // namespace raystage

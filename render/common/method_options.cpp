@@ -108,7 +108,7 @@ double MethodOptions::number(std::string_view name) const {
   return value_in<double>(values_, name);
 }
 
-int MethodOptions::whole(std::string_view name) const { return static_cast<int>(number(name)); }
+int MethodOptions::integer(std::string_view name) const { return static_cast<int>(number(name)); }
 
 const std::string& MethodOptions::text(std::string_view name) const {
   return value_in<std::string>(values_, name);

@@ -9,8 +9,8 @@
 
 namespace raystage {
 
-/// One option of a reconstruction method: what it is called, what it may be, what it is unless
-/// given. Made by the functions below.
+/// One option of a reconstruction method: its name, allowed values and default. Create it with the
+/// functions below.
 struct OptionSpec {
   enum class Kind {
     kFlag,     ///< true or false
@@ -21,11 +21,11 @@ struct OptionSpec {
   };
   std::string_view name;
   Kind kind = Kind::kNumber;
-  double number = 0;           ///< fallback of flags (0, 1) and numbers
-  double least = 0, most = 0;  ///< of numbers, both allowed
-  std::string_view text;       ///< fallback of choices and texts
+  double number = 0;           ///< default of flags (0, 1) and numbers
+  double least = 0, most = 0;  ///< range of numbers, both ends allowed
+  std::string_view text;       ///< default of choices and texts
   std::string_view choices;    ///< of kChoice, separated by '|'
-  std::string_view help;       ///< for people, with the unit
+  std::string_view help;       ///< for the user, with the unit
 };
 
 constexpr OptionSpec flag_option(std::string_view name, bool fallback, std::string_view help) {
@@ -48,40 +48,40 @@ constexpr OptionSpec text_option(std::string_view name, std::string_view fallbac
   return {name, OptionSpec::Kind::kText, 0, 0, 0, fallback, {}, help};
 }
 
-/// What a method's options are in one rendering: those given, checked, and the others as they are
-/// unless given.
+/// The options of a method in one rendering: the given values, validated, and the defaults of the
+/// others.
 class MethodOptions {
  public:
   MethodOptions() = default;
-  /// Throws Error (bad input) for a name that is none of `specs`, a value of another kind or out of
-  /// its range; `where` says in the error where they stand.
+  /// Throws Error (bad input) for a name that is not in `specs` and for a value of the wrong kind
+  /// or out of range. `where` is the origin of the options, for the message.
   MethodOptions(std::span<const OptionSpec> specs, const OptionValues& given,
                 std::string_view where);
 
-  // Asking for an option that the method has not declared breaks an invariant (std::logic_error).
+  // Reading an option that the method has not declared violates an invariant (std::logic_error).
   bool flag(std::string_view name) const;
-  int whole(std::string_view name) const;
+  int integer(std::string_view name) const;
   double number(std::string_view name) const;
   const std::string& text(std::string_view name) const;
 
-  /// All of them, e.g. for a fingerprint.
+  /// Returns all options, e.g. for a fingerprint.
   const OptionValues& values() const { return values_; }
 
  private:
   OptionValues values_;
 };
 
-/// "NAME=VALUE" as it stands on a command line: true and false, numbers, else text. Throws Error
-/// (bad input) where there is no '=' or no name.
+/// Parses "NAME=VALUE" as on a command line; the value is true, false, a number or else text.
+/// Throws Error (bad input) without '=' or without a name.
 OptionValues::value_type option_from_text(std::string_view text);
 
-/// "NAME=VALUE,NAME=VALUE", none where empty. Throws Error (bad input) as above, and for a name
-/// that comes twice.
+/// Parses "NAME=VALUE,NAME=VALUE"; an empty text gives no options. Throws Error (bad input) as
+/// option_from_text(), and for a repeated name.
 OptionValues options_from_text(std::string_view text);
-/// The same the other way, by name.
+/// Returns the options as options_from_text() reads them, sorted by name.
 std::string options_to_text(const OptionValues& options);
 
-/// A line for people: name, unless-given value, range, help.
+/// Returns a help line for the user: name, default, range, help.
 std::string describe_option(const OptionSpec& spec);
 
 }  // namespace raystage

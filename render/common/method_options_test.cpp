@@ -30,7 +30,7 @@ std::string refusal(const OptionValues& given) {
 TEST(MethodOptions, UnlessGivenAreAsDeclared) {
   const MethodOptions options(kSpecs, {}, "here");
   EXPECT_TRUE(options.flag("sub_plane"));
-  EXPECT_EQ(options.whole("planes"), 0);
+  EXPECT_EQ(options.integer("planes"), 0);
   EXPECT_EQ(options.number("f_number"), 2.8);
   EXPECT_EQ(options.text("shape"), "round");
   EXPECT_EQ(options.text("proxy"), "");
@@ -46,7 +46,7 @@ TEST(MethodOptions, TakesWhatIsGiven) {
                                {"proxy", 7.0}},
                               "here");
   EXPECT_FALSE(options.flag("sub_plane"));
-  EXPECT_EQ(options.whole("planes"), 96);
+  EXPECT_EQ(options.integer("planes"), 96);
   EXPECT_EQ(options.number("f_number"), 64);
   EXPECT_EQ(options.text("shape"), "hexagon");
   EXPECT_EQ(options.text("proxy"), "7");

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// The homography from a view to a camera through a focal plane (thesis 4.1.2), without a division
+// by depth. Signed distances use a compensated sum (Ogita, Rump and Oishi 2005). Input: plane a x +
+// b y + c z + d = 0 in the world, metres. Output: 3x3 matrices per camera. Cost: constant per
+// camera.
+
 #include "render/common/plane_projection.h"
 
 #include <cmath>
@@ -10,10 +15,10 @@
 namespace raystage {
 namespace {
 
-/// Beyond these, distances and their inverses leave the range of a float.
+/// Beyond these limits, distances and their inverses exceed the range of a float.
 constexpr double kFarthest = 1e30, kClosest = 1e-30;
 
-/// The same plane with its largest coefficient near 1; exact, as only exponents change.
+/// Returns the same plane with its largest coefficient near 1; exact, as only exponents change.
 Eigen::Vector4d moderate(const Eigen::Vector4d& plane) {
   const int exponent = std::ilogb(plane.cwiseAbs().maxCoeff());
   return plane.unaryExpr([&](double number) { return std::ldexp(number, -exponent); });
@@ -33,7 +38,7 @@ double signed_plane_distance(const Eigen::Vector4d& given, const Eigen::Vector3d
     magnitude += std::abs(product);
   }
   const double height = sum + lost;
-  // Numbers that were rounded themselves, e.g. of a plane laid through the eye, tell no more.
+  // A sum below the rounding error of its terms is 0, e.g. for a plane through the virtual camera.
   if (std::abs(height) <= 4 * std::numeric_limits<double>::epsilon() * magnitude) return 0;
   const double metres = height / plane.head<3>().norm();
   return std::abs(metres) < kClosest ? 0 : metres;
@@ -55,7 +60,7 @@ PlaneProjection::PlaneProjection(const VirtualCamera& view, const Eigen::Vector4
   const double length = given.head<3>().norm();
   if (std::abs(given.w()) > kFarthest * length) {
     throw Error::bad_input("the focal plane is further away than 1e30 m", "focal plane",
-                           "Give 0 0 0 1 for a plane at infinity");
+                           "Use 0 0 0 1 for a plane at infinity");
   }
   const double height = signed_plane_distance(plane, eye_);
   distance_ = std::abs(height);

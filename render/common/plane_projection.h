@@ -8,14 +8,15 @@
 
 namespace raystage {
 
-/// Signed distance of `point` from the plane a x + b y + c z + d = 0 with (a, b, c) not 0, metres:
-/// to the last places also where the terms all but cancel, as far from the world's origin
-/// (compensated sum: Ogita, Rump and Oishi, Accurate Sum and Dot Product, 2005). 0, on the plane,
-/// where they cancel to less than the rounding of the numbers given, or to less than 1e-30 m.
+/// Returns the signed distance in metres of `point` from the plane a x + b y + c z + d = 0, with
+/// (a, b, c) not 0. Accurate to the last places also where the terms nearly cancel, as far from the
+/// world's origin (compensated sum: Ogita, Rump and Oishi, Accurate Sum and Dot Product, 2005).
+/// Returns 0, on the plane, where the terms cancel to less than the rounding of the given numbers
+/// or to less than 1e-30 m.
 double signed_plane_distance(const Eigen::Vector4d& plane, const Eigen::Vector3d& point);
 
-/// A focal plane seen from a virtual camera: where each pixel's ray meets it, and where the rig's
-/// cameras see that point (thesis 4.1.2: a homography per camera).
+/// Projects a focal plane into a virtual camera: where each pixel's ray meets the plane, and where
+/// the rig's cameras see that point (thesis 4.1.2: a homography per camera).
 ///
 /// With the plane n.X + c = 0, the eye O, h = n.O + c and the ray d, the point is O - d h / (n.d).
 /// Multiplied by |n.d| and taken relative to a camera's centre C it is
@@ -28,8 +29,9 @@ class PlaneProjection {
   /// than 1e30 m from the world's origin without being at infinity.
   PlaneProjection(const VirtualCamera& view, const Eigen::Vector4d& plane);
 
-  /// (X, Y, W): the camera's ideal image point is (X/W, Y/W), seen if W > 0; times (x, y, 1) of the
-  /// view's pixel. Pixels where depth() is not positive have no such point.
+  /// Returns the matrix that maps (x, y, 1) of the view's pixel to (X, Y, W). The camera's ideal
+  /// image point is (X/W, Y/W), visible if W > 0. Pixels where depth() is not positive have no such
+  /// point.
   Eigen::Matrix3d ideal_from_pixel(const Pose& camera) const;
 
   /// Planar depth along the view's axis is distance() / slope().(x, y, 1), where that is positive;
@@ -37,8 +39,8 @@ class PlaneProjection {
   const Eigen::Vector3d& slope() const { return slope_; }
   double distance() const { return distance_; }
   bool at_infinity() const { return at_infinity_; }
-  /// Planar depth of the plane at a pixel, metres; infinity for a plane there, 0 where the ray
-  /// never meets the plane in front of the eye.
+  /// Returns the planar depth of the plane at a pixel in metres: infinity for a plane at infinity,
+  /// 0 where the ray does not meet the plane in front of the virtual camera.
   double depth(double x, double y) const;
 
  private:

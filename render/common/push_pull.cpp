@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Hole filling by pull and push (Gortler, Grzeszczuk, Szeliski and Cohen 1996, section 3.4). Builds
+// a pyramid of premultiplied R, G, B, A with a 4 x 4 filter, then fills pixels from the coarser
+// level by 1 - alpha. Input and output: width x height x 4 floats, in place. Cost: about 4/3 passes
+// each way over the pixels. Must match fill_push_pull_reference().
+
 #include "render/common/push_pull.h"
 
 #include <algorithm>
@@ -23,7 +28,7 @@ struct Image {
   }
 };
 
-/// Between which two coarse pixels a fine one lies along one axis; the first has weight 1 - second.
+/// The two coarse pixels around a fine one along one axis; the first has weight 1 - second.
 struct Between {
   int first = 0, second = 0;
   float weight_of_second = 0;
@@ -34,7 +39,7 @@ Between coarse_of(int fine, int coarse_size) {
   return {std::max(below, 0), std::min(below + 1, coarse_size - 1), fine % 2 == 0 ? 0.75F : 0.25F};
 }
 
-/// How much of a fine pixel goes to a coarse one along one axis: the transpose of coarse_of().
+/// Returns the weight of a fine pixel in a coarse one along one axis: the transpose of coarse_of().
 float share(int fine, int coarse, int coarse_size) {
   const Between between = coarse_of(fine, coarse_size);
   return (between.first == coarse ? 1 - between.weight_of_second : 0) +
@@ -72,7 +77,7 @@ void pull(const Image& fine, const Image& coarse) {
   });
 }
 
-/// `empty_space`: of the fine image's pixels, or null.
+/// `empty_space`: of the pixels of the fine image, or null.
 void push(const Image& coarse, const Image& fine, const float* empty_space) {
   for_each_row(fine.height, [&](int y) {
     const Between rows = coarse_of(y, coarse.height);

@@ -14,16 +14,16 @@ namespace raystage {
 /// coarsest level down, a pixel of confidence A keeps what it has and takes 1 - A from the level
 /// above, interpolated linearly.
 ///
-/// Changes `rgba` only: alpha becomes 1 everywhere but where nothing is there
-/// (RenderedView::empty_space), which stays as transparent, or stays 0 everywhere where no pixel
-/// was seen at all. Where alpha was 1 nothing changes, by no bit. Coverage and z still show the
-/// holes. Memory: a third of rgba's. The same bytes for any number of threads.
+/// Changes `rgba` only. Alpha becomes 1 everywhere, except in empty space
+/// (RenderedView::empty_space), which stays transparent; if no pixel was seen at all, it stays 0.
+/// Pixels with alpha 1 stay bit-identical. Coverage and z still show the holes. Memory: a third of
+/// rgba's. The bytes do not depend on the number of threads.
 void fill_push_pull(RenderedView& view);
 
-/// The same pixel by pixel in double, one level inside the other.
+/// As fill_push_pull(), pixel by pixel in double, level by level recursively: the reference.
 void fill_push_pull_reference(RenderedView& view);
 
-/// Sums with less confidence than this hold no colour worth dividing by it.
+/// Sums with less confidence than this contain no usable colour: they are not divided by it.
 inline constexpr float kMinConfidence = 1e-20F;
 
 }  // namespace raystage

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the cell of the array's topology that each ray of a view crosses (thesis 4.1.2), and the
+// barycentric weights of its cameras. Weights are linear functions of the pixel (see ray_cells.h),
+// so that a row of pixels is cut into spans by the sign of three functions per cell. Input: view
+// without distortion, rig, topology. Output: spans per row. Cost: cells per row plus pixels.
+
 #include "render/common/ray_cells.h"
 
 #include <Eigen/Geometry>
@@ -14,7 +19,8 @@ using Eigen::Vector3d;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-/// Least edge tolerance: views on the array's own edge see its rim cameras along that edge.
+/// Smallest edge tolerance: views on the array's own edge see its outermost cameras along that
+/// edge.
 constexpr double kEdgeTolerance = 1e-9;
 
 /// (b - o) x (c - o), the plane through o and an edge, accurate far from the edge, and exactly the
@@ -53,8 +59,8 @@ RayCells::Cell make_cell(const Topology::Cell& indices, const Topology& topology
   return cell;
 }
 
-/// An eye at a distance knows where its rays cross the cell to a few units in the last place of
-/// that distance. Neighbouring cells reach out as far, so that no ray falls between them.
+/// For a distant virtual camera, the crossing of a cell is accurate to a few units in the last
+/// place of its distance. Neighbouring cells extend by as much, so that no ray falls between them.
 double edge_tolerance(const RayCells::Cell& cell, const Rig& rig, const Vector3d& eye) {
   if (cell.count < 2) return 0;
   const auto centre = [&](std::size_t i) {
@@ -73,8 +79,9 @@ double edge_tolerance(const RayCells::Cell& cell, const Rig& rig, const Vector3d
   return kEdgeTolerance + 8 * kEpsilon * distance / width;
 }
 
-/// An eye in the array's plane, on an edge between two cameras, sees the third nowhere: its share,
-/// which rounding makes less than the tolerance, is nothing, and its frame need not be decoded.
+/// For a virtual camera in the array's plane, on the edge between two cameras, the third has no
+/// weight. Its weight, which rounding keeps below the tolerance, is set to 0, so that its frame
+/// need not be decoded.
 void drop_shares_below_tolerance(RayCells::Cell& cell, const VirtualCamera& view) {
   const auto range_of = [&](const Vector3d& linear) {
     double least = linear.z(), most = linear.z();
@@ -95,7 +102,7 @@ void drop_shares_below_tolerance(RayCells::Cell& cell, const VirtualCamera& view
   }
 }
 
-/// Rows between which a triangle's projection lies, with what the tolerance adds around it; all
+/// Returns the rows that contain a triangle's projection, including the tolerance around it; all
 /// rows where it reaches beyond the horizon.
 void bound_rows(RayCells::Cell& cell, const Rig& rig, const Vector3d& eye,
                 const Matrix3d& pixel_from_world_ray) {
@@ -146,8 +153,7 @@ bool passes_through(const RayCells::Cell& cell, double x, double y) {
   return sum > 0;
 }
 
-/// Of the edges from the cell's first camera to its others; a camera that is not there lies far
-/// away.
+/// The edges from the cell's first camera to its others; a missing camera is placed far away.
 std::array<double, 3> edge_products(const RayCells::Cell& cell, const Rig& rig) {
   constexpr double kFar = 1e30;
   const auto edge = [&](std::size_t i) {
@@ -170,8 +176,8 @@ void keep_non_negative(double slope, double constant, double& low, double& high)
   }
 }
 
-/// Paints the cell's pixels of a row, on the side of the array's plane where `sign` * total > 0,
-/// with `mark`.
+/// Sets the cell's pixels of a row to `mark`, on the side of the array's plane where `sign` * total
+/// > 0.
 void paint(const RayCells::Cell& cell, int mark, double sign, int y, int width,
            std::vector<int>& row) {
   const double centre_y = y + 0.5;

@@ -11,8 +11,8 @@
 
 namespace raystage {
 
-/// The cells of the array's topology as a virtual camera sees them (thesis 4.1.2): between which
-/// cameras a ray passes, and how near to each.
+/// The cells of the array's topology as seen by a virtual camera (thesis 4.1.2). Determines between
+/// which cameras a ray passes, and their weights.
 ///
 /// A ray from O along d passes between the cameras at C1, C2, C3 with barycentric weights
 ///   w1 : w2 : w3 = d.((C2-O)x(C3-O)) : d.((C3-O)x(C1-O)) : d.((C1-O)x(C2-O)),
@@ -28,16 +28,16 @@ class RayCells {
     /// pixel has more of the camera than rounding leaves.
     std::array<Eigen::Vector3d, 3> share;
     Eigen::Vector3d total = Eigen::Vector3d::Zero();
-    /// e2.e2, e2.e3, e3.e3 of the edges from its first camera to its second and third, m^2: with
-    /// the weights they tell which camera is nearest.
+    /// e2.e2, e2.e3, e3.e3 of the edges from the first camera to the second and third, m^2. With
+    /// the weights they determine the nearest camera.
     std::array<double, 3> edge_products{};
-    /// How far outside, in units of the weight, a ray still counts as in the cell.
+    /// How far outside the cell, in units of the weight, a ray still counts as inside.
     double edge_tolerance = 0;
     double first_row = 0, last_row = 0;  ///< pixel rows outside of which no ray passes
   };
   struct Crossing {
     int cell = 0;
-    std::array<double, 3> weight{};  ///< in [0, 1], sum 1; the unused ones are 0
+    std::array<double, 3> weight{};  ///< in [0, 1], sum 1; unused ones are 0
   };
   /// Pixels [begin, end) of a row whose centres pass through one cell, from one side of it: total
   /// has one sign.
@@ -50,26 +50,28 @@ class RayCells {
 
   const std::vector<Cell>& cells() const { return cells_; }
 
-  /// The crossing of the ray through an (undistorted) pixel position. Where the array is folded
-  /// over itself the cell of lowest index counts. nullopt where the ray passes the array by.
+  /// Returns the crossing of the ray through an (undistorted) pixel position, or nullopt where the
+  /// ray misses the array. Where the array folds over itself the cell of lowest index is used.
   std::optional<Crossing> locate(double x, double y) const;
 
-  /// Weights of the ray through (x, y) in a cell that it is known to cross.
+  /// Returns the weights of the ray through (x, y) in a cell that the ray is known to cross.
   Crossing crossing_in_cell(int cell, double x, double y) const;
 
-  /// The same ray given whole to the camera nearest to where it crosses the cell; the first at a
-  /// tie.
+  /// Returns the crossing with all weight on the camera nearest to the point where the ray crosses
+  /// the cell; the first camera at a tie.
   Crossing nearest(const Crossing& crossing) const;
 
-  /// The row's pixels by cell, from left to right; pixels that pass the array by are left out.
-  /// Agrees with locate() at every pixel centre. `scratch` is reused between rows.
+  /// Computes the pixel spans of the row by cell, from left to right. Pixels whose rays miss the
+  /// array are omitted. Agrees with locate() at every pixel centre. `scratch` is reused between
+  /// rows.
   void row_spans(int y, int width, std::vector<int>& scratch, std::vector<Span>& spans) const;
 
  private:
   std::vector<Cell> cells_;
 };
 
-/// World direction (not unit) of the ray through pixel (x, y), undistorted: matrix * (x, y, 1).
+/// Returns the matrix M such that M (x, y, 1) is the world direction (not unit) of the ray through
+/// pixel (x, y), undistorted.
 Eigen::Matrix3d world_ray_from_pixel(const VirtualCamera& view);
 
 }  // namespace raystage

@@ -8,18 +8,19 @@
 
 namespace raystage {
 
-/// What methods work out once and use for many views (depth maps, slabs, scenes), within a bound of
-/// memory: least recently used out first. Thread-safe; a result is worked out once however many
-/// threads ask for it at the same time: those that come meanwhile help with its parallel loops.
+/// Caches results that methods compute once and use for many views (depth maps, slabs, scenes),
+/// within a memory budget. The least recently used results are evicted first. Thread-safe: a result
+/// is computed once, however many threads request it at the same time; waiting threads help with
+/// its parallel loops.
 class ResultCache {
  public:
   explicit ResultCache(std::size_t budget_bytes);
   ~ResultCache();
 
-  /// The result kept under `key`, or what `make` returns, kept from then on. The key names the
-  /// result's type and all that it depends on. `make` says how much memory the result holds
-  /// (`bytes`; one of 0 bytes is never thrown out); when it throws, nothing is kept, and every
-  /// thread that waited throws too.
+  /// Returns the result cached under `key`, or the result of `make`, which is then cached. The key
+  /// names the result's type and all that it depends on. `make` sets `bytes`, the memory that the
+  /// result holds; a result of 0 bytes is never evicted. If `make` throws, nothing is cached, and
+  /// every waiting thread throws too.
   template <class T>
   std::shared_ptr<const T> get(
       const std::string& key,

@@ -8,9 +8,9 @@
 
 namespace raystage {
 
-/// Between which depths the scene lies, metres in front of the array: as the take says, or as the
-/// method's options `near` and `far` do where they are above 0. Throws Error (bad input), naming
-/// `method`, where neither says, or far is nearer than near.
+/// Returns the depth range of the scene in metres in front of the array: the one in the take, or
+/// the method's options `near` and `far` where they are above 0. Throws Error (bad input), naming
+/// `method`, where neither gives a range or where far is smaller than near.
 DepthRange scene_depth_range(const MethodOptions& options, const Take& take,
                              std::string_view method);
 

@@ -14,44 +14,46 @@
 
 namespace raystage {
 
-/// The camera that was never on the set. Pixel centres at +0.5, y down; looks down -z.
+/// A virtual camera: a camera that was not on the set. Pixel centres lie at +0.5, y points down;
+/// the camera looks along -z.
 struct VirtualCamera {
   int width = 0, height = 0;  ///< pixels
-  Intrinsics intrinsics;      ///< distortion is honoured, at the per-ray reference's speed
+  Intrinsics intrinsics;      ///< rendered with its distortion only by the per-ray reference
   Pose pose;
 };
 
-/// `geometry` as views.json and rig.json hold it.
+/// Returns the virtual camera that `geometry` (as in views.json and rig.json) describes.
 VirtualCamera virtual_camera_from_geometry(const CameraGeometry& geometry);
-/// Square pixels, principal point in the middle. `horizontal_fov`: full angle, radians, (0, pi).
+/// Returns a camera with square pixels and a centred principal point. `horizontal_fov`: full angle,
+/// radians, (0, pi).
 VirtualCamera virtual_camera_with_fov(int width, int height, double horizontal_fov,
                                       const Pose& pose);
 
-/// The camera without distortion, at a camera's place: the camera itself unless its lens distorts;
-/// else one of the same focal length whose image holds all that the frame shows, up to twice the
-/// frame's width and height.
+/// Returns a camera without distortion at the pose of a real camera. Without lens distortion it
+/// equals the real camera. Otherwise it has the same focal length, and its image contains all that
+/// the frame shows, up to twice the frame's width and height.
 VirtualCamera undistorted(const CameraModel& model, const Pose& pose);
 
-/// What rendering a view took.
+/// Reports the cost of rendering a view.
 struct RenderStatistics {
-  double plan_ms = 0;               ///< geometry, and finding the source pixels that contribute
+  double plan_ms = 0;               ///< geometry, and determining the source pixels that contribute
   double decode_ms = 0;             ///< wall-clock time in which frames were decoded
   double render_ms = 0;             ///< wall-clock time of the sampling
   std::int64_t pixels_decoded = 0;  ///< entropy-decoded source pixels, all cameras
   std::int64_t pixels_needed =
-      0;                 ///< distinct source pixels with a weight; only counted on request
-  int cameras_used = 0;  ///< that contribute to some pixel
-  /// Working buffers held at once, as the method reckons, beside the view, decoded frames and what
-  /// is kept for other views; with those that took what was found for this instant now. 0 where it
-  /// works in little: a few bytes a row of the view.
+      0;                 ///< distinct source pixels with a weight; counted on request only
+  int cameras_used = 0;  ///< cameras that contribute to at least one pixel
+  /// Bytes of working buffers held at once, as the method computes them, without the view, decoded
+  /// frames and cached results. Buffers used to compute cached results of this frame are included.
+  /// 0 where the method needs only a few bytes per row of the view.
   std::size_t working_bytes = 0;
-  /// Pixels of the cameras, along one axis, that a pixel of the view covers; 0 where none is seen.
+  /// Source pixels per pixel of the view, along one axis; 0 where no camera sees the view.
   double source_pixels_per_pixel = 0;
-  int supersampling = 1;  ///< samples of the view's pixels along each axis, averaged
+  int supersampling = 1;  ///< samples per pixel of the view along each axis, averaged
 };
 
-/// std::allocator, but that values of a vector grown without saying what they are stay unset: to
-/// write a view's 15 MB of zeros takes as long as to render it.
+/// An allocator that leaves values uninitialised when a vector grows without given values. Writing
+/// the 15 MB of zeros of a view takes as long as rendering it.
 template <class T>
 struct DefaultInitAllocator : std::allocator<T> {
   template <class U>
@@ -72,42 +74,41 @@ using PixelValues = std::vector<float, DefaultInitAllocator<float>>;
 /// A reconstructed view, row-major from the top left.
 struct RenderedView {
   int width = 0, height = 0;
-  /// R, G, B, A: scene-linear Rec.709 primaries, premultiplied. A = sum of the weights of the
-  /// cameras that saw the ray (1 where all did, 0 where none); with `plane_sweep` and `depth`,
-  /// whose cameras stand in for each other, ten times that and 1 at most.
+  /// R, G, B, A: scene-linear Rec.709 primaries, premultiplied. A is the sum of the weights of the
+  /// cameras that saw the ray (1 where all did, 0 where none did). With `plane_sweep` and `depth`,
+  /// whose cameras replace each other, A is ten times that sum, at most 1.
   PixelValues rgba;
-  /// As A, but against the whole rig: below 1 also where a camera that belongs here has no frame at
-  /// this instant and others stood in for it.
+  /// As A, but relative to the whole rig: also below 1 where a camera of the ray has no frame at
+  /// this instant and other cameras replaced it.
   PixelValues coverage;
-  /// Planar depth along the view's axis, metres, of the surface the rays were looked up on;
+  /// Planar depth along the view's axis, in metres, of the surface on which the rays were sampled;
   /// +infinity where A is 0.
   PixelValues z;
-  /// On request, else empty: how many cameras of equal weight would be as many as those behind a
-  /// pixel, (sum w)^2 / sum w^2; 0 where there are none.
+  /// On request, otherwise empty: the effective number of cameras of a pixel, (sum w)^2 / sum w^2;
+  /// 0 where no camera contributes.
   PixelValues cameras;
-  /// On request, else empty: metres, least distance from the pixel's ray (a whole line) to the
-  /// centre of a camera that contributes; +infinity where none does.
+  /// On request, otherwise empty: the least distance in metres from the pixel's ray (a whole line)
+  /// to the centre of a contributing camera; +infinity where none contributes.
   PixelValues nearest_ray;
-  /// On request, else empty: how much of what the cameras about a pixel's ray see agrees with it, 0
-  /// to 1; see measure_confidence().
+  /// On request, otherwise empty: the confidence, 0 to 1; see measure_confidence().
   PixelValues confidence;
-  /// Where a method knows of rays that meet nothing at all, else empty: the part of a pixel's rays
-  /// that are such, 0 to 1. The others that are missing from A were seen by nobody.
+  /// The part of a pixel's rays that are known to meet nothing, 0 to 1; empty where the method does
+  /// not determine it. No camera saw the other rays that are missing from A.
   PixelValues empty_space;
   RenderStatistics statistics;
-  /// What people should know about how it was made, a line each, the same for every frame of a
+  /// Notes for the user about how the view was made, one line each, the same for every frame of a
   /// shot.
   std::vector<std::string> notes;
 };
 
-/// RGBA, coverage and depth, which every RenderedView has, bytes.
+/// Returns the bytes of RGBA, coverage and depth, which every RenderedView has.
 std::size_t view_buffer_bytes(const VirtualCamera& view);
-/// An image of the view's size in which no camera saw a ray.
+/// Returns an image of the view's size in which no camera saw any ray.
 RenderedView empty_view(const VirtualCamera& view);
-/// An image of the view's size for who writes every pixel of it. `rgba`: its memory, with what it
-/// holds; empty: new memory.
+/// Returns an image of the view's size for callers that write every pixel. `rgba`: memory to reuse,
+/// with its contents; empty: memory is allocated.
 RenderedView uninitialised_view(const VirtualCamera& view, PixelValues rgba = {});
-/// R, G, B, A values of a view.
+/// Returns the number of R, G, B and A values of a view.
 std::size_t view_value_count(const VirtualCamera& view);
 
 }  // namespace raystage

@@ -124,8 +124,8 @@ class Solver {
   /// Gives other hosts the maps that their cameras read in a pass, and takes those that this host's
   /// read. All hosts know who reads what.
   void exchange_maps(const EstimationPass& pass) {
-    if (group_ == nullptr || group_->hosts() == 1) return;
-    const auto hosts = static_cast<std::size_t>(group_->hosts());
+    if (group_ == nullptr || group_->size() == 1) return;
+    const auto hosts = static_cast<std::size_t>(group_->size());
     // By member and host: whether the host's cameras read the member's map.
     std::vector<std::vector<bool>> is_read(members_.size(), std::vector<bool>(hosts));
     for (std::size_t i = 0; i < members_.size(); ++i) {
@@ -140,13 +140,13 @@ class Solver {
         if (is_solved(i) && is_read[i][host])
           bytes += map(members_[i]).values.size() * sizeof(float);
       }
-      if (static_cast<int>(host) != group_->host()) messages[host].reserve(bytes);
+      if (static_cast<int>(host) != group_->rank()) messages[host].reserve(bytes);
     }
     for (std::size_t i = 0; i < members_.size(); ++i) {
       if (!is_solved(i)) continue;
       const auto bytes = std::as_bytes(std::span(map(members_[i]).values));
       for (std::size_t host = 0; host < hosts; ++host) {
-        if (!is_read[i][host] || static_cast<int>(host) == group_->host()) continue;
+        if (!is_read[i][host] || static_cast<int>(host) == group_->rank()) continue;
         messages[host].insert(messages[host].end(), bytes.begin(), bytes.end());
       }
     }
@@ -154,7 +154,7 @@ class Solver {
     std::vector<std::size_t> taken(hosts);
     for (std::size_t i = 0; i < members_.size(); ++i) {
       const auto from = static_cast<std::size_t>(host_of(i));
-      if (is_solved(i) || !is_read[i][static_cast<std::size_t>(group_->host())]) continue;
+      if (is_solved(i) || !is_read[i][static_cast<std::size_t>(group_->rank())]) continue;
       const VirtualCamera& camera = pinhole(members_[i]);
       const std::size_t bytes = pixels_of(camera) * sizeof(float);
       if (received[from].size() - taken[from] < bytes) {

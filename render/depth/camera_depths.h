@@ -13,42 +13,42 @@
 
 namespace raystage {
 
-/// How depths are found. The same for all takes: lengths are in pixels of disparity between
+/// Settings of depth estimation. They suit all takes: lengths are in pixels of disparity between
 /// neighbouring cameras, differences in 8-bit codes.
 struct DepthEstimationSettings {
   DepthRange scene;         ///< metres in front of the array; far may be infinite
-  double plane_px = 0.5;    ///< from plane to plane of the first guess; planes: 256 at most
-  int neighbours = 8;       ///< cameras that a guess is matched with, 1 to kMaxNeighbours
-  int support_views = 12;   ///< cameras that a depth is refined with
-  double refine_px = 0.2;   ///< from one of the kRefineOffsets depths to the next
-  double tolerance_px = 1;  ///< by how much two cameras' depths of a point may differ
+  double plane_px = 0.5;    ///< spacing of the initial sweep planes; kMostPlanes at most
+  int neighbours = 8;       ///< cameras that each camera is matched with, 1 to kMaxNeighbours
+  int support_views = 12;   ///< cameras that refine a depth
+  double refine_px = 0.2;   ///< step between the kRefineOffsets depths
+  double tolerance_px = 1;  ///< largest difference of two cameras' depths of a point
 };
 
-/// What the passes of estimate_camera_depths() weigh with.
+/// Constants of the passes of estimate_camera_depths().
 namespace depth_estimation {
 inline constexpr int kMostPlanes = 256;
 inline constexpr int kSmallJumpPenalty = 27,
                      kLargeJumpPenalty = 160;  ///< SemiGlobalSettings::p1 and p2
 inline constexpr double kGuideScale = 7;       ///< SemiGlobalSettings::guide_scale
-/// A camera knows its own pixels a little better than others' warped ones.
+/// Weight of a camera's own depths; the warped depths of its neighbours have weight 1.
 inline constexpr float kOwnHypothesisWeight = 1.5F;
 inline constexpr float kMinSupport = 0.25F;  ///< FusionSettings::min_support
-/// Pixels are linked over this distance where nothing parts them; and by 1/e less for each so many
-/// codes of luma, and pixels of disparity between neighbouring cameras, from one to the next.
+/// Widths of the edge-aware filter: in pixels, in codes of luma, and in pixels of disparity
+/// between neighbouring cameras. An edge weight falls by 1/e for each width of luma or disparity.
 inline constexpr double kFilterSigmaSpatial = 4, kFilterSigmaLuma = 12, kFilterSigmaDisparity = 0.5;
 }  // namespace depth_estimation
 
-/// Planes of the first guess, and what is between them. None where the camera sees nothing of the
-/// scene.
+/// The planes of a camera's initial plane sweep, evenly spaced in inverse depth. `count` is 0 if
+/// the camera sees nothing of the scene.
 struct InitialSweepPlanes {
   int count = 0;
   double farthest = 0, step = 0;  ///< inverse depths, 1/m; one plane is at `farthest`
-  double needed = 0;  ///< how many DepthEstimationSettings::plane_px takes, a whole number
+  double needed = 0;  ///< planes that plane_px requires, before the limit; a whole number
 
   double inverse_depth(double plane) const { return farthest + plane * step; }
 };
 
-/// A depth for every pixel of every camera that has a frame at an instant.
+/// The depth of every pixel of every camera that has a frame in a light field frame.
 struct CameraDepths {
   std::vector<VirtualCamera> pinholes;  ///< by camera of the rig; see undistorted()
   std::vector<InverseDepthMap> maps;    ///< empty where there is no frame
@@ -57,8 +57,8 @@ struct CameraDepths {
   double pixel = 0;
   std::vector<InverseDepthMap>
       nearest;  ///< block_nearest_depths() of the maps; see compute_block_nearest()
-  /// What finding them took: memory beside them, and pixels of the frames decoded for it; 0 where
-  /// they were read.
+  /// Cost of the estimation: memory in addition to the maps, and pixels decoded. Both are 0 if the
+  /// maps were read from a file.
   std::size_t working_bytes = 0;
   std::int64_t pixels_decoded = 0;
 
@@ -66,42 +66,42 @@ struct CameraDepths {
   std::size_t bytes() const;
 };
 
-/// Finds them in three passes over all cameras: each is matched with its neighbours (smaller half
-/// of the differences, semi-global matching); then each takes the depth that most of its neighbours
-/// report for the pixel, its own among them; then depths are shifted, in fractions of a pixel, to
-/// where all cameras that see the point agree best, with edges of the picture and of the depth
-/// holding apart what does not belong together.
-///
-/// The result depends on neither the number of threads nor `working_bytes`, which bounds the memory
-/// taken beside the result: for each camera a matching image (4 bytes a pixel), made again where
-/// not all fit, and a second map until its neighbours have read the first; and what cameras in
-/// flight need. See EstimationMemory. Throws Error (bad input) for frames that cannot be read, and
-/// where one camera at a time does not fit.
+/// Returns the depths of all cameras, estimated in three passes over the cameras:
+/// 1. matching with the neighbours (mean of the smaller half of the differences, semi-global
+///    matching);
+/// 2. fusion: each pixel takes the hypothesis that most neighbours support, its own included;
+/// 3. refinement by fractions of a pixel to the depth at which the support views agree best,
+///    smoothed by a filter that stops at edges of luma and of depth.
+/// The result depends on neither the number of threads nor `working_bytes`. `working_bytes` limits
+/// the memory in addition to the result: a matching image per camera (4 bytes a pixel, computed
+/// again if not all fit), a second map until the neighbours have read the first, and the memory of
+/// the cameras in flight. See EstimationMemory. Throws Error (bad input) if a frame cannot be read
+/// or if one camera at a time does not fit.
 CameraDepths estimate_camera_depths(const LightFieldFrame& instant,
                                     const DepthEstimationSettings& settings,
                                     std::size_t working_bytes);
 
-/// The same on several hosts, which must all call it: each finds the depths of the cameras that it
-/// holds (LightFieldFrame::is_local), with the frames and the maps of their neighbours; maps of
-/// other cameras are empty. Hosts exchange maps after the first and after the second pass. The
-/// depths are those of estimate_camera_depths().
+/// Returns the depths of the cameras that this host holds (LightFieldFrame::is_local); other maps
+/// are empty. All hosts of `group` must call it: they exchange maps after the first and the second
+/// pass. The depths equal those of estimate_camera_depths().
 CameraDepths estimate_local_depths(const LightFieldFrame& instant,
                                    const DepthEstimationSettings& settings,
                                    std::size_t working_bytes, const RankCommunicator& group);
 
-/// The slow, obvious way: pixel by pixel in double, on one thread, everything at once in memory.
+/// The reference of estimate_camera_depths(): pixel by pixel in double, on one thread, with all
+/// data in memory.
 CameraDepths estimate_camera_depths_reference(const LightFieldFrame& instant,
                                               const DepthEstimationSettings& settings);
 
-/// The pinholes and the pixel of CameraDepths, without maps: what stored maps are completed with.
+/// Returns CameraDepths with pinholes and `pixel` but without maps, to complete stored maps.
 CameraDepths camera_depths_without_maps(const LightFieldFrame& instant,
                                         const DepthEstimationSettings& settings);
 
 InitialSweepPlanes initial_sweep_planes(const CameraDepths& depths, const LightFieldFrame& instant,
                                         int camera, const DepthEstimationSettings& settings);
 
-/// Other cameras of the rig that have a frame and see a part of what `camera` does in the scene,
-/// from another place: nearest first, `count` at most.
+/// Returns at most `count` other cameras that have a frame, see a part of the scene that `camera`
+/// sees, and are at another position; nearest first.
 std::vector<int> depth_neighbours(const CameraDepths& depths, const LightFieldFrame& instant,
                                   int camera, const InverseDepthRange& range, int count);
 

@@ -15,20 +15,18 @@
 
 namespace raystage {
 
-/// Method "depth": a depth for every pixel of every camera, found once per instant with all
-/// cameras' evidence and kept; a view's depths are what its nearest cameras agree on, and its
-/// pixels the mean of the cameras that see the point, where nothing hides it from them, less of
-/// those that differ from the rest (design, ReconstructionSettings).
-///
-/// A = the shares of the chosen cameras that see the pixel's point, over kFullAlphaWeight and 1 at
-/// most. Coverage is lower than that by the shares of cameras that would have been chosen had they
-/// a frame at this instant. z: planar depth of the point found. Throws Error (bad input) where
-/// neither the take nor the options say how deep the scene is.
+/// Method "depth" (design, Reconstruction): estimates the depth of every pixel of every camera once
+/// per instant and stores it. A view's depths are fused from those of its nearest cameras. A pixel
+/// is the weighted mean of the cameras to which the point is visible; outliers have less weight. A
+/// = min(1, w / kFullAlphaWeight), w = the sum of the weights of the selected cameras that see the
+/// pixel's point. Coverage is A less the weights of cameras that would be selected but have no
+/// frame at this instant. z: planar depth of the point. Throws Error (bad input) if neither the
+/// take nor the options give the depth range of the scene.
 const Method& depth_method();
 
-/// What finding depths took; nothing where they are kept already.
+/// Cost of depth estimation; 0 if the depths were stored already.
 struct DepthEstimationStatistics {
-  std::size_t bytes = 0;            ///< worked in, the most at once
+  std::size_t bytes = 0;            ///< peak working memory
   std::int64_t pixels_decoded = 0;  ///< of the cameras' frames, summed
 };
 
@@ -39,11 +37,11 @@ struct DepthViewSettings {
   int cameras = 16;
   double agreement = 10;  ///< codes of 255
   Interpolation look_up = Interpolation::kCubic;
-  bool keep = true;       ///< in the take's folder
-  bool temporal = false;  ///< depths steadied by those of LightFieldFrame::adjacent_frames
+  bool keep = true;       ///< store depths in the take's folder
+  bool temporal = false;  ///< average depths with those of adjacent_frames
 };
 
-/// What is to be done for a view: shared by the fast and the slow way.
+/// The inputs of rendering a view, for render() and render_reference().
 struct DepthViewPlan {
   DepthViewSettings settings;
   VirtualCamera pinhole;    ///< the view, without its lens distortion
@@ -55,32 +53,32 @@ struct DepthViewPlan {
   std::vector<std::string> notes;  ///< see RenderedView::notes
   DepthEstimationStatistics work;  ///< that it took: see RenderStatistics
 };
-/// nullopt where the view sees nothing of the scene.
+/// Returns the plan, or nullopt if the view sees nothing of the scene.
 std::optional<DepthViewPlan> plan(const ViewRequest& request);
 
 // The parts of a plan, for hosts that make it together.
 
-/// All of it but the depths of cameras and view.
+/// Returns the plan without the depths of the cameras and of the view.
 std::optional<DepthViewPlan> plan_without_depths(const ViewRequest& request);
-/// The cameras whose depths are voted on, by index in the rig, and how.
+/// The inputs of fuse_hypotheses() for a view.
 struct FusionInputs {
   std::vector<DepthHypotheses> hypotheses;  ///< without a map where the plan has none of the camera
-  std::vector<int> cameras;                 ///< of each report, increasing
+  std::vector<int> cameras;                 ///< rig index of each hypothesis, increasing
   FusionSettings settings;
 };
 FusionInputs fusion_inputs(const DepthViewPlan& plan, const ViewRequest& request);
-/// What no camera knows lies behind everything.
+/// Sets unknown depths to the farthest depth of the view.
 void fill_unknown_depths(const DepthViewPlan& plan, InverseDepthMap& view_depths);
-/// Names what an instant's depths depend on, besides the take.
+/// Returns a key of all inputs of an instant's depths except the take.
 std::string depth_cache_key(const LightFieldFrame& instant,
                             const DepthEstimationSettings& settings);
-/// What people should know about the depths of an instant's cameras; reads no maps.
+/// Returns notes for the user about the depths of an instant's cameras; reads no maps.
 std::vector<std::string> depth_notes(const CameraDepths& depths, const LightFieldFrame& instant,
                                      const DepthEstimationSettings& settings);
 
-/// The depths of an instant's cameras as the method has them with its options as they are unless
-/// told, but between these depths of the `scene`: kept likewise, in `kept` and, with `keep`, in the
-/// take. `work`: what they took, where they are found now, is added to it.
+/// Returns the depths of an instant's cameras with the default options and the depth range `scene`.
+/// Stores them in the result cache `kept` and, if `keep`, in the take. Adds the cost of an
+/// estimation to `work`.
 std::shared_ptr<const CameraDepths> depths_with_default_options(const LightFieldFrame& instant,
                                                                 ResultCache& kept,
                                                                 std::size_t working_bytes,
@@ -93,11 +91,11 @@ std::shared_ptr<const CameraDepths> depths_with_default_options(const LightField
 RaySurface depth_method_surface(const MethodOptions& options, const LightFieldFrame& instant,
                                 ResultCache& kept, std::size_t working_bytes, bool use_take_folder);
 
-/// What share of a pixel cameras have that are absent, 0 to 1.
+/// Returns the weight of the absent cameras at a pixel, 0 to 1.
 float absent_camera_weight(const DepthViewPlan& plan, const LightFieldFrame& instant, int x, int y);
 
-/// By how much, 1/m along the view's axis, a camera's depth may be nearer than a point that it
-/// sees.
+/// Returns the inverse depth, 1/m along the view's axis, by which a camera's depth may be nearer
+/// than a point that counts as visible.
 float visibility_tolerance(const DepthViewPlan& plan);
 
 /// How far a camera sees a point by its own depths, 0 to 1, in double: see VisibilityRun. The point

@@ -43,7 +43,7 @@ TEST_F(DepthFound, SaysHowMuchMemoryItTakesAndWhereThatIsMoreThanItsShare) {
   EXPECT_GE(kept.statistics.working_bytes, 16 * kPixels);
   EXPECT_LT(kept.statistics.working_bytes, solved);
   const auto beyond = ::testing::Contains(
-      ::testing::HasSubstr("a view of 90x64 takes more memory to work with than its share, 0 MB"));
+      ::testing::HasSubstr("a view of 90x64 needs more working memory than its budget of 0 MB"));
   EXPECT_THAT(kept.notes, ::testing::Not(beyond));
   RendererSettings little;
   little.working_bytes = kept.statistics.working_bytes - 1;

@@ -46,9 +46,9 @@ DepthViewSettings settings_of(const MethodOptions& options, const Take& take,
   DepthViewSettings s;
   s.estimation.scene = scene_depth_range(options, take, "depth");
   s.estimation.plane_px = options.number("plane_px");
-  s.estimation.neighbours = options.whole("neighbours");
-  s.estimation.support_views = options.whole("witnesses");
-  s.cameras = options.whole("cameras");
+  s.estimation.neighbours = options.integer("neighbours");
+  s.estimation.support_views = options.integer("witnesses");
+  s.cameras = options.integer("cameras");
   s.agreement = options.number("agreement");
   s.keep = options.flag("keep") && use_take_folder;
   s.temporal = options.flag("temporal");

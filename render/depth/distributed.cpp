@@ -33,13 +33,13 @@ double milliseconds(Clock::duration duration) {
 /// One host alone.
 class NoOthers : public RankCommunicator {
  public:
-  int host() const override { return 0; }
-  int hosts() const override { return 1; }
+  int rank() const override { return 0; }
+  int size() const override { return 1; }
   std::vector<Message> exchange(std::vector<Message> messages) const override { return messages; }
 };
 
 std::vector<Message> empty_messages(const RankCommunicator& group) {
-  return std::vector<Message>(static_cast<std::size_t>(group.hosts()));
+  return std::vector<Message>(static_cast<std::size_t>(group.size()));
 }
 
 /// The depth of each pixel of the view: what all hosts' cameras say, voted on by host 0.
@@ -52,7 +52,7 @@ InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
   for (std::size_t i = 0; i < vote.hypotheses.size(); ++i) {
     if (!instant.is_local(vote.cameras[i])) continue;
     warped[i] = warp_hypotheses(plan.pinhole, vote.hypotheses[i]);
-    if (group.host() == 0) continue;
+    if (group.rank() == 0) continue;
     append_values(std::span<const std::int32_t>(warped[i].first), messages[0]);
     const auto count = static_cast<std::uint64_t>(warped[i].values.size());
     append_values(std::span(&count, 1), messages[0]);
@@ -62,7 +62,7 @@ InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
   const std::vector<Message> hypotheses = group.exchange(std::move(messages));
   messages = empty_messages(group);
   InverseDepthMap map;
-  if (group.host() == 0) {
+  if (group.rank() == 0) {
     for (std::size_t host = 1; host < hypotheses.size(); ++host) {
       std::span<const std::byte> rest(hypotheses[host]);
       for (std::size_t i = 0; i < vote.hypotheses.size(); ++i) {
@@ -83,7 +83,7 @@ InverseDepthMap vote_together(const ViewRequest& request, DepthViewPlan& plan,
     }
   }
   const std::vector<Message> found = group.exchange(std::move(messages));
-  if (group.host() != 0) {
+  if (group.rank() != 0) {
     std::span<const std::byte> rest(found[0]);
     map = {plan.pinhole.width, plan.pinhole.height,
            take_values<float>(rest, view_value_count(plan.pinhole) / 4)};
@@ -127,7 +127,7 @@ class BandBlend {
     const std::size_t start = static_cast<std::size_t>(top_) * width;
     std::ranges::copy(sums,
                       contribution.planes[0].begin() + static_cast<std::ptrdiff_t>(4 * start));
-    if (group_.host() != 0) return;
+    if (group_.rank() != 0) return;
     for (std::size_t i = 0; i < pixels; ++i) {
       float* pixel = &contribution.planes[1][4 * (start + i)];
       pixel[0] = plan_.view_depths.values[start + i];

@@ -11,7 +11,7 @@
 
 namespace raystage {
 
-/// A camera that a point is looked for in.
+/// A camera with which the depths of another camera are compared.
 struct NeighbourView {
   PixelTransfer transfer;  ///< to it, from the camera whose depths are sought
   const MatchingImage* image = nullptr;
@@ -29,12 +29,12 @@ struct MatchRow {
   int planes = 1, stride = 32;    ///< bytes from a pixel's costs to the next's
   float truncation = 40;          ///< codes of 255
   std::uint8_t* costs = nullptr;  ///< of the first pixel
-  std::uint8_t* seen = nullptr;   ///< by pixel: 1 if a partner sees it at some plane, else 0
+  std::uint8_t* seen = nullptr;   ///< by pixel: 1 if a neighbour sees it at some plane, else 0
 };
-/// How badly neighbour_views agree with the camera's own luma: the mean of the smaller half of the
-/// absolute differences among those that see the point (an occlusion hides it from some, on one
-/// side), each cut off at the truncation, which becomes 255; kUnknownCost where none does.
-/// Bilinear. A pixel that an image does not know is seen neither by it nor from it.
+/// Writes matching costs of the neighbour views against the camera's own luma: the mean of the
+/// smaller half of the absolute differences among those that see the point (an occlusion hides it
+/// from some, on one side), each cut off at the truncation, which becomes 255; kUnknownCost where
+/// none does. Bilinear. A pixel that an image does not know is seen neither by it nor from it.
 void match_row(const MatchRow& row);
 
 inline constexpr int kMaxSupportViews = 64;  ///< neighbour_views of refine_row()
@@ -60,7 +60,7 @@ void refine_row(const RefineRow& row);
 inline constexpr int kMaxHypotheses = 32;
 inline constexpr int kMaxVotePixels = 32;  ///< pixels voted on at once
 
-/// A run of depths that several cameras report for the same pixels. Every array has room for
+/// A run of pixels for which several cameras have depth hypotheses. Every array has room for
 /// kMaxVotePixels.
 struct VoteRun {
   std::span<const float* const> hypotheses;  ///< kMaxHypotheses at most; kUnknownDepth for none
@@ -70,8 +70,8 @@ struct VoteRun {
   float* depth = nullptr;                    ///< kUnknownDepth where no report has a weight
   float* share = nullptr;                    ///< of the weights that agree, 0 to 1
 };
-/// The report that most others support, by weight and 1 - |difference| / tolerance, the nearer of
-/// equals; then the mean of those that support it.
+/// Selects the hypothesis with the largest support (weight times 1 - |difference| / tolerance; the
+/// nearer of equals) and writes the mean of its supporters.
 void vote(const VoteRun& run);
 
 /// The median of 3 x 3 values for a row; the border's go on beyond it. `rows`: the one above, the

@@ -12,7 +12,7 @@
 
 namespace raystage {
 
-/// A camera's depths, and how much they count.
+/// The depths that one camera proposes, and their weights.
 struct DepthHypotheses {
   const InverseDepthMap* map = nullptr;
   const VirtualCamera* camera = nullptr;
@@ -21,25 +21,25 @@ struct DepthHypotheses {
   std::vector<std::array<float, 4>> weights;
   const InverseDepthMap* nearest = nullptr;  ///< block_nearest_depths() of the map, if at hand
 };
-/// For all of a view.
+/// Returns the same weight for all tiles of a view.
 std::vector<std::array<float, 4>> uniform_weights(const VirtualCamera& view, float weight);
 
 struct FusionSettings {
   float tolerance = 0;    ///< 1/m, above 0: see VoteRun
-  float min_support = 0;  ///< of the weights that must agree on a depth, 0 to 1
+  float min_support = 0;  ///< least share of the weights that must support a depth, 0 to 1
   /// 1/m: see median_row(); infinite: lines one pixel wide go with other outliers.
   float line_tolerance = std::numeric_limits<float>::infinity();
   /// Cameras' depths are warped for as many rows of tiles at a time as fit; for one at the least.
   std::size_t working_bytes = std::numeric_limits<std::size_t>::max();
 };
-/// What several cameras say of a view's depths (kMaxHypotheses a tile): the depth that most agree
-/// on (vote). Where too few do, the farthest of the depths next in the row and column, as it is
-/// what lies behind that cameras fail to see; then a 3x3 median that may let lines be.
-/// kUnknownDepth where nothing is near.
+/// Returns a view's depths: the hypothesis with the largest support (vote; kMaxHypotheses a tile).
+/// With less support than `min_support`, the farthest of the depths next in the row and column, as
+/// cameras miss the background; then a 3x3 median that can keep lines. kUnknownDepth if no depth is
+/// near.
 InverseDepthMap fuse_hypotheses(const VirtualCamera& view,
                                 std::span<const DepthHypotheses> hypotheses,
                                 const FusionSettings& settings);
-/// The depths of one report as seen from the view, where it counts.
+/// Returns the depths of one hypothesis warped into the view, for tiles in which it has a weight.
 DepthTiles warp_hypotheses(const VirtualCamera& view, const DepthHypotheses& report);
 /// fuse_hypotheses() of hypotheses that are warped already, all of the view at once; their maps are
 /// not read.
@@ -47,12 +47,13 @@ InverseDepthMap fuse_warped_hypotheses(const VirtualCamera& view,
                                        std::span<const DepthHypotheses> hypotheses,
                                        std::span<const DepthTiles> warped,
                                        const FusionSettings& settings);
-/// Memory that it takes beside its arguments where so much is granted: 8 bytes a pixel, and 4 a
-/// pixel for each report that counts there in the rows of tiles that it is at; 16 at the least.
+/// Returns the working memory of fuse_hypotheses(), at most `working_bytes` if that suffices: 8
+/// bytes a pixel, and 4 a pixel of the current rows of tiles for each hypothesis with a weight
+/// there; 16 at least.
 std::size_t fusion_bytes(const VirtualCamera& view, std::span<const DepthHypotheses> hypotheses,
                          std::size_t working_bytes);
 
-/// How alike neighbouring pixels are, 0 to 1: of each pixel and the one left of it, and above it.
+/// Similarity of each pixel to its left and upper neighbour, 0 to 1.
 struct EdgeWeights {
   std::vector<float> left, above;
 };
@@ -62,7 +63,7 @@ struct EdgeWeights {
 void domain_transform_filter(std::vector<float>& values, int channels, int width, int height,
                              const EdgeWeights& links);
 
-/// The slow, obvious ways; any number of hypotheses.
+/// The references; any number of hypotheses.
 InverseDepthMap fuse_hypotheses_reference(const VirtualCamera& view,
                                           std::span<const DepthHypotheses> hypotheses,
                                           const FusionSettings& settings);

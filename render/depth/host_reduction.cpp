@@ -19,7 +19,7 @@ std::size_t count(const HostReduction::Columns& columns) {
 }  // namespace
 
 HostReduction::Rows HostReduction::rows_of(std::size_t host) const {
-  const auto hosts = static_cast<std::size_t>(group_.hosts());
+  const auto hosts = static_cast<std::size_t>(group_.size());
   return {columns_.size() * host / hosts, columns_.size() * (host + 1) / hosts};
 }
 
@@ -60,7 +60,7 @@ std::vector<HostReduction::Columns> HostReduction::add(const Message& message, s
 }
 
 void HostReduction::sum(std::span<float> values, int channels) const {
-  const auto hosts = static_cast<std::size_t>(group_.hosts());
+  const auto hosts = static_cast<std::size_t>(group_.size());
   if (hosts == 1) return;
   const auto per_pixel = static_cast<std::size_t>(channels);
   std::vector<Message> messages;
@@ -69,7 +69,7 @@ void HostReduction::sum(std::span<float> values, int channels) const {
   }
   const std::vector<Message> parts = group_.exchange(std::move(messages));
 
-  const Rows mine = rows_of(static_cast<std::size_t>(group_.host()));
+  const Rows mine = rows_of(static_cast<std::size_t>(group_.rank()));
   std::vector<float> sums((mine.end - mine.begin) * width_ * per_pixel, 0.0F);
   std::vector<std::vector<Columns>> columns_of_host;
   for (const Message& part : parts) {
@@ -99,13 +99,13 @@ void HostReduction::sum(std::span<float> values, int channels) const {
 }
 
 void HostReduction::reduce_to_first(std::span<float> values) const {
-  const auto hosts = static_cast<std::size_t>(group_.hosts());
+  const auto hosts = static_cast<std::size_t>(group_.size());
   if (hosts == 1) return;
   const Rows all{0, columns_.size()};
   std::vector<Message> messages(hosts);
-  if (group_.host() != 0) messages[0] = message_of(values, 1, all);
+  if (group_.rank() != 0) messages[0] = message_of(values, 1, all);
   const std::vector<Message> received = group_.exchange(std::move(messages));
-  if (group_.host() != 0) return;
+  if (group_.rank() != 0) return;
   for (std::size_t host = 1; host < hosts; ++host) add(received[host], 1, all, values);
 }
 

@@ -116,8 +116,8 @@ TEST(HostReduction, OfTheFirstAreThoseOfAll) {
 class SentBy : public RankCommunicator {
  public:
   explicit SentBy(Message message) : message_(std::move(message)) {}
-  int host() const override { return 0; }
-  int hosts() const override { return 2; }
+  int rank() const override { return 0; }
+  int size() const override { return 2; }
   std::vector<Message> exchange(std::vector<Message> messages) const override {
     return {std::move(messages[0]), message_};
   }

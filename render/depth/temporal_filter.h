@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// A camera at another instant: what it shows, and its depths then.
+/// A camera's picture and depths at a temporal neighbour.
 struct TemporalNeighbour {
   const MatchingImage* picture = nullptr;
   const InverseDepthMap* depths = nullptr;
@@ -24,7 +24,7 @@ InverseDepthMap temporal_filter(const InverseDepthMap& depths, const MatchingIma
 inline constexpr int kStaticWindowRadius = 2;
 inline constexpr float kStaticLumaThreshold = 2;
 
-/// The slow, obvious way.
+/// The reference of temporal_filter().
 InverseDepthMap temporal_filter_reference(const InverseDepthMap& depths,
                                           const MatchingImage& picture,
                                           std::span<const TemporalNeighbour> others,

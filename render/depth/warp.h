@@ -28,18 +28,18 @@ struct DepthTiles {
 int depth_tile_columns(const VirtualCamera& view);
 std::size_t depth_tile_count(const VirtualCamera& view);
 
-/// A camera's depths as seen from `view`: each of its pixels put down where the view sees its
-/// point, over as many pixels as it covers there (kMaxSplatSize a side at most), the nearest of
-/// several. `wanted`: by tile, 0 or not. `nearest`: block_nearest_depths() of the map; where given,
-/// what cannot come down in a wanted tile is not looked at. Run-time dispatch.
+/// Returns a camera's depths warped into `view`: each pixel is splatted over the pixels that it
+/// covers there (kMaxSplatSize a side at most); the nearest depth wins. `wanted`: by tile, 0 or
+/// not. `nearest`: block_nearest_depths() of the map; where given, what cannot come down in a
+/// wanted tile is not looked at. Run-time dispatch.
 DepthTiles warp_depths(const InverseDepthMap& map, const VirtualCamera& camera,
                        const VirtualCamera& view, std::span<const std::uint8_t> wanted,
                        const InverseDepthMap* nearest = nullptr);
 inline constexpr int kMaxSplatSize = 8;
-/// A point that covers no more than this is put down on one pixel: it leaves few holes.
+/// A point with at most this footprint is splatted on one pixel: few holes remain.
 inline constexpr float kSinglePixelFootprint = 1.25F;
 
-/// The slow, obvious way, for all of the view.
+/// The reference of warp_depths(), for the whole view.
 InverseDepthMap warp_depths_reference(const InverseDepthMap& map, const VirtualCamera& camera,
                                       const VirtualCamera& view);
 

@@ -55,7 +55,7 @@ struct EvaluationSettings {
   std::function<void(const EvaluatedView&)> on_view;  ///< sees every view; may be empty
 };
 
-/// What one view cost and how wrong it was.
+/// The cost and the error of one view.
 struct ViewEvaluation {
   std::string id;
   ImageQuality quality;

@@ -26,7 +26,8 @@ struct Silhouette {
 RaySurface hull_surface(const Rig& rig, std::vector<Silhouette> silhouettes, int min_views,
                         double nearest);
 
-/// The slow, obvious way: looks at `steps` points of each ray, evenly spaced in inverse distance.
+/// The reference of hull_surface(): tests `steps` points of each ray, evenly spaced in inverse
+/// distance.
 RaySurface hull_surface_reference(const Rig& rig, std::vector<Silhouette> silhouettes,
                                   int min_views, double nearest, int steps);
 

@@ -46,9 +46,9 @@ DepthEstimationSettings solving_of(const Take& take) {
   return solving;
 }
 
-/// Returns the surface that the options `proxy` and `mesh` choose; adds what estimating depths takes
-/// to `work`. Throws Error (bad input) for a mesh that is not asked for, missing or unreadable, and
-/// for depths of a take without a depth range.
+/// Returns the surface that the options `proxy` and `mesh` choose; adds what estimating depths
+/// takes to `work`. Throws Error (bad input) for a mesh that is not asked for, missing or
+/// unreadable, and for depths of a take without a depth range.
 RaySurface proxy_surface(const MethodOptions& options, const Eigen::Vector4d& plane,
                          const LightFieldFrame& instant, ResultCache& kept,
                          std::size_t working_bytes, bool use_take_folder,

@@ -37,7 +37,7 @@ double angular_penalty(const Vector3d& towards, const WorldRay& ray, double inve
 }  // namespace
 
 RayWeightSettings ray_weight_settings(const MethodOptions& options) {
-  return {options.whole("cameras"), options.number("angular"), options.number("resolution"),
+  return {options.integer("cameras"), options.number("angular"), options.number("resolution"),
           options.number("field_of_view"), options.number("border")};
 }
 

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Box matching: the plane with the least cost, summed over a square around each pixel by running
+// sums along columns and rows. Input: costs (u8) per pixel and plane. Output: plane and cost per
+// pixel. Cost: pixels x planes, independent of the radius. Must match box_match_reference() to the
+// bit.
+
 #include <algorithm>
 #include <stdexcept>
 

@@ -8,7 +8,7 @@
 namespace raystage {
 namespace {
 
-/// The whole volume, costs by pixel and plane.
+/// The complete cost volume, by pixel and plane.
 struct Volume {
   Volume(const CostVolume& of, const FillCosts& fill) : shape(of) {
     const auto stride = static_cast<std::size_t>(plane_stride(of.planes));
@@ -56,7 +56,7 @@ PlaneMap choose(const Volume& volume, const std::vector<int>& sums, bool subplan
   return map;
 }
 
-/// Adds to `sums` what Hirschmueller's eq. 12 gives for paths that come from (-dx, -dy).
+/// Adds to `sums` the path costs of Hirschmueller's eq. 12 for paths from (-dx, -dy).
 void add_paths(const Volume& volume, const SemiGlobalSettings& settings, int dx, int dy,
                std::vector<int>& sums) {
   const auto [width, height, planes] = volume.shape;

@@ -8,7 +8,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/matching/path_kernels.cpp"
-// The order matters.
+// The order of these includes matters.
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
@@ -67,7 +67,7 @@ HWY_INLINE void run_paths(const PathRun& run, int* best) {
 
     const auto move_on = [&](int plane, bool is_last) HWY_ATTR {
       const auto c = hn::PromoteTo(d, hn::LoadU(half, cost + plane));
-      // Overwritten below, wanted by the next planes.
+      // Overwritten below, but needed by the next planes.
       const auto next_left0 = hn::LoadU(d, line[0] + plane + lanes - 1);
       const auto next_left1 = hn::LoadU(d, line[1] + plane + lanes - 1);
       const auto next_left2 = hn::LoadU(d, line[2] + plane + lanes - 1);

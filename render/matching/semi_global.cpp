@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Semi-global matching (Hirschmueller 2008): two sweeps of four paths each over a cost volume, in
+// strips of rows if memory is short. Tiles of each sweep run in parallel waves. Input: costs (u8)
+// per pixel and plane from a callback, an optional guide image. Output: plane and cost per pixel.
+// Cost: pixels x planes x 8 paths. Must match semi_global_match_reference() to the bit.
+
 #include <algorithm>
 #include <memory>
 #include <stdexcept>
@@ -50,7 +55,7 @@ class Lines {
   std::uint16_t* least(int i) { return least_.data() + i; }
   std::ptrdiff_t pitch() const { return pitch_; }
 
-  /// A path that enters the image: nothing before it costs anything.
+  /// Starts a path at the image's border, with cost 0 before it.
   void restart(int i) {
     std::fill_n(line(i), planes_, std::uint16_t{0});
     *least(i) = 0;
@@ -120,7 +125,7 @@ class Sweep {
     }
   }
 
-  /// Those that go on into the next strip.
+  /// Returns the paths that continue into the next strip.
   void leave(Entering& entering) {
     for (int x = 0; x < strip_.width; ++x) {
       entering.straight.copy(x, straight_, x);
@@ -204,7 +209,7 @@ class Sweep {
   Lines along_, straight_, right_, left_;
 };
 
-/// Memory for strips of so many rows.
+/// Returns the memory for strips of this many rows.
 std::size_t bytes_of_strips(const CostVolume& volume, int rows) {
   const std::size_t elements = static_cast<std::size_t>(volume.width) *
                                static_cast<std::size_t>(plane_stride(volume.planes)) *
@@ -215,7 +220,7 @@ std::size_t bytes_of_strips(const CostVolume& volume, int rows) {
          static_cast<std::size_t>(strips + 1) * Lines::bytes(3 * volume.width, volume.planes);
 }
 
-/// The most that fit; else those that take least memory.
+/// Returns the most rows that fit, or the number of rows with the least memory.
 int rows_of_strip(const CostVolume& volume, std::size_t working_bytes) {
   int best = volume.height;
   for (int strips = 2; bytes_of_strips(volume, best) > working_bytes; ++strips) {

@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Synthetic aperture (Isaksen, McMillan, Gortler 2000; thesis, Reconstruction): blends all cameras
+// around a ray's crossing with the array (weights: ApertureLens), each sampled where the ray meets
+// the focal plane or a depth map. Plans which MCUs each block reads, decodes them and runs the
+// kernels of sampling/aperture_run.h. Output: R, G, B, A, coverage, depth. Cost: pixels x cameras
+// in the aperture. Must match render_aperture_reference().
+
 #include "render/planar/aperture.h"
 
 #include <algorithm>
@@ -43,7 +49,7 @@ Eigen::Vector4d plane_of(const ViewRequest& request) {
   return distance > 0 ? view_parallel_plane(request.view, distance) : request.focal_plane;
 }
 
-/// One view's rendering, stage by stage: plan (which source pixels), decode, blend.
+/// Renders one view in stages: plan (which source pixels), decode, blend.
 class ApertureFrame {
   static constexpr int kRowsPerBlock = 8, kColumnsPerBlock = 8;
 
@@ -114,7 +120,7 @@ class ApertureFrame {
     return nothing;
   }
 
-  /// Plans and decodes; returns when that was done.
+  /// Plans and decodes; returns the time when both were done.
   Clock::time_point decode(RenderStatistics& statistics) {
     const auto start = Clock::now();
     open_cameras();
@@ -141,7 +147,7 @@ class ApertureFrame {
     if (!lens_.note().empty()) image.notes.push_back(lens_.note());
   }
 
-  /// Whether this host has a frame of a camera that may gather rays through a cell.
+  /// Whether this rank has a frame of a camera that may gather rays through a cell.
   bool has_frame(int cell) const {
     return std::ranges::any_of(cameras_[static_cast<std::size_t>(cell)],
                                [](const ApertureCamera& camera) {
@@ -149,7 +155,7 @@ class ApertureFrame {
                                });
   }
 
-  /// Cameras that may gather some ray through a cell.
+  /// Returns the cameras that may contribute to some ray through a cell.
   void find_cameras() {
     const std::size_t count = cells_.cells().size();
     std::vector<bool> cell_used(count);
@@ -181,7 +187,7 @@ class ApertureFrame {
     }
   }
 
-  /// Those of them that are present and that this host holds.
+  /// Returns those that are present and local to this rank.
   void open_cameras() {
     find_cameras();
     std::vector<int> opened;
@@ -281,7 +287,7 @@ class ApertureFrame {
     });
   }
 
-  /// What rows [first, end) need of each camera, a block each.
+  /// Marks what rows [first, end) read of each camera, one block per camera.
   void mark_blocks(int first, int end) {
     std::vector<PixelBlock> blocks(lens_.cameras().size());
     rows_.for_each_cell(first, end, [&](int cell, int x_begin, int x_end, int y_begin, int y_end) {
@@ -311,7 +317,7 @@ class ApertureFrame {
     }
   }
 
-  /// What the block needs of a camera at the depths that it has.
+  /// Marks what the block reads of a camera at the block's depths.
   void mark_at_depths(int camera, const PixelBlock& part) {
     ViewBlock block{part.x_begin,
                     part.x_end,
@@ -384,8 +390,9 @@ class ApertureMethod final : public Method {
  public:
   std::string_view name() const override { return "aperture"; }
   std::string_view summary() const override {
-    return "all cameras within an aperture around the ray, where it meets the focal plane or a "
-           "depth map: blurs the rest";
+    return "blends all cameras within an aperture around the ray, in focus on the focal plane or "
+           "at "
+           "a depth map";
   }
   std::span<const OptionSpec> options() const override { return aperture_options(); }
   RenderedView render(const ViewRequest& request) const override {

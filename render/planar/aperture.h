@@ -5,22 +5,21 @@
 
 namespace raystage {
 
-/// Synthetic aperture (thesis, ReconstructionSettings: `aperture`; Isaksen, McMillan, Gortler
-/// 2000): all cameras within an aperture around the place where a ray crosses the array gather it,
-/// weighted as ApertureLens says, each sampled where the ray meets the focal plane. What lies off
-/// that plane is blurred, as by a lens as wide as the aperture.
+/// Synthetic aperture (thesis, Reconstruction: `aperture`; Isaksen, McMillan, Gortler 2000). A ray
+/// blends all cameras within an aperture around the point where it crosses the array, weighted by
+/// ApertureLens. Each camera is sampled where the ray meets the focal plane. Objects off that plane
+/// are blurred, as by a lens as wide as the aperture.
 ///
-/// Rays that pass the array by are missing, as with focal_plane. Alpha is the part of the gathered
-/// light that cameras with a frame have seen; coverage counts cameras that belong there and have
-/// none as well.
+/// Rays that miss the array are missing, as with focal_plane. Alpha is the part of the weight of
+/// present cameras whose cameras saw the ray; coverage is relative to absent cameras too.
 ///
-/// Samples are averaged on the renderer's scale (BlendSpace), as in all methods, so that the same
-/// setting gives comparable pictures. A lens adds light: highlights off the focal plane become
-/// discs as bright as a photograph's only with BlendSpace::kLinear.
+/// Samples are averaged on the renderer's scale (BlendSpace), as in all methods, so that equal
+/// settings give comparable views. A lens adds light: highlights off the focal plane become discs
+/// as bright as in a photograph only with BlendSpace::kLinear.
 RenderedView render_aperture(const ViewRequest& request);
 
-/// The same, ray by ray in double with whole frames and CameraModel: slow and obvious, and good for
-/// views with distortion too.
+/// Renders as render_aperture(), per ray in double with whole frames and CameraModel: the
+/// reference, also for views with distortion.
 RenderedView render_aperture_reference(const ViewRequest& request);
 
 const Method& aperture_method();

@@ -20,17 +20,18 @@ namespace {
 constexpr std::array kOptions{
     number_option(
         "radius", 0, 0, 1e6,
-        "of the aperture on the array's surface, m; reaches at least from a camera to its "
-        "neighbours, which is what 0 means"),
-    number_option("f_number", 0, 0, 1e6, "of a photographer's lens, instead of a radius; 0: none"),
-    number_option("film_width", 36, 0.1, 1e6, "of the camera that f_number is meant for, mm"),
+        "radius of the aperture on the array's surface, m; at least, and for 0, the distance "
+        "between neighbouring cameras"),
+    number_option("f_number", 0, 0, 1e6, "f-number of a lens, instead of the radius; 0: none"),
+    number_option("film_width", 36, 0.1, 1e6, "width of the film back for f_number, mm"),
     number_option("focus_distance", 0, 0, 1e9,
-                  "along the view's axis, m; 0: the focal plane that all methods use"),
-    text_option("depth_map", "",
-                "EXR file of the view's size, relative to the take's folder: focus follows its Z "
-                "(planar depth in the view, m) instead of a plane"),
-    choice_option("shape", "round", "round|square|hexagon|octagon", "of the aperture"),
-    number_option("soft_edge", 1, 0.01, 1, "part of the radius in which the weight falls to 0"),
+                  "focus distance along the view's axis, m; 0: the common focal plane"),
+    text_option(
+        "depth_map", "",
+        "EXR file of the view's size, relative to the take's folder: focuses at its channel Z "
+        "(planar depth in the view, m) instead of a plane"),
+    choice_option("shape", "round", "round|square|hexagon|octagon", "shape of the aperture"),
+    number_option("soft_edge", 1, 0.01, 1, "fraction of the radius in which the weight falls to 0"),
 };
 
 /// In the array's plane: the cameras' own right, as near as may be, and up.
@@ -79,8 +80,8 @@ std::vector<double> ways_to_neighbours(const Rig& rig, const Topology& topology)
 
 void check_aperture_options(const MethodOptions& options) {
   if (options.number("f_number") > 0 && options.number("radius") > 0) {
-    throw Error::bad_input("both radius and f_number are given", "method aperture",
-                           "Give one of them");
+    throw Error::bad_input("both options radius and f_number are set", "method aperture",
+                           "Set only one of them");
   }
 }
 
@@ -119,8 +120,8 @@ ApertureLens::ApertureLens(const VirtualCamera& view, const LightFieldFrame& ins
   }
   if (radius > 0 && radius < least) {
     note_ = fmt::format(
-        "the aperture asked for, {:.3g} mm in radius, is smaller than the way between cameras: it "
-        "is up to {:.3g} mm, below which the array has no rays",
+        "the requested aperture radius of {:.3g} mm is smaller than the distance between "
+        "neighbouring cameras: a radius of up to {:.3g} mm is used",
         radius * 1e3, least * 1e3);
   }
 }

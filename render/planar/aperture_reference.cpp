@@ -44,7 +44,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
         0);
   }
 
-  // Which cells a ray crosses is asked of an undistorted twin of the view.
+  // Cells are located in an undistorted copy of the view.
   VirtualCamera ideal_view = view;
   ideal_view.intrinsics.distortion = {};
   const CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
@@ -69,7 +69,7 @@ RenderedView render_aperture_reference(const ViewRequest& request) {
         depths ? RayPlaneIntersection(view.pose.position, ray,
                                       1 / static_cast<double>(depths->at(x, y)))
                : RayPlaneIntersection(view.pose.position, ray, plane);
-    if (!hit.ahead()) return;
+    if (!hit.is_in_front()) return;
     const RayCells::Cell& cell = cells.cells()[static_cast<std::size_t>(crossing->cell)];
     Vector2d place = Vector2d::Zero();
     for (std::size_t i = 0; i < static_cast<std::size_t>(cell.count); ++i) {

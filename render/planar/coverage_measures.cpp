@@ -21,7 +21,7 @@ struct ViewRay {
   double inverse_depth;  ///< per metre
 };
 
-/// In parallel, for every pixel that shows something: measure(ray, coverage) adds its cameras.
+/// Calls measure(ray, coverage), which adds cameras, for every visible pixel in parallel.
 template <class Measure>
 void for_each_ray(const ViewRequest& request, const RayCells& cells, const Measure& measure,
                   RenderedView& image) {
@@ -57,7 +57,7 @@ RayCells cells_of(const ViewRequest& request) {
   return {ideal_view, *request.instant.rig, *request.instant.present};
 }
 
-/// Adds a camera by its weight and how far it sees the ray's point.
+/// Adds a camera by its weight times its visibility of the ray's point.
 void add_camera(const ViewRequest& request, const ViewRay& ray, std::size_t camera, double weight,
                 RayCoverage& coverage) {
   const Rig::Camera& source = request.instant.rig->cameras[camera];

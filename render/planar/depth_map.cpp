@@ -20,8 +20,7 @@ constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
 DepthMap read_depth_map(const std::filesystem::path& file) {
   constexpr ExrChannel kChannels[] = {{"Z"}};
   const ExrChannelData depths = read_exr_channels(
-      file, kChannels,
-      "Give as depth map a flat EXR file with planar depths, metres, in channel Z");
+      file, kChannels, "Use a flat EXR file with planar depths in metres in channel Z");
   DepthMap map{depths.width, depths.height, {}};
   map.inverse.reserve(depths.values.size() + DepthMap::kReadPadding);
   for (const float depth : depths.values) {
@@ -60,9 +59,9 @@ std::optional<ViewDepths> make_view_depths(const ViewRequest& request) {
   const int width = request.view.width / factor;
   const int height = request.full_height > 0 ? request.full_height : request.view.height / factor;
   if (width != map->width || height != map->height) {
-    throw Error::bad_input(fmt::format("the depth map has {} x {} pixels, the view {} x {}",
+    throw Error::bad_input(fmt::format("the depth map has {} x {} pixels, but the view has {} x {}",
                                        map->width, map->height, width, height),
-                           file.string(), "Give a depth map of the view's own size");
+                           file.string(), "Use a depth map of the view's size");
   }
   return ViewDepths(map, factor, request.first_row);
 }

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Focal plane reconstruction (thesis 4.1.2): three cameras per ray with barycentric weights,
+// sampled on a plane or on planes of objects. Plans which MCUs each block reads, decodes them and
+// runs the kernels of sampling/source_view.h. Output: R, G, B, A, coverage, depth. Cost: pixels x 3
+// cameras. Must match render_focal_plane_reference().
+
 #include "render/planar/focal_plane.h"
 
 #include <algorithm>
@@ -26,7 +31,7 @@ double milliseconds(Clock::duration duration) {
 
 std::array<double, 3> as_array(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
-/// One view's rendering, stage by stage: plan (which source pixels), decode, blend.
+/// Renders one view in stages: plan (which source pixels), decode, blend.
 class FocalPlaneFrame {
   static constexpr int kRowsPerBlock = 8;
 
@@ -89,7 +94,7 @@ class FocalPlaneFrame {
  private:
   bool is_eye_on_plane() const { return !projection_.at_infinity() && projection_.distance() == 0; }
 
-  /// Plans and decodes; returns when that was done.
+  /// Plans and decodes; returns the time when both were done.
   Clock::time_point decode(RenderStatistics& statistics) {
     const auto start = Clock::now();
     open_cameras();
@@ -107,7 +112,7 @@ class FocalPlaneFrame {
                        [](const SourceView* source) { return source->rgba != nullptr; });
   }
 
-  /// The cameras of all cells in view that this host holds.
+  /// Returns the local cameras of all cells in view.
   void open_cameras() {
     std::vector<bool> used(instant_.rig->cameras.size());
     for (int y = 0; y < view_.height; ++y) {
@@ -304,7 +309,7 @@ const std::vector<OptionSpec>& plane_options() {
   static const std::vector<OptionSpec> options{text_option(
       "objects", "",
       "planes of objects: a raystage/planes/1 document, relative to the take's folder; rays that "
-      "meet one are looked up there instead of on the focal plane")};
+      "meet an object are sampled on its plane instead of the focal plane")};
   return options;
 }
 
@@ -390,7 +395,7 @@ class FocalPlaneMethod final : public PlaneMethod {
   FocalPlaneMethod() : PlaneMethod(CornerWeights::kLinear) {}
   std::string_view name() const override { return "focal_plane"; }
   std::string_view summary() const override {
-    return "three cameras a ray, blended where it meets the focal plane";
+    return "blends three cameras per ray where it meets the focal plane";
   }
 };
 
@@ -399,7 +404,7 @@ class NearestMethod final : public PlaneMethod {
   NearestMethod() : PlaneMethod(CornerWeights::kNearest) {}
   std::string_view name() const override { return "nearest"; }
   std::string_view summary() const override {
-    return "the camera nearest to the ray, alone, where it meets the focal plane";
+    return "samples only the camera nearest to the ray, where it meets the focal plane";
   }
 };
 

@@ -44,8 +44,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Light
   }
   const auto decoded = std::chrono::steady_clock::now();
 
-  // Which cells a ray crosses is a question about the ray, so it is asked of an undistorted twin of
-  // the view at the pixel that the ray has there.
+  // Cells are located in an undistorted copy of the view, at the ray's pixel in that copy.
   VirtualCamera ideal_view = view;
   ideal_view.intrinsics.distortion = {};
   const CameraModel view_model({"view", view.width, view.height, view.intrinsics, {}, {}, {}});
@@ -76,7 +75,7 @@ RenderedView render_focal_plane_reference(const VirtualCamera& view, const Light
     if (weights == CornerWeights::kNearest) crossing = present.nearest(*crossing);
     const Vector3d ray = view.pose.world_from_camera_rotation * *ray_in_view;
     const RayPlaneIntersection hit(view.pose.position, ray, plane_met(view.pose.position, ray));
-    if (!hit.ahead()) return;
+    if (!hit.is_in_front()) return;
 
     const RayCells::Cell& cell = present.cells()[static_cast<std::size_t>(crossing->cell)];
     std::array<double, 4> sum{};

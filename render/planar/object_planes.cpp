@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Assigns pixels of a view to flat convex polygons. Each edge and the virtual camera span a plane,
+// so that a row of pixels meets a polygon in one interval; the nearest polygon is used. Input:
+// corners in the world, metres. Output: pixel intervals per row. Cost: rows x polygons x edges.
+
 #include "render/planar/object_planes.h"
 
 #include <fmt/format.h>
@@ -60,7 +64,7 @@ Outline outline_of(const VirtualCamera& view, const Eigen::Matrix3d& ray_from_pi
   return outline;
 }
 
-/// The row's pixels inside: convex, so one interval.
+/// Returns the row's pixels inside: one interval, because the polygon is convex.
 PixelInterval interval_of(const Outline& outline, int y, int width) {
   double least = 0, most = width;  // of x, for the search; decided by contains()
   for (const Vector3d& edge : outline.edges) {
@@ -101,7 +105,7 @@ std::vector<ObjectPlane> make_object_planes(const PlanesDocument& document, std:
       size = std::max(size, from.norm());
     }
     if (!(area.norm() > 1e-6 * size * size)) {
-      throw refusal(name, index, given.id, "its corners span no area",
+      throw refusal(name, index, given.id, "its corners have no area",
                     "Give the corners of a convex polygon");
     }
     const Vector3d normal = area.normalized();
@@ -110,7 +114,7 @@ std::vector<ObjectPlane> make_object_planes(const PlanesDocument& document, std:
       const double off = std::abs(normal.dot(corner - middle));
       if (off > kMostOffPlane * size) {
         throw refusal(name, index, given.id,
-                      fmt::format("corner {} lies {:.3g} m off the plane of all", i, off),
+                      fmt::format("corner {} is {:.3g} m off the plane of all corners", i, off),
                       "Give corners that lie in one plane");
       }
       const Vector3d along = object.corners[(i + 1) % count] - corner;

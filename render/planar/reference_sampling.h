@@ -15,29 +15,29 @@
 
 namespace raystage {
 
-// What the slow, obvious references look rays up with, one at a time and in double.
+// Sampling for the per-ray references, in double.
 
 struct FrameSample {
   std::array<double, 3> rgb{};  ///< on the scale of the blend space, full scale 1, times alpha
-  double alpha = 1;             ///< the frame's
-  double seen = 0;              ///< 1 within the frame, falling to 0 at its border
+  double alpha = 1;             ///< alpha of the frame
+  double seen = 0;              ///< visibility: 1 within the frame, falling to 0 at its border
 };
 
-/// Which pixels of a camera's frame are read: 1 byte a pixel, empty where nobody asked.
+/// Which pixels of a camera's frame are read: 1 byte per pixel; empty if not requested.
 using ReadPixelMask = std::vector<std::uint8_t>;
 
-/// Bilinear look-up; pixel centres at +0.5. `read` may be empty. Rows that are read at the same
-/// time may set the same byte, to the same value.
+/// Samples bilinearly; pixel centres lie at +0.5. `read` may be empty. Rows that run in parallel
+/// may set the same byte, to the same value.
 FrameSample sample_bilinear(const DecodedFrame& frame, const Eigen::Vector2d& pixel, double seen,
                             ReadPixelMask& read);
 
-/// How far a camera sees along a direction, 0 to 1, and where in its image.
+/// Returns the visibility of a direction, 0 to 1, and sets `pixel` to its position in the image.
 double visibility(const CameraModel& model, const Eigen::Vector3d& direction_in_camera,
                   Eigen::Vector2d& pixel);
 
-/// The point that is `n.X + c = 0` on the ray, as a direction from each camera: (X - C) for a
-/// finite plane, the ray itself for one at infinity. nullopt where the ray does not meet the plane
-/// ahead.
+/// The intersection of a ray with the plane n.X + c = 0, as a direction from each camera: (X - C)
+/// for a finite plane, the ray itself for a plane at infinity. is_in_front() is false where the ray
+/// does not meet the plane in front of its origin.
 class RayPlaneIntersection {
  public:
   RayPlaneIntersection(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray,
@@ -52,12 +52,13 @@ class RayPlaneIntersection {
     from_eye_ = depth_ * ray;
     eye_ = eye;
   }
-  /// The point at a planar depth, m; may be infinite, or not-a-number for none.
+  /// Creates the point at a planar depth in metres, which may be infinite, or not-a-number for no
+  /// point.
   RayPlaneIntersection(const Eigen::Vector3d& eye, const Eigen::Vector3d& ray, double depth)
       : from_eye_(depth * ray), eye_(eye), depth_(depth) {
     if (std::isinf(depth)) direction_ = ray;
   }
-  bool ahead() const { return depth_ > 0; }
+  bool is_in_front() const { return depth_ > 0; }
   double depth() const { return depth_; }
   Eigen::Vector3d direction_from(const Eigen::Vector3d& centre) const {
     return direction_ ? *direction_ : Eigen::Vector3d(from_eye_ + (eye_ - centre));

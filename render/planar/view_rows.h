@@ -12,10 +12,10 @@
 
 namespace raystage {
 
-/// A view's rows, cut into spans between the same cameras.
+/// The rows of a view, divided into spans whose rays pass between the same cameras.
 class ViewRows {
  public:
-  /// `region`: the pixels that count; null: all.
+  /// `region`: the pixels to include; null: all.
   ViewRows(const VirtualCamera& view, const RayCells& cells, const ViewRegion* region = nullptr)
       : width_(view.width), spans_(static_cast<std::size_t>(view.height)) {
     for_each_row_block([&](int first, int end) {
@@ -32,7 +32,7 @@ class ViewRows {
     return spans_[static_cast<std::size_t>(y)];
   }
 
-  /// In parallel: body(first row, end) for a few rows at a time.
+  /// Calls body(first row, end) in parallel, for a few rows at a time.
   template <class Body>
   void for_each_row_block(const Body& body) const {
     constexpr int kRowsPerTask = 16;
@@ -41,8 +41,9 @@ class ViewRows {
         [&](const tbb::blocked_range<int>& rows) { body(rows.begin(), rows.end()); });
   }
 
-  /// In parallel, body(span, y, index of its first pixel) for every span; from left to right within
-  /// a row, so that a body may spill to the right. All other pixels become those that nobody saw.
+  /// Calls body(span, y, index of its first pixel) for every span, in parallel. Spans of a row are
+  /// processed from left to right, so that a body may write beyond the right end. All other pixels
+  /// become unseen.
   template <class Body>
   void write(RenderedView& image, const Body& body) const {
     for_each_row_block([&](int first, int end) {
@@ -60,8 +61,8 @@ class ViewRows {
     });
   }
 
-  /// Smallest boxes around the pixels of each cell that is crossed in rows [first, end): body(cell,
-  /// x begin, x end, y begin, y end).
+  /// Calls body(cell, x begin, x end, y begin, y end) with the bounding box of the pixels of each
+  /// cell that rows [first, end) cross.
   template <class Body>
   void for_each_cell(int first, int end, const Body& body) const {
     struct Box {

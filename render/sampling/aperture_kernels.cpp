@@ -14,7 +14,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/sampling/aperture_kernels.cpp"
-// The order matters.
+// The order of these includes matters.
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
@@ -29,13 +29,13 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Where the rays of a chunk cross the array, and what the weights of the cameras there sum to.
+/// The crossings of a chunk's rays with the array, and the sums of the camera weights there.
 struct Crossings {
   HWY_ALIGN float x[kChunk], y[kChunk];
   HWY_ALIGN float present[kChunk], absent[kChunk];
 };
 
-/// A box around crossings.
+/// The bounding box of crossings.
 struct CrossedBox {
   float left = std::numeric_limits<float>::infinity(), right = -left;
   float bottom = left, top = -left;
@@ -50,7 +50,7 @@ struct CrossedBox {
   }
 };
 
-/// `box` grows to hold them.
+/// Computes crossings; `box` is enlarged to contain them.
 void find_crossings(const ApertureRun& run, int begin, int n, Weights& weights,
                     Crossings& crossings, CrossedBox& box) {
   const hn::ScalableTag<float> d;
@@ -83,7 +83,7 @@ void find_crossings(const ApertureRun& run, int begin, int n, Weights& weights,
   box.top = hn::GetLane(hn::MaxOfLanes(d, top));
 }
 
-/// A camera's weight for rays that cross the array at (x, y): ApertureLens has the formula.
+/// Returns a camera's weight for rays that cross the array at (x, y): ApertureLens has the formula.
 template <class D, class V>
 HWY_INLINE V aperture_weight(D d, const ApertureCamera& camera, const ApertureShape& shape, V x,
                              V y) {
@@ -104,7 +104,7 @@ HWY_INLINE V aperture_weight(D d, const ApertureCamera& camera, const ApertureSh
   return hn::Mul(hn::Mul(t, t), hn::NegMulAdd(hn::Set(d, 2.0F), t, hn::Set(d, 3.0F)));
 }
 
-/// A camera's weight for each ray, added to the sums; false where it has none.
+/// Adds a camera's weights to the sums; returns false where all are 0.
 HWY_INLINE bool find_aperture_weights(const ApertureCamera& camera, const ApertureShape& shape,
                                       int n, Crossings& crossings, float* weight) {
   const hn::ScalableTag<float> d;
@@ -214,7 +214,7 @@ void find_taps_of(const ApertureRun& run, const ApertureCamera& camera, int begi
   }
 }
 
-/// The depths of pixels with depths of their own; +infinity where nothing is seen.
+/// Writes the depths of pixels with individual depths; +infinity where nothing is seen.
 void write_depths(const float* inverse_depth, const float* alpha, int n, float* z) {
   for (int i = 0; i < n; ++i) {
     z[i] = alpha[i] > 0 ? 1 / inverse_depth[i] : std::numeric_limits<float>::infinity();
@@ -241,7 +241,7 @@ void find_shares(bool at_infinity, Ramp along, int n, Crossings& crossings) {
   }
 }
 
-/// Adds the samples of `cameras` but those in `done`, a bit each.
+/// Adds the samples of `cameras` except those in `done`, a bit each.
 void add_others(const ApertureRun& run, std::span<const ApertureCamera> cameras, std::uint32_t done,
                 const CrossedBox& box, int begin, int n, Crossings& crossings, float* sums) {
   constexpr int kTogether = 3;

@@ -7,13 +7,12 @@
 
 namespace raystage {
 
-/// A camera as a synthetic aperture sees it (thesis, ReconstructionSettings; ApertureLens has the
-/// formula).
+/// A camera of a synthetic aperture (thesis, Reconstruction; ApertureLens has the formula).
 struct ApertureCamera {
   float x = 0, y = 0;            ///< in the array's plane, m
-  float inverse_radius = 0;      ///< 1 / R; 0 where the camera counts everywhere
-  bool present = true;           ///< counts for alpha; others only for coverage
-  SourceView* source = nullptr;  ///< of those present; without a frame where it sees nothing
+  float inverse_radius = 0;      ///< 1 / R; 0 where the camera's weight does not fall off
+  bool present = true;           ///< counts for alpha; others count only for coverage
+  SourceView* source = nullptr;  ///< of present cameras; without a frame where it sees nothing
   /// DepthSource::per_inverse_depth, for runs whose pixels have depths of their own.
   std::array<double, 3> per_inverse_depth{};
 };
@@ -26,24 +25,24 @@ struct ApertureShape {
 
 /// A run of pixels of one row of the view within one cell of the array.
 struct ApertureRun {
-  /// Its cameras tell where rays cross the array; `source` and `nearest_only` are not used.
+  /// Its cameras locate where rays cross the array; `source` and `nearest_only` are not used.
   PixelRun cell;
-  std::array<std::array<float, 2>, 3> corner{};  ///< where the cell's cameras stand
+  std::array<std::array<float, 2>, 3> corner{};  ///< positions of the cell's cameras
   std::span<const ApertureCamera> cameras;       ///< all whose weight may be above 0
   ApertureShape shape;
-  /// Of the run's pixels, 1 / planar depth, per metre (not-a-number: none), then at least a
-  /// vector's room; null: they lie on the cell's plane. `cell.at_infinity` and the sources are then
-  /// as for a plane at infinity.
+  /// 1 / planar depth of the run's pixels, per metre (not-a-number: no depth), followed by at least
+  /// one vector of padding. Null: the pixels lie on the cell's plane. With depths,
+  /// `cell.at_infinity` and the sources are set as for a plane at infinity.
   const float* inverse_depth = nullptr;
-  bool opaque = true;  ///< all frames are: A is 65535 throughout
+  bool opaque = true;  ///< all frames are opaque: A is 65535 throughout
 };
 
-/// Marks, in `read_pixels` of the cameras that have them, what blend_aperture_run() reads.
+/// Marks the pixels that blend_aperture_run() reads, in `read_pixels` of the cameras that have it.
 void mark_aperture_pixels(const ApertureRun& run);
 
-/// As blend_run(). Alpha: the part of the light that the cameras present, of which all count with
-/// their weight, have seen. `coverage`: the same with those that are absent counted too.
-/// `sums`: as blend_run(); cameras without a frame still count in the weights.
+/// Reconstructs the run as blend_run() does. Alpha is the part of the weight of the present cameras
+/// whose cameras saw the ray. `coverage` is the same relative to absent cameras too. `sums`: as
+/// blend_run(); cameras without a frame still count in the weights.
 void blend_aperture_run(const ApertureRun& run, BlendSpace space, float full_scale, float* rgba,
                         float* coverage, float* z, SumStage sums = SumStage::kSampleAndFinish);
 

@@ -10,7 +10,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/sampling/depth_kernels.cpp"
-// The order matters.
+// The order of these includes matters.
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
@@ -25,11 +25,11 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Pixels worked on at once: positions are vectors across them, then samples vectors across colour.
+/// Pixels per chunk: positions are vectors across pixels, samples are vectors across colours.
 constexpr int kChunk = 64;
 constexpr int kReach = 4;  ///< pixels read along each axis, at most
 
-/// Where a camera is sampled for each pixel of a chunk.
+/// The positions in a camera's frame for each pixel of a chunk.
 struct Positions {
   HWY_ALIGN std::int32_t x[kChunk], y[kChunk];  ///< pixel up and left of the position
   HWY_ALIGN float right[kChunk], down[kChunk];  ///< the position from there, 0 to 1
@@ -184,7 +184,7 @@ void add_linear(const SourceView& camera, const Positions& positions, int n, flo
   }
 }
 
-/// body(first pixel, how many, where they are sampled) for each chunk.
+/// Calls body(first pixel, count, positions) for each chunk.
 template <class Body>
 HWY_INLINE void for_each_chunk(const DepthSource& source, int x, int y,
                                std::span<const float> inverse_depth, std::span<const float> weight,
@@ -226,7 +226,7 @@ void add_seen(const DepthSource& source, int x, int y, std::span<const float> in
                  });
 }
 
-/// Pixels read along an axis: those of the taps that weigh something.
+/// The pixels read along an axis: those of taps with a weight.
 struct Read {
   int first, last;
 };

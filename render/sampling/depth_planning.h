@@ -12,9 +12,9 @@ struct ViewBlock {
   double farthest = 0, nearest = 0;
 };
 
-/// Marks in the camera's wanted_mcus (see set_mcu_layout()) all that look-ups at the block's pixel
-/// centres can read, whatever their depths within the range: never too little, for any lens. Where
-/// the block reaches behind the camera, the whole frame. Many threads may mark the same frame.
+/// Marks in the camera's wanted_mcus (see set_mcu_layout()) all MCUs that samples at the block's
+/// pixel centres may read, for any depth within the range. Never marks too few, for any lens. Marks
+/// the whole frame where the block reaches behind the camera. Many threads may mark the same frame.
 void mark_block(const DepthSource& source, const ViewBlock& block, Interpolation interpolation);
 
 }  // namespace raystage

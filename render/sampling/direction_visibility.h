@@ -7,9 +7,9 @@
 
 namespace raystage {
 
-/// How far a camera sees along a direction (of its own frame, any length), 0 to 1: falling to 0 at
-/// the image's border and the lens model's end (kBorderFade, kFoldFade); and where in its image,
-/// unless 0.
+/// Returns the visibility of a direction (in the camera's frame, any length), 0 to 1: it falls to 0
+/// at the image's border and at the limit of the lens model (kBorderFade, kFoldFade). Sets `pixel`
+/// to the image position unless the visibility is 0.
 double direction_visibility(const CameraModel& model, const Eigen::Vector3d& direction,
                             Eigen::Vector2d& pixel);
 

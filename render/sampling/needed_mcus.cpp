@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Marks the MCUs that a block of the view may read on a plane. Bounds the projected quadrilateral
+// by a box, enlarged by a bound of the lens distortion's second derivative (see needed_mcus.h);
+// large or horizon-crossing blocks are halved. Marks all that mark_run() marks. Cost: constant per
+// block.
+
 #include "render/sampling/needed_mcus.h"
 
 #include <algorithm>
@@ -9,7 +14,7 @@
 namespace raystage {
 namespace {
 
-/// Kernels round positions; they do not err by as much as this, pixels.
+/// Exceeds the rounding error of positions in the kernels, in pixels.
 constexpr double kRounding = 0.5;
 
 struct Point {
@@ -33,13 +38,13 @@ double bend(const SourceView& s, double radius) {
          6 * (size(s.p1) + size(s.p2));
 }
 
-/// Where in the frame a block is sampled: a box, in pixels.
+/// The box in the frame, in pixels, in which a block is sampled.
 struct Box {
   double left = 0, right = 0, top = 0, bottom = 0;
   double area() const { return (right - left) * (bottom - top); }
 };
 
-/// What a camera sees of a block.
+/// The projection of a block into a camera.
 struct Footprint {
   enum class Place { kUnseen, kAhead, kUnclear } place = Place::kUnseen;
   Box box;             ///< of kAhead: around the samples, part of it within the frame

@@ -11,7 +11,7 @@ struct PixelBlock {
 };
 
 /// Marks the MCUs of a camera's frame that samples for a block of the view's pixels may read: all
-/// that mark_run() would mark, and few more, for a hundredth of the time. Many threads may mark the
+/// that mark_run() would mark and few more, in a hundredth of the time. Many threads may mark the
 /// same frame. `source.wanted_mcus` must not be null.
 ///
 /// A plane's projection takes the block to a convex quadrilateral, which lies within the box around

@@ -9,7 +9,7 @@
 #define RAYSTAGE_RENDER_SAMPLING_RUN_INL_H
 #endif
 
-// The order matters.
+// The order of these includes matters.
 // clang-format off
 #include <hwy/highway.h>
 #include "render/sampling/finish-inl.h"

@@ -13,7 +13,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/sampling/sampling_kernels.cpp"
-// The order matters.
+// The order of these includes matters.
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
@@ -54,7 +54,7 @@ void keep_nearest(const std::array<double, 3>& edge_products, int n, Weights& we
   }
 }
 
-/// The run's chunk of n pixels from `begin` on. `along`: see inverse_depth().
+/// Processes the run's chunk of n pixels from `begin` on. `along`: see inverse_depth().
 void sample_cameras(const PixelRun& run, int begin, int n, Ramp along, float* sums) {
   Weights weights;
   Taps taps[3];
@@ -126,7 +126,7 @@ void codes(const PixelRun& run, std::uint16_t* rgba) {
   }
 }
 
-/// Marks a tap's MCUs, chroma included.
+/// Marks the MCUs that a tap reads, chroma included.
 void mark_mcus(const SourceView& source, const Taps& taps, int n) {
   const auto column_of = [&](int x) { return x >> source.mcu_width_log2; };
   const auto row_of = [&](int y) { return (y >> source.mcu_height_log2) * source.mcus_per_row; };

@@ -10,19 +10,20 @@
 
 namespace raystage {
 
-/// The cameras of an instant as one view samples them: how each lies to the view, what of its frame
-/// is wanted, and the frame. First open, then mark (mark_run, mark_block), then decode, then blend.
+/// The source cameras of a light field frame for one view: their geometry, the parts of their
+/// frames that are needed, and the decoded frames. Use in this order: open(), mark (mark_run,
+/// mark_block), decode(), blend.
 class SourceFrames {
  public:
-  /// `count_needed`: cameras get a mask of pixels too. Keeps references.
+  /// `count_needed`: cameras also get a pixel mask. Keeps references.
   SourceFrames(const LightFieldFrame& instant, const PlaneProjection& projection,
                bool count_needed);
 
-  /// Geometry and frame layout of the cameras listed, which must be present.
+  /// Sets geometry and frame layout of the listed cameras, which must be present.
   void open(const std::vector<int>& cameras);
-  /// Whether marks change nothing: all frames are in memory as a whole.
+  /// Whether marking is unnecessary because all frames are in memory as a whole.
   bool are_fully_decoded() const;
-  /// Fetches what was marked. Cameras of which nothing was keep a null frame.
+  /// Decodes what was marked. Cameras without marks keep a null frame.
   void decode(RenderStatistics& statistics);
 
   SourceView& view(int camera) { return sources_[static_cast<std::size_t>(camera)].view; }

@@ -9,7 +9,7 @@
 #define RAYSTAGE_RENDER_SAMPLING_WINDOWS_INL_H
 #endif
 
-// The order matters.
+// The order of these includes matters.
 // clang-format off
 #include <hwy/cache_control.h>
 #include <hwy/highway.h>

@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Rectifies camera frames into the image of a node (thesis 2.3; Levoy and Hanrahan 1996): a
+// homography and lens distortion per camera, by the kernels of sampling/source_view.h. Output:
+// 16-bit R, G, B, A sums per sample. Cost: samples x cameras of the node.
+
 #include "render/slabs/node_image.h"
 
 #include <algorithm>
@@ -15,7 +19,7 @@ namespace {
 
 constexpr Eigen::Vector4d::Scalar kOne = 1;
 
-/// A node that is a camera turns its image about its own centre: as if all were at infinity.
+/// A node at a camera is rotated about the camera's centre, as for a scene at infinity.
 Eigen::Vector4d plane_for(const NodeSources& sources, const Eigen::Vector4d& focal_plane) {
   return sources.at_camera ? Eigen::Vector4d(0, 0, 0, kOne) : focal_plane;
 }

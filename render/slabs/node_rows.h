@@ -7,7 +7,7 @@
 
 namespace raystage {
 
-/// Which samples of a node's image are read or made: in each row none or those from one to another.
+/// The samples of a node's image that are read or computed: one interval per row, possibly empty.
 class NodeRows {
  public:
   struct Span {
@@ -16,7 +16,7 @@ class NodeRows {
   };
 
   NodeRows() = default;
-  /// None of them.
+  /// Creates empty intervals.
   NodeRows(int width, int height) : width_(width), spans_(static_cast<std::size_t>(height)) {}
   static NodeRows all(int width, int height);
 
@@ -26,8 +26,8 @@ class NodeRows {
   bool is_whole() const;
 
   /// Adds what sample_slab_run() reads with a weight of the run's node at `corner` (as
-  /// SlabRun::node: bit 0 the right ones, bit 1 the lower), and what lies between that and what is
-  /// in already. A little more where runs are slanted in the image.
+  /// SlabRun::node: bit 0 for right, bit 1 for lower), and all between that and the present
+  /// interval. Slightly more is added where runs are slanted in the image.
   void add(const SlabRun& run, int corner);
 
  private:

@@ -10,27 +10,28 @@
 
 namespace raystage {
 
-/// The cameras that a node of a slab is made of.
+/// The cameras from which a node of a slab is made.
 struct NodeSources {
-  int count = 0;  ///< 0: none is near enough
+  int count = 0;  ///< 0: no camera is near enough
   std::array<int, 3> camera{};
   std::array<double, 3> weight{};  ///< in [0, 1], sum 1
-  /// The one camera stands where the node is: its image needs no focal plane to become the node's.
+  /// The single camera is at the node's position: its image becomes the node's without a focal
+  /// plane.
   bool at_camera = false;
-  /// The part of the weight that would be the same if no camera were absent.
+  /// The part of the weight that would be unchanged if no camera were absent.
   double present_weight = 1;
 };
 
-/// For every node, row by row: the cell of `present` that it lies in, seen along the slab's normal,
-/// and its barycentric weights there; outside of all cells those of the nearest point of any, up to
-/// one node spacing away. A camera nearer than 1e-4 of the spacing is taken alone: what that shifts
-/// is 1e-4 of the disparity between neighbours.
+/// Returns the sources of every node, row by row: the cell of `present` that contains it, projected
+/// along the slab's normal, and its barycentric weights there. Outside of all cells the nearest
+/// point of any cell is used, up to one node spacing away. A camera nearer than 1e-4 of the spacing
+/// is used alone, which shifts the image by 1e-4 of the disparity between neighbours.
 /// `present`, `complete`: of the slab's cameras, with indices into `rig`.
 std::vector<NodeSources> node_sources(const Slab& slab, const Rig& rig, const Topology& present,
                                       const Topology& complete);
 
-/// Weights of the corners of the triangle nearest to `point`, and of which point of it:
-/// barycentric, in [0, 1], sum 1. Corners may coincide or lie on a line.
+/// The point of a triangle nearest to a given point, as barycentric weights in [0, 1] with sum 1.
+/// Corners may coincide or be collinear.
 struct NearestInTriangle {
   std::array<double, 3> weight{};
   double squared_distance = 0;

@@ -22,13 +22,13 @@ const OptionSpec kOptions[] = {
         "is answered by the side of the box it leaves through"),
     integer_option(
         "columns", 0, 0, 1024,
-        "nodes (s) along each camera plane; 0: as many as the rig's grid has, or as dense "
-        "as its cameras"),
+        "nodes (s) along each camera plane; 0: as many as the rig's grid has, or the density "
+        "of its cameras"),
     integer_option("rows", 0, 0, 1024, "nodes (t) across each camera plane; 0: as for columns"),
     number_option("uv_scale", 1, 0.05, 4,
                   "samples of the image plane (u,v) per finest source pixel, along each axis; the "
-                  "memory of a slab goes with its square"),
-    number_option("max_fov", 150, 10, 170, "degrees; the widest angle that an image plane holds"),
+                  "memory of a slab grows with its square"),
+    number_option("max_fov", 150, 10, 170, "largest full angle of an image plane, degrees"),
 };
 
 RigSlabs make_slabs(const LightFieldFrame& instant, const SlabSettings& settings) {
@@ -76,8 +76,8 @@ std::shared_ptr<const RigSlabs> rig_slabs(const ViewRequest& request) {
   SlabSettings settings;
   settings.layout =
       options.text("layout") == "box" ? SlabSettings::Layout::kBox : SlabSettings::Layout::kSingle;
-  settings.columns = options.whole("columns");
-  settings.rows = options.whole("rows");
+  settings.columns = options.integer("columns");
+  settings.rows = options.integer("rows");
   settings.uv_scale = options.number("uv_scale");
   settings.max_fov = options.number("max_fov") * std::numbers::pi / 180;
   std::string present;
@@ -101,7 +101,7 @@ class SlabsMethod final : public Method {
  public:
   std::string_view name() const override { return "slabs"; }
   std::string_view summary() const override {
-    return "four cameras a ray, from two-plane slabs into which the frames are rectified once";
+    return "four cameras per ray, from two-plane light fields (slabs) of rectified frames";
   }
   std::span<const OptionSpec> options() const override { return kOptions; }
   std::span<const MethodPreset> presets() const override {
@@ -125,8 +125,8 @@ class SlabsMethod final : public Method {
   void check_ray_support(const MethodOptions& options) const override {
     if (options.text("layout") != "box") return;
     throw Error::bad_input(
-        "slabs in a box look rays up on a plane before each side, single rays on one plane alone",
-        "method slabs", "Ask for views, or for the rays of another method");
+        "slabs with layout box sample rays on a plane per face, but single rays need one plane",
+        "method slabs", "Render views, or choose another method for rays");
   }
   /// Even where memory is too short to keep images of nodes: then bands make those anew that they
   /// share, and what is granted has no say in the pixels.

@@ -1,4 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
+// Fits two-plane light fields to a rig (thesis 2.3 and appendix A): detects a lattice of cameras by
+// least squares or lays a grid over them, and sizes the image plane by the finest source pixels and
+// the visible area. A box divides cameras among six faces. Input: rig, camera indices. Output:
+// slabs, metres. Cost: quadratic in cameras.
+
 #include "render/slabs/slab.h"
 
 #include <Eigen/Dense>
@@ -34,7 +39,7 @@ Axis spread(double low, double high, int count) {
   return {count, low, (high - low) / (count - 1)};
 }
 
-/// Where each camera stands in the array's grid, if all have a place and it is a lattice indeed.
+/// The grid indices of each camera, if all cameras lie on a lattice.
 struct Lattice {
   std::vector<Vector2d> place;  // column, row
   Vector3d column_step, row_step;
@@ -89,7 +94,7 @@ Matrix3d orientation_of(const Rig& rig, std::span<const int> cameras, const Vect
   return rotation;
 }
 
-/// The lattice along one axis: places (column or row of each camera) against coordinates.
+/// Fits the lattice along one axis: indices (column or row) to coordinates.
 Axis fit_axis(const std::vector<double>& places, const std::vector<double>& coordinates) {
   const auto count = static_cast<double>(places.size());
   double mean_place = 0, mean_coordinate = 0, covariance = 0, variance = 0;
@@ -108,7 +113,7 @@ Axis fit_axis(const std::vector<double>& places, const std::vector<double>& coor
   return {static_cast<int>(most - least) + 1, first, std::abs(step)};
 }
 
-/// Median distance from a camera to the one nearest to it.
+/// Returns the median distance from a camera to its nearest neighbour.
 double median_spacing(const std::vector<Vector2d>& centres) {
   std::vector<double> nearest;
   for (const Vector2d& from : centres) {
@@ -161,7 +166,7 @@ std::array<Axis, 2> fit_axes(const std::vector<Vector2d>& centres,
   return axes;
 }
 
-/// What the cameras see on the image plane at distance 1, and how finely.
+/// The area that cameras see on the image plane at distance 1, and its sampling density.
 struct Sight {
   Vector2d low = Vector2d::Constant(std::numeric_limits<double>::infinity());
   Vector2d high = -low;
@@ -198,7 +203,7 @@ void see(const Rig::Camera& camera, const Matrix3d& slab_from_world, double limi
   }
 }
 
-/// The image plane of all nodes; nothing is seen on it where width is 0.
+/// Sets the image plane of all nodes; width is 0 where no camera sees any of it.
 void fit_image_plane(const Rig& rig, const SlabSettings& settings, Slab& slab) {
   Sight sight;
   const Matrix3d slab_from_world = slab.pose.world_from_camera_rotation.transpose();
@@ -251,7 +256,7 @@ Slab fit_slab(const Rig& rig, std::vector<int> cameras, const Vector3d& facing,
   return slab;
 }
 
-/// The box's axes, as columns: the rotation by which its six faces look most like the cameras do.
+/// Returns the box's axes as columns: the rotation that best aligns its faces with the cameras.
 Matrix3d box_of(const Rig& rig, std::span<const int> cameras) {
   Matrix3d box = camera_of(rig, cameras[0]).pose.world_from_camera_rotation;
   const Matrix3d start = box;

@@ -28,7 +28,7 @@ struct ViewPoint {
   }
 };
 
-/// How far a node's image holds the point, 0 to 1.
+/// Returns the visibility of the point in a node's image, 0 to 1.
 double within_image(const Slab& slab, const Vector3d& in_node) {
   if (!(in_node.z() < 0)) return 0;
   const Intrinsics& k = slab.image;

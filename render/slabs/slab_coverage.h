@@ -8,7 +8,7 @@
 
 namespace raystage {
 
-/// A camera behind a ray; by way of several nodes it counts once, with the sum of its weights.
+/// A camera behind a ray. A camera in several nodes counts once, with the sum of its weights.
 struct RayCamera {
   int camera = 0;
   double weight = 0;
@@ -16,8 +16,8 @@ struct RayCamera {
 RayCoverage measure_ray_coverage(std::span<const RayCamera> cameras, const ViewRequest& request,
                                  const Eigen::Vector3d& ray);
 
-/// Fills RenderedView::cameras and nearest_ray of a view that render_slabs() has made: the cameras
-/// that the nodes around each ray are made of, worked out again, pixel by pixel, in double.
+/// Fills RenderedView::cameras and nearest_ray of a view from render_slabs(): the cameras of the
+/// nodes around each ray are determined again per pixel, in double.
 void measure_slab_coverage(const ViewRequest& request, const RigSlabs& slabs, RenderedView& image);
 
 }  // namespace raystage

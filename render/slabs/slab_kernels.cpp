@@ -14,7 +14,7 @@
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "render/slabs/slab_kernels.cpp"
-// The order matters.
+// The order of these includes matters.
 // clang-format off
 #include <hwy/foreach_target.h>  // IWYU pragma: keep
 #include <hwy/highway.h>
@@ -29,7 +29,7 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
-/// Pixels worked on at once: positions are vectors across them, then samples vectors across colour.
+/// Pixels per chunk: positions are vectors across pixels, samples are vectors across colours.
 constexpr int kChunk = 64;
 
 /// For each pixel of a chunk: the upper left of four samples in a node's image, and their weights

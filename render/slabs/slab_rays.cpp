@@ -1,4 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
+// Finds the cell of nodes that each ray of a view crosses on a slab's camera plane (thesis appendix
+// A). Numerators and the denominator are linear in the pixel, so that each row divides into
+// monotone runs. Output: runs per row. Cost: cells per row.
+
 #include "render/slabs/slab_rays.h"
 
 #include <algorithm>
@@ -13,7 +17,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-/// How far outside the grid, in nodes, a ray still counts as in it: views on its own edge.
+/// Tolerance in nodes outside the grid, for views on its own edge.
 constexpr double kEdgeTolerance = 1e-9;
 
 double at(const Vector3d& function, double x, double y) {

@@ -8,13 +8,13 @@
 
 namespace raystage {
 
-/// Where the rays of a virtual camera cross a slab's camera plane.
+/// Computes where the rays of a virtual camera cross a slab's camera plane.
 ///
-/// With the eye e and the ray d in the slab's frame (camera plane z = 0), the crossing is
-/// e - d e_z / d_z: in units of nodes column = column_numerator / across with
+/// With the virtual camera at e and the ray d in the slab's frame (camera plane z = 0), the
+/// crossing is e - d e_z / d_z. In units of nodes, column = column_numerator / across with
 ///   across = -d_z,  column_numerator = (e_x across + e_z d_x) / spacing,
-/// linear in the pixel, and exact with the eye on the plane, where e_z is 0. Rays are whole lines:
-/// a camera plane behind the virtual camera counts too.
+/// which is linear in the pixel, and exact with the virtual camera on the plane, where e_z is 0.
+/// Rays are whole lines: a camera plane behind the virtual camera counts too.
 class SlabRays {
  public:
   /// Pixels [begin, end) of a row whose centres cross the cell between the nodes at (column, row)
@@ -29,20 +29,20 @@ class SlabRays {
   /// `view` without its distortion.
   SlabRays(const VirtualCamera& view, const Slab& slab);
 
-  /// Each of (x, y, 1), x and y in pixels of the view. 0 along an axis of one node: a line of
-  /// cameras stands for an endless strip, one camera for every ray.
+  /// Linear functions of (x, y, 1), x and y in pixels of the view; 0 along an axis with one node. A
+  /// single line of cameras acts as an endless strip, a single camera serves every ray.
   const Eigen::Vector3d& column_numerator() const { return column_times_; }
   const Eigen::Vector3d& row_numerator() const { return row_times_; }
   const Eigen::Vector3d& across() const { return across_; }
 
-  /// The row's pixels by cell, in increasing order on either side of the camera plane; those that
-  /// miss the grid or belong to another slab are left out.
+  /// Computes the row's pixels by cell, in increasing order on either side of the camera plane.
+  /// Pixels that miss the grid or belong to another slab are omitted.
   void runs_of_row(int y, int width, std::vector<Run>& runs) const;
 
-  /// Whether the ray through (x, y) is the slab's: crosses the grid, on the line's one or other
-  /// side.
+  /// Whether the ray through (x, y) belongs to the slab: it crosses the grid, in front of or behind
+  /// the virtual camera.
   bool contains_ray(double x, double y) const;
-  /// Of a ray that the slab contains_ray.
+  /// Returns the crossing of a ray for which contains_ray() is true.
   Crossing crossing(double x, double y) const;
 
  private:
@@ -53,8 +53,8 @@ class SlabRays {
   Eigen::Vector3d column_times_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d row_times_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d across_;
-  /// The ray is the slab's where all functions of one of these are at least 0: seen from either
-  /// side.
+  /// The ray belongs to the slab where all functions of one of these are at least 0: one per side
+  /// of the camera plane.
   std::vector<Conditions> sides_;
 };
 

@@ -10,14 +10,14 @@
 
 namespace raystage {
 
-/// A slab's part in a view as the kernels read it: linear functions of the pixel, which say between
-/// which nodes a ray passes and where they see its point on the focal plane. `slab`, `rays` and
-/// `projection` (both of the view, without its distortion) must live on.
+/// A slab's part in a view for the kernels: linear functions of the pixel that give between which
+/// nodes a ray passes and where they see its point on the focal plane. `slab`, `rays` and
+/// `projection` (both of the view, without its distortion) must outlive it.
 class SlabRuns {
  public:
   SlabRuns(const Slab& slab, const SlabRays& rays, const PlaneProjection& projection);
 
-  /// The part's geometry; the nodes' images and how to interpolate them are left open.
+  /// Returns the geometry of a part; node images and interpolation are left unset.
   SlabRun run(const SlabRays::Run& part, int y) const;
 
  private:

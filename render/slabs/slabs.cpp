@@ -1,4 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
+// Two-plane light field rendering (thesis 2.3 and appendix A; Levoy and Hanrahan 1996). Plans which
+// nodes each row of the view needs, makes or caches their rectified images in bands of rows that
+// fit in memory, and interpolates each ray quadrilinearly by slab_kernels.h. Output: R, G, B, A,
+// coverage, depth. Cost: pixels x 16 samples, plus rectification once per node. Must match
+// render_slabs_reference() up to rectification.
+
 #include "render/slabs/slabs.h"
 
 #include <fmt/format.h>
@@ -81,7 +87,7 @@ class SlabFrame {
   }
 
   /// The nodes around a run's cell: upper left, upper right, lower left, lower right; -1 for those
-  /// that are not there.
+  /// that do not exist.
   std::array<int, 4> nodes_of(const SlabRays::Run& run) const {
     const int first = run.row * slab_.columns + run.column;
     const bool wide = slab_.columns > 1, high = slab_.rows > 1;
@@ -112,7 +118,7 @@ class SlabFrame {
     return request_.view.height;
   }
 
-  /// Whether this host makes the node's image.
+  /// Whether this rank makes the node's image.
   bool is_made_here(const NodeSources& node) const {
     if (node.count == 0 || sums_ == SumStage::kFinishOnly) return false;
     const auto heaviest = std::max_element(node.weight.begin(), node.weight.begin() + node.count) -
@@ -299,7 +305,7 @@ class SlabFrame {
   std::vector<bool> camera_used_;
 };
 
-/// `given`: of all hosts, with kFinishOnly.
+/// `given`: sums of all ranks, with kFinishOnly.
 void render_rays(const ViewRequest& request, SumStage sums, const PixelValues& given,
                  RenderedView& image) {
   const auto start = Clock::now();

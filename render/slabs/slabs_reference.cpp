@@ -24,10 +24,10 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::Vector4d;
 
-/// Weighted codes, full scale 1, and the weight in the fourth.
+/// Weighted codes, full scale 1; the fourth value is the weight.
 using Sum = std::array<double, 4>;
 
-/// Along one axis of an image: 1 within, falling to 0 over its outermost half pixel.
+/// Visibility along one image axis: 1 inside, falling to 0 over the outermost half pixel.
 double fade(double at, int size) {
   return std::clamp(std::min(at, size - at) * kBorderFade, 0.0, 1.0);
 }
@@ -47,8 +47,7 @@ class ReferenceFrame {
             {"view", request.view.width, request.view.height, request.view.intrinsics, {}, {}, {}}),
         frames_(rig_.cameras.size()),
         read_(rig_.cameras.size()) {
-    // Which nodes a ray passes is a question about the ray, so it is asked of an undistorted twin
-    // of the view at the pixel that the ray has there.
+    // Nodes are located in an undistorted copy of the view, at the ray's pixel in that copy.
     ideal_view_.intrinsics.distortion = {};
     for (const Slab& slab : slabs_->slabs) {
       rays_.emplace_back(ideal_view_, slab);
@@ -125,7 +124,7 @@ class ReferenceFrame {
     return ray;
   }
 
-  /// From the four nodes around the crossing.
+  /// Interpolates the four nodes around the crossing.
   void answer(std::size_t slab_index, const SlabRays::Crossing& crossing, const Vector3d& ray,
               double depth, float* rgba, float& coverage, std::map<int, double>& behind) const {
     const Slab& slab = slabs_->slabs[slab_index];

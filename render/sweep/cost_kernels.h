@@ -31,7 +31,7 @@ struct CostRun {
 };
 
 inline constexpr int kMaxMatchedCameras = 16;
-/// Pixels that are worked on at once: longer runs are cut from their beginning on.
+/// Pixels per block: longer runs are split from their first pixel on.
 inline constexpr int kCostBlockSize = 32;
 
 /// Where a camera sees the pixels of a block, plane by plane: c0 + x (c1 + x c2), x pixels into the
@@ -46,7 +46,7 @@ struct BlockPositions {
   std::ptrdiff_t stride = 0;
 };
 
-/// What compute_matching_costs() works in; one a thread.
+/// Working memory of compute_matching_costs(); one per thread.
 class CostScratch {
  public:
   /// For runs of so many cameras at most.
@@ -76,7 +76,7 @@ class CostScratch {
   std::vector<std::uint8_t> costs_;
 };
 
-/// How badly the cameras that see a point agree on its colour: the mean over them of the absolute
+/// Writes matching costs: for each point the mean over the cameras that see it of the absolute
 /// differences (mean of R, G, B) from their mean colour, each cut off at the truncation; the
 /// truncation becomes 255, so one camera's whole disagreement among many stays small. Bilinear,
 /// at positions that are exact to 1/256 pixel.
@@ -86,7 +86,8 @@ class CostScratch {
 /// count is left out, the first of equals, as long as more than two count.
 void compute_matching_costs(const CostRun& run, CostScratch& scratch);
 
-/// The slow, obvious one, of one point: `ray` in the world, scaled to planar depth 1.
+/// The reference of compute_matching_costs() for one point: `ray` in the world, scaled to planar
+/// depth 1.
 struct ReferenceCamera {
   const Rig::Camera* camera = nullptr;
   const DecodedFrame* frame = nullptr;

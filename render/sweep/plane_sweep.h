@@ -14,7 +14,7 @@
 
 namespace raystage {
 
-/// Method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis, ReconstructionSettings):
+/// Method "plane_sweep" (Yang et al. 2002; Zhang and Chen 2004; thesis, Reconstruction):
 /// planes across the view, evenly spaced in inverse depth; at each pixel the one on which the
 /// cameras agree best, smoothed by semi-global matching; then the cameras blended where they see
 /// that point, with weights by angle and field of view (README.md: how they differ from the
@@ -41,7 +41,7 @@ struct PlaneSweepSettings {
   double edge_scale = 0;  ///< codes; 0: all edges are alike
 };
 
-/// What is to be done for a view: shared by the fast and the slow way.
+/// The inputs of rendering a view, for render() and render_reference().
 struct PlaneSweepPlan {
   PlaneSweepSettings settings;
   BlendingField field;
@@ -52,10 +52,10 @@ struct PlaneSweepPlan {
 /// `guide`: see there; edge_scale only counts with one.
 SemiGlobalSettings semi_global_settings(const PlaneSweepSettings& settings,
                                         std::span<const std::uint8_t> guide);
-/// nullopt where the view sees nothing of the scene.
+/// Returns the plan, or nullopt if the view sees nothing of the scene.
 std::optional<PlaneSweepPlan> plan(const ViewRequest& request);
 
-/// What share of a pixel cameras have that are absent, 0 to 1.
+/// Returns the weight of the absent cameras at a pixel, 0 to 1.
 float absent_camera_weight(const PlaneSweepPlan& plan, const LightFieldFrame& instant, int x,
                            int y);
 

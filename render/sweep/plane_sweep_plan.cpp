@@ -45,18 +45,18 @@ constexpr int kMostPlanes = 512;
 
 PlaneSweepSettings settings_of(const MethodOptions& options) {
   PlaneSweepSettings s;
-  s.cameras = options.whole("cameras");
+  s.cameras = options.integer("cameras");
   const std::string& aggregation = options.text("aggregation");
   s.aggregation = aggregation == "semi_global" ? Aggregation::kSemiGlobal
                   : aggregation == "box"       ? Aggregation::kBox
                                                : Aggregation::kNone;
   s.look_up = options.text("look_up") == "cubic" ? Interpolation::kCubic : Interpolation::kLinear;
   s.subplane_refinement = options.flag("sub_plane");
-  s.p1 = options.whole("p1");
-  s.p2 = options.whole("p2");
-  s.box_radius = options.whole("box_radius");
+  s.p1 = options.integer("p1");
+  s.p2 = options.integer("p2");
+  s.box_radius = options.integer("box_radius");
   s.truncation = options.number("truncation");
-  s.excluded_cameras = options.whole("left_out");
+  s.excluded_cameras = options.integer("left_out");
   s.edge_scale = options.number("edge_scale");
   if (s.p2 < s.p1) {
     throw Error::bad_input("plane_sweep: p2 is less than p1", "method plane_sweep",
@@ -107,7 +107,7 @@ std::optional<PlaneSweepPlan> plan(const ViewRequest& request) {
       std::nullopt,
       {},
       {}};
-  const int asked_for = request.options.whole("planes");
+  const int asked_for = request.options.integer("planes");
   const double step_px = request.options.number("step_px");
   const double needed = asked_for > 0
                             ? asked_for

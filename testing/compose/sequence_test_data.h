@@ -90,7 +90,7 @@ class SequenceTest : public ::testing::Test {
     write_wall_take(folder_.path() / "take");
     options_.output = (folder_.path() / "out" / "a.####.exr").string();
     options_.program_version = "0.1.0";
-    options_.say = [this](std::string_view line) {
+    options_.on_message = [this](std::string_view line) {
       const std::scoped_lock lock(mutex_);
       messages_.emplace_back(line);
     };

@@ -54,7 +54,7 @@ class TracedScene {
     options.output = path("out.####.exr").string();
     options.program_version = "0.1.0";
     options.existing = ExistingFiles::kOverwrite;
-    options.say = [](std::string_view) {};
+    options.on_message = [](std::string_view) {};
     options.progress = [](double) {};
     render_sequence(path("shot.json"), options, {});
     constexpr ExrChannel kIds[] = {{"CryptoObject00.R"}};

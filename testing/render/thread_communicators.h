@@ -19,8 +19,8 @@ class ThreadCommunicators {
   class Group : public RankCommunicator {
    public:
     Group(ThreadCommunicators& all, int host) : all_(all), host_(host) {}
-    int host() const override { return host_; }
-    int hosts() const override { return all_.hosts_; }
+    int rank() const override { return host_; }
+    int size() const override { return all_.hosts_; }
     std::vector<Message> exchange(std::vector<Message> messages) const override {
       all_.boxes_[static_cast<std::size_t>(host_)] = std::move(messages);
       all_.barrier_.arrive_and_wait();

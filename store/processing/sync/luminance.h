@@ -12,13 +12,13 @@
 
 namespace raystage {
 
-/// Mean luminance of a JPEG frame, codes of 255, from an eighth of its size (the means of its
-/// blocks: no inverse DCT, no chroma). NaN where it is damaged.
+/// Returns the mean luminance of a JPEG frame as a code of 0 to 255, or NaN if it is damaged. Uses
+/// an eighth of its size (the block means: no inverse DCT, no chroma).
 double mean_luminance(std::span<const std::byte> jpeg);
 
-/// That of every frame of every camera whose time (`times[c][i]`, ns) lies in [begin, end]; NaN for
-/// others. `progress` gets the part done, in [0, 1]. Ends early, with NaN, when a stop is asked
-/// for.
+/// Returns the mean luminance of every frame of every camera whose time (`times[c][i]`, ns) is in
+/// [begin, end], and NaN for others. `progress` receives the fraction done, in [0, 1]. Stops early,
+/// with NaN for the rest, when `stop` is requested.
 std::vector<std::vector<double>> luminance_of(const Take& take,
                                               const std::vector<std::vector<Nanoseconds>>& times,
                                               Nanoseconds begin, Nanoseconds end,

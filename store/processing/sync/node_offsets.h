@@ -10,16 +10,17 @@
 
 namespace raystage {
 
-/// Reads {"NAME": MILLISECONDS, ...}: how far the clock of a node, or of one camera (which then
-/// counts instead of its node's), is ahead. Per camera, in ns; 0 where nothing is said. Throws
-/// Error (bad input): no such object, a name that is neither, a number beyond a day.
+/// Returns the clock offset of each camera in ns (positive: ahead), 0 if the file names neither the
+/// camera nor its node. The file is {"NAME": MILLISECONDS, ...}; NAME is a node or a camera, and a
+/// camera's offset replaces its node's. Throws Error (bad input) if the file is no such object, a
+/// name is neither node nor camera, or a number exceeds a day.
 std::vector<Nanoseconds> read_node_offsets(const std::filesystem::path& file,
                                            const std::vector<CameraStamps>& cameras);
-/// The same in memory; `name` stands for the file in errors.
+/// Parses such a file's `text`; `name`: the file in errors.
 std::vector<Nanoseconds> parse_node_offsets(std::string_view text, std::string_view name,
                                             const std::vector<CameraStamps>& cameras);
 
-/// Adds what flashes say to each camera's offset (empty: none yet).
+/// Adds the offsets that flashes show to each camera's offset (empty: none yet).
 void add_offsets(const FlashOffsets& flash, bool per_node, const std::vector<CameraStamps>& cameras,
                  std::vector<Nanoseconds>& offsets);
 

@@ -9,21 +9,22 @@
 
 namespace raystage {
 
-/// What the fit of one rhythm says about its part of a camera's frames.
+/// Resynchronisation of one segment of a camera's frames, from the clock fit of the segment.
 struct PartSync {
   CameraClock clock;               ///< offset_ns holds earlier sessions' steps, too
   CameraSync sync;                 ///< frames and periods count from the part's first
   std::vector<Nanoseconds> times;  ///< of each frame, corrected; kNoTime: left out
 };
 
-/// `camera`: the part's frames (stamps_of()); `offset` of its clock and `base` of the fit's times,
-/// ns. `exact`: stamps are taken at their word.
+/// Resynchronises one segment. `camera`: the segment's frames (stamps_of()); `offset`: of its
+/// clock, ns; `base`: the time that the fit's times count from, ns. `exact`: trust the stamps as
+/// exposure times.
 PartSync sync_part(const CameraStamps& camera, const ClockFit& fit, Nanoseconds offset,
                    Nanoseconds base, bool exact);
 
-/// A whole camera: what sync_part() says about each of its parts, which follow each other. Its
-/// clock and rate are those of its longest part. Frames lost over a gap inside a session are
-/// counted; none are lost where the recorder started anew.
+/// Joins the results of sync_part() for the consecutive segments of one camera. Its clock and rate
+/// are those of its longest segment. Counts frames lost in a gap within a session, but none where
+/// the recorder restarted.
 PartSync join_parts(const CameraStamps& camera, std::span<const RhythmPart> parts,
                     std::span<const ClockFit> fits, std::span<const PartSync> synced,
                     Nanoseconds offset);

@@ -9,24 +9,25 @@
 
 namespace raystage {
 
-/// Consecutive frames of one camera that one rhythm can go through. A camera starts anew, at a
-/// phase of its own, where its recorder does; and over a long gap its periods cannot be counted.
+/// A segment: consecutive frames of one camera that one clock fit can describe. A segment ends
+/// where the recorder restarts, as the phase changes, and at a long gap, as its periods cannot be
+/// counted.
 struct RhythmPart {
   std::size_t camera = 0;
   std::size_t first = 0, count = 0;  ///< frames of the camera
   std::size_t session = 0;           ///< restarts of the recorder before it
-  int group = 0;                     ///< parts of one node's session: their clock may step together
+  int group = 0;  ///< of segments in one session of a node: their clock steps may coincide
 };
 
-/// At least one part for each camera, by camera and frame. Groups are numbered such that those of a
-/// node follow each other in time.
+/// Returns the segments, at least one for each camera, ordered by camera and frame. The groups of a
+/// node are numbered in order of time.
 std::vector<RhythmPart> rhythm_parts(std::span<const CameraStamps> cameras);
 
-/// The frames of a part, and the records of those missing from its first frame to its last.
+/// Returns the frames of a segment, and the records of missing frames from its first to its last.
 CameraStamps stamps_of(const CameraStamps& camera, const RhythmPart& part);
 
-/// For each part how far its node's clock had stepped ahead when the part's session began: nobody
-/// set it back when the recorder started anew. `fits` as the parts.
+/// Returns for each segment the sum of its node's earlier clock steps (positive: ahead) when its
+/// session began; a restart of the recorder does not undo them. `fits`: one for each segment.
 std::vector<Nanoseconds> steps_before(std::span<const RhythmPart> parts,
                                       std::span<const ClockFit> fits,
                                       std::span<const CameraStamps> cameras);

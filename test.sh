@@ -55,7 +55,7 @@ case "$what" in
     step "quick form of the address and undefined behaviour sanitizers"
     sanitizer_options
     configure_and_build asan_quick --target sanitizer_quick
-    run_tests asan_quick -L '^(schemas|jpeg|store|frames|fixity|frame_exr)$'
+    run_tests asan_quick -L '^(base|schemas|jpeg|store|frames|fixity|frame_exr)$'
     step "clang-format and clang-tidy"
     scripts/check_style.sh build/check
     step "done"

@@ -4,8 +4,8 @@
 
 Usage: clang_tidy.py COMMANDS_FOLDER CACHE_FOLDER SOURCE...
 
-COMMANDS_FOLDER holds compile_commands.json of a unity build: one clang-tidy run checks several sources, which
-costs a fifth of a run for each. Only units that compile one of the SOURCEs are checked; every SOURCE must be in
+COMMANDS_FOLDER holds compile_commands.json of a unity build: one clang-tidy run checks several sources and
+reads their headers once. Only units that compile one of the SOURCEs are checked; every SOURCE must be in
 one. The key of a unit is a hash of the texts of its sources and of all project headers that they include, of its
 compiler flags, of .clang-tidy and of the versions of clang-tidy and of the packages in scripts/packages.txt.
 CACHE_FOLDER holds an empty file for each key that passed; keys that were not used for 60 days are removed.
